@@ -1,0 +1,1 @@
+"""What the agent thinks: the AgentSpeak language, the mind that runs it, and the agent daemon."""

@@ -1,0 +1,1 @@
+"""What the operator uses: the `argosy` command."""
