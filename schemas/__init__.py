@@ -1,1 +1,1 @@
-"""What is said: records, terms, codec, key expressions, and the models of mission and manifest files. Pure: no I/O on the bus, no clock."""
+"""What is said: records, terms, codec, key expressions, models of mission and manifest. Pure: no bus, no clock."""

@@ -1,0 +1,92 @@
+"""Records to bytes and back, in JSON or MessagePack; the Encoding says which: `application/json;argosy.Perception/1`."""
+
+from __future__ import annotations
+
+from typing import Any, Generic, Literal, TypeVar
+
+import msgspec
+
+from schemas.records import VERSION, Record
+from schemas.terms import decode_hook
+
+Wire = Literal["json", "msgpack"]
+R = TypeVar("R", bound=Record)
+
+MEDIA = {"json": "application/json", "msgpack": "application/msgpack"}
+MAX_BYTES = 4 * 1024 * 1024
+"""A larger payload is refused unread: no record of ours comes near it."""
+
+
+class BadRecord(ValueError):
+    """Bytes that are not the record that was expected. Says what, where and what was expected."""
+
+
+class Codec(Generic[R]):
+    """Encodes and decodes one type of record; made once per type."""
+
+    def __init__(self, record: type[R]) -> None:
+        self.record = record
+        self._json = msgspec.json.Decoder(record, dec_hook=decode_hook)
+        self._msgpack = msgspec.msgpack.Decoder(record, dec_hook=decode_hook)
+        self._known = frozenset(field.encode_name for field in msgspec.structs.fields(record))
+        self._probe = msgspec.json.Decoder(dict[str, msgspec.Raw])
+        self._probe_msgpack = msgspec.msgpack.Decoder(dict[str, msgspec.Raw])
+
+    def encoding(self, wire: Wire) -> str:
+        """Return the Encoding of this record on `wire`."""
+        return f"{MEDIA[wire]};argosy.{self.record.__name__}/{VERSION}"
+
+    def encode(self, record: R, wire: Wire = "json") -> bytes:
+        """Return the bytes of `record`. Raises BadRecord for terms that are nested too deeply to send."""
+        try:
+            return _JSON.encode(record) if wire == "json" else _MSGPACK.encode(record)
+        except RecursionError:
+            raise BadRecord(f"{self.record.__name__}: nested too deeply to send") from None
+
+    def decode(self, payload: bytes, encoding: str = "") -> R:
+        """Return the record that `payload` holds; no encoding means JSON, for what people send by hand.
+
+        Raises BadRecord that names the field and what was expected, or the version that is not ours.
+        """
+        name = self.record.__name__
+        if len(payload) > MAX_BYTES:
+            raise BadRecord(f"{name}: {len(payload)} bytes, expected at most {MAX_BYTES}")
+        try:
+            if self._wire(encoding) == "json":
+                return self._json.decode(payload)
+            return self._msgpack.decode(payload)
+        except msgspec.MsgspecError as error:
+            raise BadRecord(f"{name}: {error}") from None
+        except RecursionError:
+            raise BadRecord(f"{name}: nested too deeply") from None
+        except UnicodeDecodeError:
+            raise BadRecord(f"{name}: a string is not valid UTF-8") from None
+
+    def unknown_fields(self, payload: bytes, encoding: str = "") -> list[str]:
+        """Return the top-level fields of a payload that decodes which this version of the record does not know."""
+        probe = self._probe if self._wire(encoding) == "json" else self._probe_msgpack
+        return sorted(set(probe.decode(payload)) - self._known)
+
+    def _wire(self, encoding: str) -> Wire:
+        name = self.record.__name__
+        media, _, schema = encoding.partition(";")
+        if schema.startswith("argosy."):
+            said, _, version = schema.removeprefix("argosy.").partition("/")
+            if said != name:
+                raise BadRecord(f"{name}: expected a {name}, got a {said}")
+            if version != str(VERSION):
+                raise BadRecord(f"{name}: version {version or '?'} of the record, this daemon speaks version {VERSION}")
+        return "msgpack" if media == MEDIA["msgpack"] else "json"
+
+
+_JSON = msgspec.json.Encoder()
+_MSGPACK = msgspec.msgpack.Encoder()
+_CODECS: dict[type[Record], Codec[Any]] = {}
+
+
+def codec(record: type[R]) -> Codec[R]:
+    """Return the codec of a record type."""
+    found = _CODECS.get(record)
+    if found is None:
+        found = _CODECS[record] = Codec(record)
+    return found

@@ -1,0 +1,172 @@
+"""The records that daemons exchange (design section 3). Decoded, which is validated, once at the edge."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from schemas.terms import Term
+
+VERSION = 1
+"""Major version of every record on the wire; it stands in the Encoding and another major version is refused."""
+
+State = Literal["accepted", "running", "succeeded", "failed", "refused", "cancelled", "timed_out"]
+FINAL_STATES: frozenset[State] = frozenset({"succeeded", "failed", "refused", "cancelled", "timed_out"})
+
+
+class Record(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
+    """A record on the wire: unknown fields are ignored and counted, new fields are optional."""
+
+
+class Header(Record, frozen=True, kw_only=True):
+    """Who said it, when, and in which order."""
+
+    seq: int = 0
+    """Counts up by one for each record of this publisher and kind."""
+    stamp: int = 0
+    """Unix time in nanoseconds."""
+    source: str = ""
+    """Name of the publisher."""
+    boot: str = ""
+    """Which life of the publisher: changes whenever it starts again."""
+
+
+class Perception(Record, frozen=True, kw_only=True):
+    """A change of what an agent perceives (the paper's listing 1)."""
+
+    header: Header = Header()
+    name: str
+    parameters: tuple[Term, ...] = ()
+    update: Literal["replace", "add", "remove"] = "replace"
+    key: tuple[int, ...] = ()
+    """Positions of the parameters that identify the belief to replace or remove; none = all of that name and arity."""
+
+
+class Action(Record, frozen=True, kw_only=True):
+    """A request to act (the paper's listing 2). By hand `{"parameters": [5]}` is enough: the rest is filled in."""
+
+    header: Header = Header()
+    id: str = ""
+    """`agent:boot:counter`; an id is executed once."""
+    agent: str = ""
+    name: str = ""
+    parameters: tuple[Term, ...] = ()
+    deadline: float | None = None
+    """Mission seconds from arrival until it must have ended; none = the manifest's."""
+    attempt: int = 1
+    """How often this id was asked for; above 1 it is never started, only answered."""
+
+
+class ActionStatus(Record, frozen=True, kw_only=True):
+    """What became of an action (the paper's listing 3): exactly one final state, with a reason if it did not succeed."""
+
+    header: Header = Header()
+    id: str
+    state: State
+    result: bool | None = None
+    """The paper's boolean: did it succeed; none while it runs."""
+    reason: str = ""
+    """In words, with the vehicle's own text."""
+    feedback: dict[str, float] = {}
+    """Progress of a long action, such as `{"distance": 12.5}`, in the units of the manifest."""
+    after: int | None = None
+    """Seq of the last percept that was published before this status."""
+    name: str = ""
+    parameters: tuple[Term, ...] = ()
+
+    @property
+    def final(self) -> bool:
+        """Whether nothing more follows."""
+        return self.state in FINAL_STATES
+
+
+class Cancel(Record, frozen=True, kw_only=True):
+    """A request to end a running action."""
+
+    id: str
+
+
+class Message(Record, frozen=True, kw_only=True):
+    """Mail between agents (the paper's listing 4: `<id,sender,itlforce,receiver,data>`)."""
+
+    header: Header = Header()
+    id: str
+    sender: str
+    performative: str
+    receiver: str
+    content: Term
+    in_reply_to: str = ""
+
+
+class Mail(Record, frozen=True, kw_only=True):
+    """A batch of messages: outbox, inbox and mail queries carry them."""
+
+    messages: tuple[Message, ...] = ()
+
+
+class Receipt(Record, frozen=True, kw_only=True):
+    """The answer to a batch: which messages were taken, and why the others were not."""
+
+    taken: tuple[str, ...] = ()
+    refused: dict[str, str] = {}
+    """Message id to reason, such as `receiver_not_found`."""
+
+
+class StopOrder(Record, frozen=True, kw_only=True):
+    """An operator's order to a robot; it stands above every agent."""
+
+    order: Literal["hold", "land", "rtl", "release"]
+
+
+class Outcome(Record, frozen=True, kw_only=True):
+    """The answer to an order: done or not, and why."""
+
+    ok: bool
+    reason: str = ""
+
+
+class Health(Record, frozen=True, kw_only=True):
+    """How a daemon is, at most once a second."""
+
+    header: Header = Header()
+    daemon: str = ""
+    pid: int = 0
+    uptime: float = 0.0
+    """Seconds."""
+    cpu: float = 0.0
+    """CPU seconds used so far by the process."""
+    drops: int = 0
+    """What queues have dropped so far."""
+    bad_input: int = 0
+    """Records or packets that did not decode so far."""
+    counters: dict[str, float] = {}
+    percepts: dict[str, str] = {}
+    """Digest of the present percept set per agent (bridges only)."""
+    notes: tuple[str, ...] = ()
+    """Warnings in words that hold now."""
+
+
+class IntentionView(Record, frozen=True, kw_only=True):
+    """An intention as observers see it."""
+
+    id: int
+    state: str
+    stack: tuple[str, ...] = ()
+    """Triggering events, the top of the stack first."""
+    at: str = ""
+    """`file:line` of the next formula."""
+
+
+class MindView(Record, frozen=True, kw_only=True):
+    """What an agent believes and intends now."""
+
+    header: Header = Header()
+    agent: str = ""
+    cycle: int = 0
+    beliefs: tuple[str, ...] = ()
+    intentions: tuple[IntentionView, ...] = ()
+    prints: tuple[str, ...] = ()
+    """The last lines that the agent printed, oldest first."""
+    done: dict[str, bool] = {}
+    """The mission's `done` formulas of this agent and whether they hold."""

@@ -1,0 +1,139 @@
+"""Terms as they travel on the wire and stand in files.
+
+JSON stays readable for people and other tools: numbers, strings and lists are plain JSON, `true` and `false` are the
+atoms of that name, everything else is an object with a `kind`: `{"kind": "atom", "name": "guided"}`. JSON knows neither
+Infinity nor NaN, so those are `{"kind": "number", "text": "Infinity"}`. What the language can only write as source text
+(rules, plans, triggers, bodies, expressions with free variables) travels as that text.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import msgspec
+
+
+class _Kind(msgspec.Struct, frozen=True, tag_field="kind", omit_defaults=True):
+    """Terms that JSON has no notation of its own for."""
+
+
+class Atom(_Kind, frozen=True, tag="atom"):
+    """A symbolic constant. A quoted atom keeps its quotes in `name` (Jason: 'abc' and abc are different)."""
+
+    name: str
+
+
+class Number(_Kind, frozen=True, tag="number"):
+    """A number that JSON cannot write."""
+
+    text: Literal["Infinity", "-Infinity", "NaN"]
+
+
+class Structure(_Kind, frozen=True, tag="structure"):
+    """A compound term or annotated, negated or namespaced literal: `ns::~functor(args)[annotations]`."""
+
+    functor: str
+    args: tuple[Term, ...] = ()
+    annotations: tuple[Term, ...] = ()
+    negated: bool = False
+    namespace: str = ""
+
+
+class Variable(_Kind, frozen=True, tag="variable"):
+    """A free variable, perhaps with a sign, a namespace or annotations of its own."""
+
+    name: str
+    annotations: tuple[Term, ...] = ()
+    negated: bool = False
+    namespace: str = ""
+
+
+class OpenList(_Kind, frozen=True, tag="open_list"):
+    """A list whose tail is not a list: `[a,b|T]`. A closed list is a plain JSON array."""
+
+    items: tuple[Term, ...]
+    tail: Term
+
+
+class Source(_Kind, frozen=True, tag="source"):
+    """A term that only source text can say: `{ +!g : c <- !a }`, `{ h :- b }`, `(X+1)`."""
+
+    of: Literal["plan", "rule", "trigger", "body", "expression"]
+    text: str
+
+
+class Map(_Kind, frozen=True, tag="map"):
+    """A copy of a `.map` value, as pairs in the order of its keys."""
+
+    entries: tuple[tuple[Term, Term], ...] = ()
+
+
+class Set(_Kind, frozen=True, tag="set"):
+    """A copy of a `.set` value, in the order of terms."""
+
+    items: tuple[Term, ...] = ()
+
+
+class Queue(_Kind, frozen=True, tag="queue"):
+    """A copy of a `.queue` value, head first."""
+
+    items: tuple[Term, ...] = ()
+    priority: bool = False
+
+
+Kind: TypeAlias = Atom | Number | Structure | Variable | OpenList | Source | Map | Set | Queue
+KINDS = (Atom, Number, Structure, Variable, OpenList, Source, Map, Set, Queue)
+
+if TYPE_CHECKING:
+    Term: TypeAlias = bool | int | float | str | list["Term"] | Kind
+else:
+
+    class Term:
+        """Marks a field that holds a term; `decode_hook` checks what came: msgspec has no recursive unions."""
+
+
+def number(value: float) -> Term:
+    """Return `value` as a term, tagged if JSON has no notation for it."""
+    if math.isfinite(value):
+        return value
+    if math.isnan(value):
+        return Number("NaN")
+    return Number("Infinity") if value > 0 else Number("-Infinity")
+
+
+def to_float(term: Term) -> float | None:
+    """Return the number that `term` is, or None if it is not a number."""
+    if isinstance(term, bool):
+        return None
+    if isinstance(term, int | float):
+        return float(term)
+    if isinstance(term, Number):
+        return float(term.text)
+    return None
+
+
+def decode_hook(expected: type, value: Any) -> Any:
+    """msgspec's `dec_hook`: turn decoded JSON or MessagePack into a term. Raises ValueError that says what is wrong."""
+    if expected.__name__ != "Term":
+        raise NotImplementedError(f"no decoding for {expected!r}")
+    return _term(value)
+
+
+def _term(value: Any) -> Any:
+    if isinstance(value, bool | int | float | str):
+        if isinstance(value, float) and not math.isfinite(value):
+            return number(value)
+        return value
+    if isinstance(value, list):
+        return [_term(item) for item in value]
+    if isinstance(value, dict):
+        if "kind" not in value:
+            raise ValueError("Expected a term: an object needs `kind`, one of " + ", ".join(_TAGS))
+        return msgspec.convert(value, Kind, dec_hook=decode_hook)
+    if isinstance(value, KINDS):
+        return value
+    raise ValueError(f"Expected a term, got `{'null' if value is None else type(value).__name__}`")
+
+
+_TAGS = ("atom", "number", "structure", "variable", "open_list", "source", "map", "set", "queue")
