@@ -1,4 +1,4 @@
-"""Records to bytes and back, in JSON or MessagePack; the Encoding says which: `application/json;argosy.Perception/1`."""
+"""Records to bytes and back, JSON or MessagePack. The Encoding says which: `application/json;argosy.Perception/1`."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class Action(Record, frozen=True, kw_only=True):
 
 
 class ActionStatus(Record, frozen=True, kw_only=True):
-    """What became of an action (the paper's listing 3): exactly one final state, with a reason if it did not succeed."""
+    """What became of an action (the paper's listing 3): exactly one final state, and a reason if not succeeded."""
 
     header: Header = Header()
     id: str
