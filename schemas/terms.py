@@ -136,7 +136,10 @@ def _term(value: Any) -> Any:
     if isinstance(value, dict):
         if "kind" not in value:
             raise ValueError("Expected a term: an object needs `kind`, one of " + ", ".join(_TAGS))
-        return msgspec.convert(value, Kind, dec_hook=decode_hook)
+        try:
+            return msgspec.convert(value, Kind, dec_hook=decode_hook)
+        except msgspec.ValidationError as error:
+            raise ValueError(f"{value['kind']}: {error}") from None  # so that msgspec adds where the term stands
     if isinstance(value, KINDS):
         return value
     raise ValueError(f"Expected a term, got `{'null' if value is None else type(value).__name__}`")

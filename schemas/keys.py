@@ -1,0 +1,129 @@
+"""Every key expression of Argosy, in one table (design section 4), and the functions that build them.
+
+A key is `argosy/{fleet}/` and then what stands in the table. The sender stands in the key because only a key can be
+enforced by access control.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from schemas.records import (
+    Action,
+    ActionStatus,
+    Cancel,
+    Health,
+    Mail,
+    MindView,
+    Outcome,
+    Perception,
+    Receipt,
+    Record,
+    StopOrder,
+)
+
+ROOT = "argosy"
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One row of the table: what travels where, in which direction, how often."""
+
+    key: str
+    """Below `argosy/{fleet}/`; `{...}` stands for one chunk."""
+    kind: Literal["put", "query", "token"]
+    carries: type[Record] | None
+    """What is put, or asked with."""
+    answers: type[Record] | None
+    """What a query is answered with."""
+    source: str
+    """Who puts, or serves."""
+    sink: str
+    """Who subscribes, or asks."""
+    rate: float | None
+    """Hz at most in normal operation; none = as things happen."""
+
+
+CHANNELS = (
+    Channel("{agent}/percept/{name}", "put", Perception, None, "bridged", "agentd", 50),
+    Channel("{agent}/percept/**", "query", None, Perception, "bridged", "agentd", None),
+    Channel("{agent}/action/{name}", "query", Action, ActionStatus, "bridged", "agentd", None),
+    Channel("{agent}/cancel", "query", Cancel, ActionStatus, "bridged", "agentd", None),
+    Channel("{agent}/status/{name}", "put", ActionStatus, None, "bridged", "observers", 2),
+    Channel("{agent}/outbox", "query", Mail, Receipt, "commd", "agentd", None),
+    Channel("{agent}/inbox", "query", Mail, Receipt, "agentd", "commd", None),
+    Channel("{receiver}/mail/{sender}", "query", Mail, Receipt, "commd", "commd", None),
+    Channel("{agent}/mind", "query", None, MindView, "agentd", "observers", 4),
+    Channel("{robot}/stop", "query", StopOrder, Outcome, "bridged", "operator", None),
+    Channel("{name}/alive/{daemon}/{boot}", "token", None, None, "every daemon", "every daemon", None),
+    Channel("{name}/health/{daemon}", "put", Health, None, "every daemon", "agentd, observers", 1),
+)
+
+
+def fleet(name: str) -> str:
+    """Return the prefix of a fleet's keys."""
+    return f"{ROOT}/{name}"
+
+
+def percept(fleet: str, agent: str, name: str) -> str:
+    """One percept of an agent; `**` for all of them."""
+    return f"{ROOT}/{fleet}/{agent}/percept/{name}"
+
+
+def action(fleet: str, agent: str, name: str) -> str:
+    """An action of an agent; `*` for the bridge's queryable."""
+    return f"{ROOT}/{fleet}/{agent}/action/{name}"
+
+
+def cancel(fleet: str, agent: str) -> str:
+    """Where an agent cancels its running actions."""
+    return f"{ROOT}/{fleet}/{agent}/cancel"
+
+
+def status(fleet: str, agent: str, name: str) -> str:
+    """Action statuses for observers."""
+    return f"{ROOT}/{fleet}/{agent}/status/{name}"
+
+
+def outbox(fleet: str, agent: str) -> str:
+    """Where an agent hands its mail to its board's commd."""
+    return f"{ROOT}/{fleet}/{agent}/outbox"
+
+
+def inbox(fleet: str, agent: str) -> str:
+    """Where commd hands an agent its mail."""
+    return f"{ROOT}/{fleet}/{agent}/inbox"
+
+
+def mail(fleet: str, receiver: str, sender: str) -> str:
+    """Mail between boards, served by the receiver's commd."""
+    return f"{ROOT}/{fleet}/{receiver}/mail/{sender}"
+
+
+def mind(fleet: str, agent: str) -> str:
+    """What an agent believes and intends."""
+    return f"{ROOT}/{fleet}/{agent}/mind"
+
+
+def stop(fleet: str, robot: str) -> str:
+    """Where the operator stops a robot."""
+    return f"{ROOT}/{fleet}/{robot}/stop"
+
+
+def alive(fleet: str, name: str, daemon: str, boot: str) -> str:
+    """The liveliness token of one life of a daemon for one name."""
+    return f"{ROOT}/{fleet}/{name}/alive/{daemon}/{boot}"
+
+
+def health(fleet: str, name: str, daemon: str) -> str:
+    """The health of a daemon."""
+    return f"{ROOT}/{fleet}/{name}/health/{daemon}"
+
+
+def parse(key: str) -> tuple[str, str, list[str]] | None:
+    """Split `argosy/{fleet}/{name}/...` into fleet, name and the rest; None for a key that is not ours."""
+    chunks = key.split("/")
+    if len(chunks) < 4 or chunks[0] != ROOT:
+        return None
+    return chunks[1], chunks[2], chunks[3:]

@@ -1,0 +1,278 @@
+"""The mission file (design section 11): which agents run which programs on which robots, and when the mission is done."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+from schemas.durations import Duration
+from schemas.findings import Finding, Findings
+from schemas.names import check_name
+from schemas.positions import Positions, convert, did_you_mean, read_yaml
+
+THIS_MACHINE = "local"
+"""Name of the one board of a mission that declares none."""
+DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
+"""Zenoh's own default port, on loopback only: any Zenoh CLI finds it."""
+
+Order = Literal["hold", "land", "rtl"]
+Latitude = Annotated[float, msgspec.Meta(ge=-90, le=90)]
+Longitude = Annotated[float, msgspec.Meta(ge=-180, le=180)]
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+
+
+class FileModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A part of a file that people write: unknown fields are refused."""
+
+
+class Board(FileModel, frozen=True, kw_only=True):
+    """A computer of the fleet."""
+
+    address: str
+
+
+class Agent(FileModel, frozen=True, kw_only=True):
+    """An agent and its program."""
+
+    program: str
+    """Path of the .asl file, relative to the mission file."""
+    robot: str | None = None
+    board: str = THIS_MACHINE
+    beliefs: tuple[str, ...] = ()
+    """Literals believed at the start, as the program would write them."""
+    goals: tuple[str, ...] = ()
+    """Goals to achieve at the start, besides those of the program."""
+    presence: bool = False
+    on_restart: str = "resume"
+    """resume, fresh, or `goal(g)`."""
+
+
+class Failsafe(FileModel, frozen=True, kw_only=True):
+    """Whose heartbeats the vehicle's own ground-station failsafe watches."""
+
+    gcs: Literal["bridge", "human", "none"] = "none"
+
+
+class Limits(FileModel, frozen=True, kw_only=True):
+    """What the bridge never lets an action exceed."""
+
+    altitude: Positive | None = None
+    """Metres above home."""
+    radius: Positive | None = None
+    """Metres around home."""
+
+
+class Simulate(FileModel, frozen=True, kw_only=True):
+    """The simulated counterpart of a robot."""
+
+    vehicle: Literal["copter"] = "copter"
+    home: tuple[Latitude, Longitude, float]
+    """Degrees, degrees, metres above mean sea level."""
+
+
+class Robot(FileModel, frozen=True, kw_only=True):
+    """A robot, its manifest and how to reach it."""
+
+    manifest: str | tuple[str, str]
+    """The name of a shipped manifest, a path relative to the mission file, or the paper's INI pair."""
+    link: str
+    """`udpin:HOST:PORT`, `udpout:`, `tcp:`, `tcpin:` or `serial:DEVICE:BAUD`."""
+    board: str = THIS_MACHINE
+    sysid: Annotated[int, msgspec.Meta(ge=1, le=255)] = 1
+    """MAVLink system id of the vehicle."""
+    failsafe: Failsafe = Failsafe()
+    limits: Limits = Limits()
+    on_agent_loss: tuple[str, ...] = ("hold 5s", "rtl")
+    on_shutdown: Order = "rtl"
+    simulate: Simulate | None = None
+
+
+class Router(FileModel, frozen=True, kw_only=True):
+    """The board's Zenoh router."""
+
+    endpoint: str = DEFAULT_ROUTER
+    external: bool = False
+    """True: a `zenohd` that somebody else runs at the endpoint; commd is then its client."""
+
+
+class _Top(FileModel, frozen=True, kw_only=True):
+    mission: str
+    fleet: str | None = None
+    boards: dict[str, Any] = {}
+    agents: dict[str, Any]
+    robots: dict[str, Any] = {}
+    done: str | tuple[str, ...] = ()
+    timeout: Duration = Duration(900)
+    speed: Annotated[float, msgspec.Meta(gt=0, le=100)] = 1.0
+    restart: Literal["never", "on-failure"] = "never"
+    wire: Literal["json", "msgpack"] = "json"
+    router: Router = Router()
+    inject: bool = False
+
+
+@dataclass(frozen=True)
+class Done:
+    """One formula over the beliefs of one agent that must hold for the mission to be done."""
+
+    agent: str
+    formula: str
+
+
+@dataclass(frozen=True)
+class Mission:
+    """A mission file that has been read and checked."""
+
+    name: str
+    fleet: str
+    boards: dict[str, Board]
+    agents: dict[str, Agent]
+    robots: dict[str, Robot]
+    done: tuple[Done, ...]
+    timeout: float
+    """Mission seconds."""
+    speed: float
+    restart: Literal["never", "on-failure"]
+    wire: Literal["json", "msgpack"]
+    router: Router
+    inject: bool
+    path: Path
+    positions: Positions
+
+    def relative(self, path: str) -> Path:
+        """Return a path of the mission file as seen from here: they are relative to the mission file."""
+        return self.path.parent / path
+
+    def agents_of(self, robot: str) -> list[str]:
+        """Return the agents that share a robot."""
+        return [name for name, agent in self.agents.items() if agent.robot == robot]
+
+
+def load_mission(path: str | Path) -> Mission:
+    """Read a mission file. Raises Findings with everything that is wrong with it."""
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise Findings([Finding(str(path), 0, 0, "not a text file in UTF-8")]) from None
+    except OSError as error:
+        raise Findings([Finding(str(path), 0, 0, f"cannot be read: {error.strerror}")]) from None
+    return read_mission(text, path)
+
+
+def read_mission(text: str, path: Path) -> Mission:
+    """Read the text of a mission file that stands at `path`. Raises Findings with everything that is wrong with it."""
+    raw, positions = read_yaml(text, str(path))
+    if not isinstance(raw, dict):
+        raise Findings([positions.finding((), "expected a mission: fields such as `mission:` and `agents:`")])
+    top, findings = convert(raw, _Top, positions, _durations)
+    boards = _entries(raw, "boards", Board, positions, findings)
+    agents = _entries(raw, "agents", Agent, positions, findings)
+    robots = _entries(raw, "robots", Robot, positions, findings)
+    if top is None or findings:
+        raise Findings(findings)
+    mission = Mission(
+        name=top.mission,
+        fleet=top.fleet or top.mission,
+        boards=boards,
+        agents=agents,
+        robots=robots,
+        done=_done(top.done),
+        timeout=float(top.timeout),
+        speed=top.speed,
+        restart=top.restart,
+        wire=top.wire,
+        router=top.router,
+        inject=top.inject,
+        path=path,
+        positions=positions,
+    )
+    if findings := _check(mission):
+        raise Findings(findings)
+    return mission
+
+
+def _durations(expected: type, value: Any) -> Any:
+    if expected is Duration:
+        return Duration.read(value)
+    raise NotImplementedError(f"no decoding for {expected!r}")
+
+
+def _entries[T](
+    raw: dict[str, Any], field: str, model: type[T], positions: Positions, findings: list[Finding]
+) -> dict[str, T]:
+    entries: dict[str, T] = {}
+    values = raw.get(field)
+    if not isinstance(values, dict):
+        return entries
+    for name, value in values.items():
+        entry, found = convert(value, model, positions, _durations, (field, name))
+        findings += found
+        if entry is not None:
+            entries[name] = entry
+    return entries
+
+
+def _done(done: str | tuple[str, ...]) -> tuple[Done, ...]:
+    formulas = (done,) if isinstance(done, str) else done
+    return tuple(
+        Done(agent.strip(), formula.strip()) for agent, _, formula in (text.partition(":") for text in formulas)
+    )
+
+
+def _check(mission: Mission) -> list[Finding]:
+    """What one part of a mission says of another."""
+    where = mission.positions
+    findings: list[Finding] = []
+
+    def wrong(path: tuple[str | int, ...], message: str, at_key: bool = False) -> None:
+        findings.append(where.finding(path, message, at_key=at_key))
+
+    _check_names(mission, wrong)
+    for name, agent in mission.agents.items():
+        if agent.robot is not None and agent.robot not in mission.robots:
+            hint = did_you_mean(agent.robot, mission.robots)
+            wrong(("agents", name, "robot"), f"there is no robot `{agent.robot}`{hint}")
+        if not (agent.on_restart in ("resume", "fresh") or agent.on_restart.startswith("goal(")):
+            wrong(("agents", name, "on_restart"), f"expected resume, fresh or goal(...), got `{agent.on_restart}`")
+    for kind, parts in (("agents", mission.agents), ("robots", mission.robots)):
+        for name, part in parts.items():
+            if part.board not in (mission.boards or {THIS_MACHINE}):
+                path = (kind, name, "board") if (kind, name, "board") in where.values else (kind, name)
+                wrong(
+                    path, f"{kind}.{name}: there is no board `{part.board}`{did_you_mean(part.board, mission.boards)}"
+                )
+    links: dict[str, str] = {}
+    for name, robot in mission.robots.items():
+        other = links.setdefault(robot.link, name)
+        if other != name:
+            wrong(
+                ("robots", name, "link"), f"`{robot.link}` is the link of robot `{other}` already: one robot per link"
+            )
+    for index, done in enumerate(mission.done):
+        path = ("done", index) if ("done", index) in where.values else ("done",)
+        if not done.formula:
+            wrong(path, "expected `agent: formula`, such as `uav: mission_done`")
+        elif done.agent not in mission.agents:
+            wrong(path, f"there is no agent `{done.agent}`{did_you_mean(done.agent, mission.agents)}")
+    return findings
+
+
+def _check_names(mission: Mission, wrong: Any) -> None:
+    for field, name in (("mission", mission.name), ("fleet", mission.fleet)):
+        try:
+            check_name(name)
+        except ValueError as error:
+            wrong((field,), f"{field}: {error}")
+    seen: dict[str, str] = {}
+    for kind, names in (("boards", mission.boards), ("agents", mission.agents), ("robots", mission.robots)):
+        for name in names:
+            try:
+                check_name(name)
+            except ValueError as error:
+                wrong((kind, name), str(error), True)
+            other = seen.setdefault(name, kind)
+            if other != kind:
+                wrong((kind, name), f"`{name}` is in {other} already: names are unique in a fleet", True)
