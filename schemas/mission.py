@@ -1,23 +1,24 @@
-"""The mission file (design section 11): which agents run which programs on which robots, and when the mission is done."""
+"""The mission file (design section 11): which agents run which programs on which robots, and when it is done."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 
 from schemas.durations import Duration
 from schemas.findings import Finding, Findings
 from schemas.names import check_name
-from schemas.positions import Positions, convert, did_you_mean, read_yaml
+from schemas.positions import Positions, Steps, convert, did_you_mean, read_yaml
 
 THIS_MACHINE = "local"
 """Name of the one board of a mission that declares none."""
 DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
 """Zenoh's own default port, on loopback only: any Zenoh CLI finds it."""
 
+M = TypeVar("M", bound="FileModel")
 Order = Literal["hold", "land", "rtl"]
 Latitude = Annotated[float, msgspec.Meta(ge=-90, le=90)]
 Longitude = Annotated[float, msgspec.Meta(ge=-180, le=180)]
@@ -200,10 +201,10 @@ def _durations(expected: type, value: Any) -> Any:
     raise NotImplementedError(f"no decoding for {expected!r}")
 
 
-def _entries[T](
-    raw: dict[str, Any], field: str, model: type[T], positions: Positions, findings: list[Finding]
-) -> dict[str, T]:
-    entries: dict[str, T] = {}
+def _entries(
+    raw: dict[str, Any], field: str, model: type[M], positions: Positions, findings: list[Finding]
+) -> dict[str, M]:
+    entries: dict[str, M] = {}
     values = raw.get(field)
     if not isinstance(values, dict):
         return entries
@@ -226,6 +227,8 @@ def _check(mission: Mission) -> list[Finding]:
     """What one part of a mission says of another."""
     where = mission.positions
     findings: list[Finding] = []
+    if not mission.agents:
+        findings.append(where.finding(("agents",), "agents: a mission needs at least one agent", at_key=True))
 
     def wrong(path: tuple[str | int, ...], message: str, at_key: bool = False) -> None:
         findings.append(where.finding(path, message, at_key=at_key))
@@ -240,7 +243,7 @@ def _check(mission: Mission) -> list[Finding]:
     for kind, parts in (("agents", mission.agents), ("robots", mission.robots)):
         for name, part in parts.items():
             if part.board not in (mission.boards or {THIS_MACHINE}):
-                path = (kind, name, "board") if (kind, name, "board") in where.values else (kind, name)
+                path: Steps = (kind, name, "board") if (kind, name, "board") in where.values else (kind, name)
                 wrong(
                     path, f"{kind}.{name}: there is no board `{part.board}`{did_you_mean(part.board, mission.boards)}"
                 )

@@ -16,7 +16,7 @@ import yaml
 from schemas.findings import Finding, Findings
 
 T = TypeVar("T")
-Path = tuple[str | int, ...]
+Steps = tuple[str | int, ...]
 Position = tuple[int, int]
 MAX_DEPTH = 32
 MAX_NODES = 20_000
@@ -28,16 +28,16 @@ class Positions:
 
     def __init__(self, file: str) -> None:
         self.file = file
-        self.values: dict[Path, Position] = {(): (1, 1)}
-        self.keys: dict[Path, Position] = {}
+        self.values: dict[Steps, Position] = {(): (1, 1)}
+        self.keys: dict[Steps, Position] = {}
 
-    def of(self, path: Path) -> Position:
+    def of(self, path: Steps) -> Position:
         """Return line and column of the value at `path`, or of the nearest value around it."""
         while path not in self.values:
             path = path[:-1]
         return self.values[path]
 
-    def finding(self, path: Path, message: str, *, at_key: bool = False) -> Finding:
+    def finding(self, path: Steps, message: str, *, at_key: bool = False) -> Finding:
         """Return a finding at the value (or the key) that stands at `path`."""
         line, column = self.keys.get(path, self.of(path)) if at_key else self.of(path)
         return Finding(self.file, line, column, message)
@@ -68,7 +68,7 @@ class _Reader:
         self.nodes = 0
         self.constructor = yaml.constructor.SafeConstructor()
 
-    def read(self, node: yaml.Node, path: Path, depth: int) -> Any:
+    def read(self, node: yaml.Node, path: Steps, depth: int) -> Any:
         mark = node.start_mark
         self.positions.values[path] = (mark.line + 1, mark.column + 1)
         self.nodes += 1
@@ -81,7 +81,7 @@ class _Reader:
         if isinstance(node, yaml.SequenceNode):
             return [self.read(item, (*path, index), depth + 1) for index, item in enumerate(node.value)]
         try:
-            value = self.constructor.construct_object(node)  # type: ignore[no-untyped-call]
+            value = self.constructor.construct_object(node)
         except (yaml.YAMLError, ValueError, OverflowError):
             value = node.value
             self.findings.append(self.positions.finding(path, f"`{node.value}` cannot be read as `{node.tag}`"))
@@ -89,7 +89,7 @@ class _Reader:
             return value
         return node.value  # dates and other YAML extras are just text here
 
-    def mapping(self, node: yaml.MappingNode, path: Path, depth: int) -> dict[str, Any]:
+    def mapping(self, node: yaml.MappingNode, path: Steps, depth: int) -> dict[str, Any]:
         found: dict[str, Any] = {}
         for key_node, value_node in node.value:
             key = str(key_node.value) if isinstance(key_node, yaml.ScalarNode) else "?"
@@ -115,15 +115,15 @@ def convert(
     model: type[T],
     positions: Positions,
     dec_hook: Callable[[type, Any], Any],
-    at: Path = (),
+    at: Steps = (),
 ) -> tuple[T | None, list[Finding]]:
     """Return the model that the value at path `at` of a file holds, and everything that is wrong with it.
 
-    msgspec stops at the first problem, so each is taken out of the value and the rest is tried again. Mappings with free
-    keys are to be converted entry by entry: msgspec does not say in which entry a problem is.
+    msgspec stops at the first problem, so each is taken out of the value and the rest is tried again. Mappings with
+    free keys are to be converted entry by entry: msgspec does not say in which entry a problem is.
     """
     findings: list[Finding] = []
-    removed: set[Path] = set()
+    removed: set[Steps] = set()
     value = _copy(value)
     for _ in range(MAX_FINDINGS):
         try:
@@ -141,8 +141,8 @@ def convert(
 
 
 def _explain(
-    error: str, value: Any, model: type, positions: Positions, at: Path, removed: set[Path]
-) -> tuple[Path, Finding | None]:
+    error: str, value: Any, model: type, positions: Positions, at: Steps, removed: set[Steps]
+) -> tuple[Steps, Finding | None]:
     """Return the path of what must go so that the rest can be tried, and what to say about it."""
     split = _MESSAGE.fullmatch(error)
     assert split is not None
@@ -174,13 +174,13 @@ def _copy(value: Any) -> Any:
     return [_copy(item) for item in value] if isinstance(value, list) else value
 
 
-def _cut(value: Any, path: Path) -> None:
+def _cut(value: Any, path: Steps) -> None:
     for step in path[:-1]:
         value = value[step]
     del value[path[-1]]
 
 
-def _resolve(where: str, value: Any) -> Path:
+def _resolve(where: str, value: Any) -> Steps:
     """Turn msgspec's `$.simulate.home[1]` into a path of steps that exist in the value."""
     found: list[str | int] = []
     for field, index in _STEP.findall(where.removeprefix("$")):
@@ -193,7 +193,7 @@ def _resolve(where: str, value: Any) -> Path:
     return tuple(found)
 
 
-def _fields(model: type, path: Path) -> list[str]:
+def _fields(model: type, path: Steps) -> list[str]:
     """Return the field names of the struct at `path` of the model."""
     here: Any = model
     for step in path:
