@@ -1,0 +1,1 @@
+"""Drivers: how a bridge talks to a robot, one package per protocol."""
