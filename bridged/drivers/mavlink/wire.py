@@ -61,13 +61,25 @@ class Framer:
             length = _packet_length(pending, at)
             if length is None or at + length > len(pending):
                 break
-            message, used = self._decode(
-                bytearray(pending[at : at + length]), bytes(pending[at + length : at + length + 1])
-            )
+            packet = pending[at : at + length]
+            if _message_id(packet) in dialect.mavlink_map:
+                message, used = self._decode(packet)
+            elif at + length == len(pending) and not ends_here:
+                break
+            else:
+                message, used = None, self._pass_over(length, pending[at + length : at + length + 1])
             at += used
             if message is not None:
                 yield message
         del pending[:at]
+
+    def _pass_over(self, length: int, following: bytearray) -> int:
+        """How much to skip of what cannot be checked: it is one packet only if another one, or nothing, follows it."""
+        if not following or following[0] in _MAGIC:
+            self.counters.unknown_packets += 1
+            return length
+        self.counters.skipped_bytes += 1
+        return 1
 
     def _decode(self, packet: bytearray) -> tuple[dialect.MAVLink_message | None, int]:
         """The message in `packet`, and how many bytes are done with."""
