@@ -1,0 +1,139 @@
+"""The present percept set of an agent: what holds now, on both ends of the bus (design section 4).
+
+The bridge keeps one per agent and puts its digest into its health; the agent keeps its own copy from what it receives
+and asks for the whole set again when `needs_repair` says so.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+
+import msgspec
+from msgspec.structs import replace
+
+from schemas.records import Perception
+
+Family = tuple[str, int]
+"""Name and number of parameters: what `replace` and `remove` without a key act on."""
+
+_ENCODE = msgspec.msgpack.Encoder().encode
+
+
+class PerceptSet:
+    """Beliefs by name and arity, in the order in which they came, from one life (`boot`) of one publisher."""
+
+    def __init__(self) -> None:
+        self.boot = ""
+        """Which life of the publisher the seqs belong to."""
+        self.seq = 0
+        """Seq of the last perception that was applied."""
+        self.missed = 0
+        """How many seqs were skipped so far: perceptions lost on the way."""
+        self._families: dict[Family, dict[bytes, Perception]] = {}
+        self._in_doubt = False
+        self._digest = ""
+
+    def __len__(self) -> int:
+        return sum(map(len, self._families.values()))
+
+    def apply(self, perception: Perception) -> bool:
+        """Take in one perception. Returns False for one that is older than what is known, which changes nothing."""
+        boot, seq = perception.header.boot, perception.header.seq
+        if boot != self.boot:
+            self._in_doubt = self._in_doubt or len(self) > 0
+            self.boot, self.seq = boot, 0
+        if seq <= self.seq:
+            return False
+        if seq > self.seq + 1:
+            self.missed += seq - self.seq - 1
+            self._in_doubt = True
+        self.seq, self._digest = seq, ""
+        family = (perception.name, len(perception.parameters))
+        beliefs = self._families.setdefault(family, {})
+        if perception.update != "add":
+            for known in [known for known, belief in beliefs.items() if _concerns(perception, belief)]:
+                del beliefs[known]
+        if perception.update != "remove":
+            beliefs[_identity(perception)] = perception
+        elif not beliefs:
+            del self._families[family]
+        return True
+
+    def present(self) -> list[Perception]:
+        """Each belief that holds, as the perception that told it, in the order of names and arrival."""
+        return [belief for family in sorted(self._families) for belief in self._families[family].values()]
+
+    def snapshot(self) -> list[Perception]:
+        """`present`, each with the set's own seq: what a bridge answers to a repair query."""
+        return [replace(one, header=replace(one.header, seq=self.seq)) for one in self.present()]
+
+    def digest(self) -> str:
+        """`BOOT:SEQ:HASH` of what holds now; sets with equal beliefs have equal hashes, whatever their history."""
+        if not self._digest:
+            total = 0
+            for beliefs in self._families.values():
+                for identity in beliefs:
+                    total += int.from_bytes(hashlib.blake2b(identity, digest_size=8).digest())
+            self._digest = f"{self.boot}:{self.seq}:{total % 2**64:016x}"
+        return self._digest
+
+    def needs_repair(self, reported: str = "") -> bool:
+        """Whether the bridge must be asked for the whole set: after a gap, or when its digest says more or otherwise.
+
+        `reported` is the digest from the bridge's health; an older one than what is known here proves nothing.
+        """
+        if self._in_doubt:
+            return True
+        boot, _, rest = reported.rpartition(":")[0].rpartition(":")
+        if not rest.isdigit():
+            return False
+        if boot == self.boot and int(rest) < self.seq:
+            return False
+        return reported != self.digest()
+
+    def restore(self, snapshot: Iterable[Perception]) -> list[Perception] | None:
+        """Become the set that a repair query was answered with.
+
+        Returns the perceptions that turn the old set into the new one, removals first, so that a mind hears only of
+        what differs. Returns None, and changes nothing, if a newer perception came meanwhile: ask again.
+        """
+        told = list(snapshot)
+        boot = told[0].header.boot if told else self.boot
+        seq = max((one.header.seq for one in told), default=self.seq)
+        if any(one.header.boot != boot for one in told) or (boot == self.boot and seq < self.seq):
+            return None
+        old = {_identity(one): one for one in self.present()}
+        new = {_identity(one): one for one in told}
+        gone = [_removal(one) for at, one in old.items() if at not in new]
+        come = [one for at, one in new.items() if at not in old]
+        self._families.clear()
+        for identity, one in new.items():
+            self._families.setdefault((one.name, len(one.parameters)), {})[identity] = one
+        self.boot, self.seq, self._in_doubt, self._digest = boot, seq, False, ""
+        return gone + come
+
+    def clear(self) -> list[Perception]:
+        """Forget everything, as when the bridge is gone. Returns the removals for the mind."""
+        gone = [_removal(one) for one in self.present()]
+        self._families.clear()
+        self.boot, self.seq, self._in_doubt, self._digest = "", 0, False, ""
+        return gone
+
+
+def _concerns(change: Perception, belief: Perception) -> bool:
+    """Whether a `replace` or `remove` acts on a belief of its own name and arity."""
+    size = len(belief.parameters)
+    return all(
+        position < size and _ENCODE(belief.parameters[position]) == _ENCODE(change.parameters[position])
+        for position in change.key
+    )
+
+
+def _identity(perception: Perception) -> bytes:
+    """The belief itself, without header, update and key."""
+    return _ENCODE((perception.name, perception.parameters))
+
+
+def _removal(belief: Perception) -> Perception:
+    return replace(belief, update="remove", key=tuple(range(len(belief.parameters))))
