@@ -1,0 +1,386 @@
+"""Run-time terms: what beliefs, goals and variables hold while a mind runs.
+
+Numbers are Python floats and strings Python strs, so arithmetic and comparison are the interpreter's own. Everything
+else is one of the classes below. Terms are never changed, with two exceptions: a `Var` is bound once (and unbound
+again when the plan that bound it fails), and maps, sets and queues are changed in place, as Jason's are.
+
+A term that sits in a belief, an event of a new intention or a message is *resolved* first (`agentd.mind.unifier`):
+no bound variable is left inside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any, Final, TypeAlias, Union
+from weakref import WeakValueDictionary
+
+Term: TypeAlias = Union[float, str, "Literal", "List", "Var", "Expression", "Code", "Collection", "Open"]
+"""Any run-time term."""
+
+DEFAULT: Final = "default"
+"""The name of the default namespace."""
+
+
+class Signature:
+    """What two literals must share to unify: namespace, sign, functor and arity. Interned: compare with ``is``.
+
+    Make one with `signature`.
+    """
+
+    __slots__ = ("__weakref__", "arity", "functor", "namespace", "negated")
+
+    functor: str
+    arity: int
+    negated: bool
+    namespace: str
+
+    def __init__(self, functor: str, arity: int, negated: bool, namespace: str) -> None:
+        self.functor, self.arity, self.negated, self.namespace = functor, arity, negated, namespace
+
+    @property
+    def indicator(self) -> str:
+        """``~ns::p/2``, as messages name a predicate."""
+        return f"{self.name}/{self.arity}"
+
+    @property
+    def name(self) -> str:
+        """``~ns::p``: all but the arity."""
+        prefix = "" if self.namespace == DEFAULT else f"{self.namespace}::"
+        return f"{'~' if self.negated else ''}{prefix}{self.functor}"
+
+    def __repr__(self) -> str:
+        return self.indicator
+
+    def __reduce__(self) -> Any:
+        return signature, (self.functor, self.arity, self.negated, self.namespace)
+
+
+_signatures: WeakValueDictionary[tuple[str, int, bool, str], Signature] = WeakValueDictionary()
+
+
+def signature(functor: str, arity: int = 0, negated: bool = False, namespace: str = DEFAULT) -> Signature:
+    """The one `Signature` of these values."""
+    key = (functor, arity, negated, namespace)
+    found = _signatures.get(key)
+    if found is None:
+        found = _signatures[key] = Signature(functor, arity, negated, namespace)
+    return found
+
+
+class Literal:
+    """An atom, structure or literal: a signature, its arguments and its annotations (sorted, without duplicates).
+
+    Equality is that of ``==`` in the language: same signature, equal arguments, equal annotations.
+    """
+
+    __slots__ = ("annots", "args", "ground", "sig")
+
+    sig: Signature
+    args: tuple[Any, ...]
+    annots: tuple[Any, ...]
+    ground: bool
+    """True once somebody has looked and found no variable inside; False means only that nobody has."""
+
+    def __init__(self, sig: Signature, args: tuple[Any, ...] = (), annots: tuple[Any, ...] = ()) -> None:
+        self.sig, self.args, self.annots = sig, args, annots
+        self.ground = False
+
+    def __eq__(self, other: object) -> bool:
+        if self is other:
+            return True
+        if type(other) is not Literal or self.sig is not other.sig:
+            return False
+        return not self.sig.arity and self.annots == other.annots or equal(self, other)
+
+    def __hash__(self) -> int:
+        # Depth 2 only, so that the hash of a deeply nested term costs nothing and needs no recursion.
+        return hash((self.sig, *[a.sig if type(a) is Literal else a for a in self.args if type(a) is not List]))
+
+    def __repr__(self) -> str:
+        return describe(self)
+
+    def with_annots(self, annots: tuple[Any, ...]) -> Literal:
+        """The same literal with other annotations (sorted already)."""
+        return Literal(self.sig, self.args, annots)
+
+    def bare(self) -> Literal:
+        """The same literal without annotations."""
+        return Literal(self.sig, self.args) if self.annots else self
+
+
+class List:
+    """A non-empty list, or `EMPTY`: the elements ``items[at:]`` followed by ``tail``.
+
+    ``tail`` is `EMPTY`, another list, a `Var`, or (deviation D3) any other term. Taking the tail of a list shares its
+    items, so a list made at once costs one object however long it is.
+    """
+
+    __slots__ = ("at", "ground", "items", "tail")
+
+    items: tuple[Any, ...]
+    at: int
+    tail: Any
+    ground: bool
+
+    def __init__(self, items: tuple[Any, ...], tail: Any, at: int = 0) -> None:
+        self.items, self.tail, self.at = items, tail, at
+        self.ground = False
+
+    @property
+    def head(self) -> Any:
+        return self.items[self.at]
+
+    def rest(self) -> Any:
+        """What follows the first element."""
+        at = self.at + 1
+        if at == len(self.items):
+            return self.tail
+        rest = List(self.items, self.tail, at)
+        rest.ground = self.ground
+        return rest
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (type(other) is List and equal(self, other))
+
+    def __hash__(self) -> int:
+        return hash(self.items[self.at]) if self.items and type(self.items[self.at]) is not List else 0
+
+    def __repr__(self) -> str:
+        return describe(self)
+
+
+EMPTY: Final = List((), None)
+"""The empty list, the only one without elements: compare with ``is``."""
+EMPTY.ground = True
+
+
+class Var:
+    """A variable while a plan runs: free (``ref`` is None) or bound to a term.
+
+    ``depth`` is the depth in its intention's stack of the frame that made it: a binding must be remembered for undoing
+    only as long as a frame above that one may fail.
+    """
+
+    __slots__ = ("depth", "name", "ref")
+
+    name: str
+    ref: Any
+    depth: int
+
+    def __init__(self, name: str = "_", depth: int = 1 << 30) -> None:
+        self.name, self.depth = name, depth
+        self.ref = None
+
+    def __repr__(self) -> str:
+        return describe(self)
+
+
+class Expression:
+    """An operator over terms that has no value (yet): ``X+1`` with X free, ``a & b``, ``not c``, ``1 < 2`` as a term.
+
+    ``operator`` is one of `ARITHMETIC`, a relation, ``&``, ``|`` or ``not``; one or two operands.
+    """
+
+    __slots__ = ("operands", "operator")
+
+    operator: str
+    operands: tuple[Any, ...]
+
+    def __init__(self, operator: str, operands: tuple[Any, ...]) -> None:
+        self.operator, self.operands = operator, operands
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (type(other) is Expression and equal(self, other))
+
+    def __hash__(self) -> int:
+        return hash(self.operator)
+
+    def __repr__(self) -> str:
+        return describe(self)
+
+
+ARITHMETIC: Final = frozenset({"+", "-", "*", "/", "**", "div", "mod"})
+"""The operators whose expressions are computed as soon as their operands are numbers."""
+
+
+class Open:
+    """A variable with decorations, ``~X``, ``ns::X``, ``X[a]``, or a literal whose namespace is a variable, ``N::p(1)``.
+
+    It means something only to unification: ``variable`` stands for what is left when the decorations are taken off.
+    ``namespace`` is a name, a `Var`, or None when none is written. For a literal, ``literal`` is it (else None).
+    """
+
+    __slots__ = ("annots", "literal", "namespace", "negated", "variable")
+
+    def __init__(
+        self,
+        variable: Any,
+        annots: tuple[Any, ...] | None,
+        negated: bool,
+        namespace: Any,
+        literal: Literal | None = None,
+    ) -> None:
+        self.variable, self.annots, self.negated, self.namespace = variable, annots, negated, namespace
+        self.literal = literal
+
+    def __repr__(self) -> str:
+        return describe(self)
+
+
+class Code:
+    """A plan, trigger, plan body or rule as a term: its syntax, and the values of the variables bound when it was made.
+
+    ``syntax`` is an `agentd.language.syntax` ``Plan``, ``Trigger``, ``Body`` or ``Rule``; ``values`` maps variable
+    names to terms. Free variables stay names: a body run by a plan sees the variables of that plan.
+    """
+
+    __slots__ = ("syntax", "values")
+
+    def __init__(self, syntax: Any, values: dict[str, Any] | None = None) -> None:
+        self.syntax, self.values = syntax, values or {}
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is Code and self.syntax == other.syntax and self.values == other.values
+
+    def __hash__(self) -> int:
+        return hash(type(self.syntax))
+
+    def __repr__(self) -> str:
+        return describe(self)
+
+
+class Collection:
+    """A map, set or queue: changed in place, shared by every variable that holds it; equal only by contents."""
+
+    __slots__ = ("content", "kind")
+
+    kind: str
+    """``map``, ``set``, ``queue`` or ``priority`` (a queue kept in standard order)."""
+    content: Any
+    """A dict for a map, else a list; sets are kept sorted without duplicates."""
+
+    def __init__(self, kind: str, content: Any) -> None:
+        self.kind, self.content = kind, content
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is Collection and self.kind == other.kind and bool(self.content == other.content)
+
+    def __hash__(self) -> int:
+        return hash(self.kind)
+
+    def __repr__(self) -> str:
+        return describe(self)
+
+
+def atom(name: str) -> Literal:
+    """An atom of the default namespace, without annotations."""
+    literal = Literal(signature(name))
+    literal.ground = True
+    return literal
+
+
+TRUE: Final = atom("true")
+FALSE: Final = atom("false")
+
+_SOURCE: Final = signature("source", 1)
+
+
+def source(who: Any) -> Literal:
+    """``source(who)``."""
+    return Literal(_SOURCE, (who,))
+
+
+SOURCE_SELF: Final = source(atom("self"))
+SOURCE_SELF.ground = True
+SELF: Final = (SOURCE_SELF,)
+"""The annotations of what a mind tells itself: ``[source(self)]``. Compare with ``is`` first."""
+SOURCE_PERCEPT: Final = source(atom("percept"))
+SOURCE_PERCEPT.ground = True
+PERCEPT: Final = (SOURCE_PERCEPT,)
+
+
+def is_source(term: Any) -> bool:
+    """Whether an annotation is ``source(_)``."""
+    return type(term) is Literal and term.sig is _SOURCE
+
+
+def make_list(items: Iterable[Any], tail: Any = EMPTY) -> Any:
+    """The list of these elements, ended by ``tail``."""
+    elements = tuple(items)
+    return List(elements, tail) if elements else tail
+
+
+def deref(term: Any) -> Any:
+    """The term at the end of a chain of bound variables."""
+    while type(term) is Var and term.ref is not None:
+        term = term.ref
+    return term
+
+
+def elements(term: Any) -> Iterator[Any]:
+    """The elements of a list, whatever its end; nothing if it is no list."""
+    term = deref(term)
+    while type(term) is List and term is not EMPTY:
+        yield from term.items[term.at :] if term.at else term.items
+        term = deref(term.tail)
+
+
+def split(term: Any) -> tuple[list[Any], Any]:
+    """The elements of a list and what ends it (`EMPTY` for a proper list)."""
+    term = deref(term)
+    found: list[Any] = []
+    while type(term) is List and term is not EMPTY:
+        found.extend(term.items[term.at :] if term.at else term.items)
+        term = deref(term.tail)
+    return found, term
+
+
+def proper(term: Any) -> list[Any] | None:
+    """The elements of a closed list; None for anything else."""
+    term = deref(term)
+    if type(term) is not List:
+        return None
+    found, end = split(term)
+    return found if end is EMPTY else None
+
+
+def equal(left: Any, right: Any) -> bool:
+    """Equality of terms at any depth without recursion: bound variables are their values, free ones only themselves."""
+    pending = [(left, right)]
+    while pending:
+        a, b = pending.pop()
+        a, b = deref(a), deref(b)
+        if a is b:
+            continue
+        kind = type(a)
+        if kind is not type(b):
+            return False
+        if kind is Literal:
+            if a.sig is not b.sig or len(a.annots) != len(b.annots):
+                return False
+            pending.extend(zip(a.args, b.args, strict=True))
+            pending.extend(zip(a.annots, b.annots, strict=True))
+        elif kind is List:
+            if a is EMPTY or b is EMPTY:
+                return False
+            while type(a) is List and type(b) is List and a is not b and a is not EMPTY and b is not EMPTY:
+                pending.append((a.items[a.at], b.items[b.at]))
+                a, b = deref(a.rest()), deref(b.rest())
+            if a is not b:
+                if type(a) is List or type(b) is List:
+                    return False
+                pending.append((a, b))
+        elif kind is Expression:
+            if a.operator != b.operator or len(a.operands) != len(b.operands):
+                return False
+            pending.extend(zip(a.operands, b.operands, strict=True))
+        elif kind is Var or kind is Open or a != b:
+            return False
+    return True
+
+
+def describe(term: Any) -> str:
+    """The text of a term, for messages and debugging."""
+    from agentd.language.term_text import text  # the writer imports this module
+
+    return text(term)
