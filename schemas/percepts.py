@@ -85,12 +85,11 @@ class PerceptSet:
         """
         if self._in_doubt:
             return True
-        boot, _, rest = reported.rpartition(":")[0].rpartition(":")
-        if not rest.isdigit():
+        life, _, content = reported.rpartition(":")
+        boot, _, seq = life.rpartition(":")
+        if not seq.isdigit() or (boot == self.boot and int(seq) < self.seq):
             return False
-        if boot == self.boot and int(rest) < self.seq:
-            return False
-        return reported != self.digest()
+        return content != self.digest().rpartition(":")[2]
 
     def restore(self, snapshot: Iterable[Perception]) -> list[Perception] | None:
         """Become the set that a repair query was answered with.

@@ -175,6 +175,8 @@ def _copy(value: Any) -> Any:
 
 
 def _cut(value: Any, path: Steps) -> None:
+    while path and isinstance(path[-1], int):  # a list goes as a whole: shorter, it would be wrong in another way
+        path = path[:-1]
     for step in path[:-1]:
         value = value[step]
     del value[path[-1]]

@@ -1,0 +1,405 @@
+"""The bus: a Zenoh session with typed records, for asyncio.
+
+Zenoh's callbacks run on its own threads and only hand over to the event loop; what waits there is bounded and what does
+not fit is counted. Nothing here ever blocks the loop: puts are DROP, and what must not be lost is repaired (percepts)
+or acknowledged (actions, mail).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+from collections import Counter, deque
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from typing import Any, Generic, Literal, TypeVar
+
+import zenoh
+
+from commd.session import session_config
+from schemas import keys
+from schemas.codec import BadRecord, Wire, codec
+from schemas.records import Header, Record
+
+log = logging.getLogger("bus")
+R = TypeVar("R", bound=Record)
+
+BACKLOG = 10_000
+"""Samples and queries that may wait for the event loop before further ones are dropped and counted."""
+QUERIES = 256
+"""Queries that may be served at the same time."""
+CLAIM_PATIENCE = 3.0
+"""Seconds to wait for the token of a dead predecessor to go (the lease of a hung one) before refusing to start."""
+
+
+class BusClosed(ConnectionError):
+    """The router could not be reached, or the bus was closed."""
+
+
+class AlreadyRunning(RuntimeError):
+    """Another live instance of this daemon's name is on the bus."""
+
+
+class Reply(Generic[R]):
+    """One reply to a query: a record on its key, or what was wrong with it."""
+
+    __slots__ = ("error", "key", "record")
+
+    def __init__(self, key: str, record: R | None, error: str = "") -> None:
+        self.key, self.record, self.error = key, record, error
+
+
+class Query(Generic[R]):
+    """A query that we serve. `record` is its payload, None if it has none or a bad one (then `error` says why)."""
+
+    def __init__(self, bus: Bus, query: zenoh.Query, record: R | None, error: str) -> None:
+        self._bus, self._query = bus, query
+        self.key = str(query.key_expr)
+        self.record, self.error = record, error
+
+    @property
+    def concrete(self) -> bool:
+        """Whether the key has no wildcard: only then may it have an effect."""
+        return "*" not in self.key
+
+    def reply(self, record: Record, key: str | None = None) -> None:
+        """Send one reply, on `key` (the query's own by default). Raises BadRecord for what cannot be encoded."""
+        self._bus._reply(self._query, key or self.key, record)
+
+    def reply_error(self, text: str) -> None:
+        """Tell the asker in words what was wrong with the query."""
+        try:
+            self._query.reply_err(text.encode(), encoding=zenoh.Encoding.TEXT_PLAIN)
+        except zenoh.ZError as error:
+            self._bus.counters["replies_lost"] += 1
+            log.debug("reply_lost key=%s why=%s", self.key, error)
+
+
+class Bus:
+    """A daemon's session on the bus. Make it with `open_bus` or `open_router`."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        *,
+        fleet: str,
+        name: str,
+        daemon: str,
+        boot: str,
+        wire: Wire,
+        stamp: Callable[[], int],
+    ) -> None:
+        self.fleet, self.name, self.daemon, self.boot, self.wire = fleet, name, daemon, boot, wire
+        self.counters: Counter[str] = Counter()
+        """dropped, bad_input, unknown_fields, replies_lost, puts_lost: what did not get through, so far."""
+        self._session = session
+        self._stamp = stamp
+        self._loop = asyncio.get_running_loop()
+        self._seq: Counter[str] = Counter()
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._held: list[zenoh.LivelinessToken] = []
+        self._routers: set[str] = set()
+        self._on_router: list[Callable[[bool], None]] = []
+        self._watch_router()
+
+    @property
+    def router_up(self) -> bool:
+        """Whether a router is connected now."""
+        return bool(self._routers)
+
+    def on_router(self, handler: Callable[[bool], None]) -> None:
+        """Call `handler(up)` whenever the connection to the router comes or goes."""
+        self._on_router.append(handler)
+
+    def header(self, stream: str) -> Header:
+        """Return the next header of one stream of records (counted from 1 per stream)."""
+        self._seq[stream] += 1
+        return Header(seq=self._seq[stream], stamp=self._stamp(), source=self.name, boot=self.boot)
+
+    def put(self, key: str, record: Record) -> None:
+        """Publish a record; lost without a word if the router is away, so only for what is repaired or repeated."""
+        made = codec(type(record))
+        try:
+            self._session.put(
+                key,
+                made.encode(record, self.wire),
+                encoding=made.encoding(self.wire),
+                congestion_control=zenoh.CongestionControl.DROP,
+            )
+        except zenoh.ZError as error:
+            self.counters["puts_lost"] += 1
+            log.debug("put_lost key=%s why=%s", key, error)
+
+    def subscribe(self, key: str, record: type[R], handler: Callable[[str, R], None]) -> None:
+        """Call `handler(key, record)` on the event loop for every record put on a matching key, in order."""
+
+        def deliver(sample: zenoh.Sample) -> None:
+            name = str(sample.key_expr)
+            try:
+                found = self._decode(record, name, sample.payload.to_bytes(), str(sample.encoding))
+            except BadRecord:
+                return
+            handler(name, found)
+
+        self._session.declare_subscriber(key, self._hand_over(deliver))
+
+    def serve(self, key: str, record: type[R], handler: Callable[[Query[R]], Awaitable[None]]) -> None:
+        """Serve queries: `handler(query)` runs as a task of its own and the query ends when it returns."""
+
+        def deliver(query: zenoh.Query) -> None:
+            if len(self._tasks) >= QUERIES:
+                self.counters["dropped"] += 1
+                with query:
+                    query.reply_err(b"busy: too many queries at once", encoding=zenoh.Encoding.TEXT_PLAIN)
+                return
+            task = self._loop.create_task(self._serve(query, record, handler))
+            self._tasks.add(task)
+            task.add_done_callback(self._tasks.discard)
+
+        self._session.declare_queryable(key, self._hand_over(deliver, refuse=_drop_query))
+
+    async def _serve(self, query: zenoh.Query, record: type[R], handler: Callable[[Query[R]], Awaitable[None]]) -> None:
+        with query:
+            found, error = None, ""
+            if query.payload is not None and len(query.payload):
+                try:
+                    found = self._decode(
+                        record, str(query.key_expr), query.payload.to_bytes(), str(query.encoding or "")
+                    )
+                except BadRecord as bad:
+                    error = str(bad)
+            ours = Query(self, query, found, error)
+            try:
+                await handler(ours)
+            except BadRecord as bad:
+                ours.reply_error(str(bad))
+
+    async def query(
+        self, key: str, ask: Record | None, answer: type[R], timeout: float, *, limit: int = BACKLOG
+    ) -> AsyncGenerator[Reply[R], None]:
+        """Ask all that serve `key` and yield each reply as it is made. No reply at all = nobody serves it.
+
+        Ends when all have answered or after `timeout` wall seconds; a final reply that did not come is for the caller
+        to notice. At most `limit` replies wait to be taken; further ones are dropped and counted.
+        """
+        replies: asyncio.Queue[zenoh.Reply | None] = asyncio.Queue()
+        token = zenoh.CancellationToken()
+
+        def arrived(reply: zenoh.Reply | None) -> None:
+            if reply is not None and replies.qsize() >= limit:
+                self.counters["dropped"] += 1
+            else:
+                replies.put_nowait(reply)
+
+        made = codec(type(ask)) if ask is not None else None
+        options: dict[str, Any] = {}
+        if ask is not None and made is not None:
+            options = {"payload": made.encode(ask, self.wire), "encoding": made.encoding(self.wire)}
+        try:
+            self._session.get(
+                key,
+                zenoh.handlers.Callback(self._soon(arrived), lambda: self._soon(arrived)(None), indirect=False),
+                consolidation=zenoh.ConsolidationMode.NONE,
+                target=zenoh.QueryTarget.ALL,
+                timeout=timeout,
+                cancellation_token=token,
+                **options,
+            )
+        except zenoh.ZError as error:
+            raise BusClosed(f"cannot ask {key}: {error}") from None
+        try:
+            async with asyncio.timeout(timeout + 1.0):  # Zenoh ends the query itself; the second is for its last word
+                while (reply := await replies.get()) is not None:
+                    yield self._read_reply(key, reply, answer)
+        except TimeoutError:
+            self.counters["queries_unended"] += 1
+        finally:
+            token.cancel()  # type: ignore[no-untyped-call]
+
+    def _read_reply(self, key: str, reply: zenoh.Reply, answer: type[R]) -> Reply[R]:
+        if reply.ok is None:
+            error = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "no answer"
+            return Reply(key, None, error)
+        sample = reply.ok
+        name = str(sample.key_expr)
+        try:
+            return Reply(name, self._decode(answer, name, sample.payload.to_bytes(), str(sample.encoding)))
+        except BadRecord as bad:
+            return Reply(name, None, str(bad))
+
+    def token(self, key: str) -> zenoh.LivelinessToken:
+        """Declare a liveliness token; it goes when it is undeclared or when this process ends."""
+        token = self._session.liveliness().declare_token(key)
+        self._held.append(token)  # a token that nobody holds is gone
+        return token
+
+    def watch(self, key: str, handler: Callable[[str, bool], None]) -> None:
+        """Call `handler(key, alive)` for every liveliness token that matches, those already there first."""
+
+        def deliver(sample: zenoh.Sample) -> None:
+            handler(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        self._session.liveliness().declare_subscriber(key, self._hand_over(deliver), history=True)
+
+    async def tokens(self, key: str, timeout: float = 2.0) -> list[str]:
+        """Return the keys of the liveliness tokens that match now."""
+        found: asyncio.Queue[zenoh.Reply | None] = asyncio.Queue()
+        push = self._soon(found.put_nowait)
+        self._session.liveliness().get(
+            key, zenoh.handlers.Callback(push, lambda: push(None), indirect=False), timeout=timeout
+        )
+        names: list[str] = []
+        try:
+            async with asyncio.timeout(timeout + 1.0):
+                while (reply := await found.get()) is not None:
+                    if reply.ok is not None:
+                        names.append(str(reply.ok.key_expr))
+        except TimeoutError:
+            self.counters["queries_unended"] += 1
+        return sorted(set(names))
+
+    async def claim(self, name: str) -> zenoh.LivelinessToken:
+        """Declare that this daemon serves `name`. Raises AlreadyRunning if another live instance does.
+
+        A predecessor that just died may still have a token for the time of its lease, so this waits that long.
+        """
+        until, everybody = self._loop.time() + CLAIM_PATIENCE, keys.alive(self.fleet, name, self.daemon, "*")
+        ours = keys.alive(self.fleet, name, self.daemon, self.boot)
+        while others := await self.tokens(everybody):
+            if self._loop.time() >= until:
+                raise self._taken(name, others)
+            await asyncio.sleep(0.2)
+        token = self.token(ours)
+        while ours not in (there := await self.tokens(everybody)):
+            if self._loop.time() >= until:
+                raise BusClosed(f"the router does not show the token of `{name}`")
+            await asyncio.sleep(0.02)
+        if there[0] != ours:  # both came at the same moment: the same one of the two goes, whoever looks
+            token.undeclare()  # type: ignore[no-untyped-call]
+            raise self._taken(name, there)
+        return token
+
+    def _taken(self, name: str, tokens: list[str]) -> AlreadyRunning:
+        life = tokens[0].rsplit("/", 1)[-1]
+        return AlreadyRunning(f"another {self.daemon} serves `{name}` of fleet `{self.fleet}` already (boot {life})")
+
+    def _decode(self, record: type[R], key: str, payload: bytes, encoding: str) -> R:
+        made = codec(record)
+        try:
+            return made.decode(payload, "" if encoding == "zenoh/bytes" else encoding)
+        except BadRecord as bad:
+            self.counters["bad_input"] += 1
+            if self.counters["bad_input"] <= 10 or self.counters["bad_input"] % 1000 == 0:
+                log.warning("bad_input key=%s count=%d %s", key, self.counters["bad_input"], bad)
+            raise
+
+    def _reply(self, query: zenoh.Query, key: str, record: Record) -> None:
+        made = codec(type(record))
+        try:
+            query.reply(key, made.encode(record, self.wire), encoding=made.encoding(self.wire))
+        except zenoh.ZError as error:
+            self.counters["replies_lost"] += 1
+            log.debug("reply_lost key=%s why=%s", key, error)
+
+    def _soon(self, function: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return a callback for Zenoh's threads that runs `function` on the event loop while that runs."""
+
+        def callback(item: Any) -> None:
+            try:
+                self._loop.call_soon_threadsafe(function, item)
+            except RuntimeError:
+                self.counters["dropped"] += 1
+
+        return callback
+
+    def _hand_over(
+        self, deliver: Callable[[Any], None], refuse: Callable[[Any], None] | None = None
+    ) -> zenoh.handlers.Callback[Any]:
+        """Like `_soon`, with a bound on what may wait for the loop: the excess is refused and counted."""
+        waiting: deque[Any] = deque()
+        soon = self._soon(lambda _: deliver(waiting.popleft()))
+
+        def callback(item: Any) -> None:
+            if len(waiting) >= BACKLOG:
+                self.counters["dropped"] += 1
+                if refuse is not None:
+                    refuse(item)
+                return
+            waiting.append(item)
+            soon(None)
+
+        return zenoh.handlers.Callback(callback, indirect=False)
+
+    def _watch_router(self) -> None:
+        def changed(event: zenoh.TransportEvent) -> None:
+            was, zid = self.router_up, str(event.transport.zid)
+            if event.kind == zenoh.SampleKind.PUT:
+                self._routers.add(zid)
+            else:
+                self._routers.discard(zid)
+            if was != self.router_up:
+                log.log(
+                    logging.INFO if self.router_up else logging.WARNING, "router %s", "up" if self.router_up else "lost"
+                )
+                for handler in self._on_router:
+                    handler(self.router_up)
+
+        self._session.info.declare_transport_events_listener(self._hand_over(changed), history=True)
+
+    async def close(self) -> None:
+        """End what is being served, then leave the bus."""
+        for task in list(self._tasks):
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await asyncio.to_thread(self._session.close)
+
+
+def _drop_query(query: zenoh.Query) -> None:
+    with query:
+        query.reply_err(b"busy: too many queries wait", encoding=zenoh.Encoding.TEXT_PLAIN)
+
+
+def boot_id() -> str:
+    """Return a name for this life of the process."""
+    return os.urandom(4).hex()
+
+
+@asynccontextmanager
+async def open_bus(
+    endpoint: str,
+    *,
+    fleet: str,
+    name: str,
+    daemon: str,
+    stamp: Callable[[], int],
+    wire: Wire = "json",
+    mode: Literal["client", "router"] = "client",
+    stop: asyncio.Event | None = None,
+    patience: float = float("inf"),
+) -> AsyncIterator[Bus]:
+    """Open the bus, and close it at the end. A client waits for its router until `stop`, or for `patience` seconds.
+
+    Raises BusClosed when the router did not come, or when a router cannot listen at its endpoint.
+    """
+    loop = asyncio.get_running_loop()
+    until, said = loop.time() + patience, False
+    config = session_config(mode, endpoint, f"{daemon}/{name}")
+    while True:
+        try:
+            session = await asyncio.to_thread(zenoh.open, config)
+            break
+        except zenoh.ZError as error:
+            if mode == "router":
+                raise BusClosed(f"cannot listen at {endpoint}: is another router running there? ({error})") from None
+            if loop.time() >= until or (stop is not None and stop.is_set()):
+                raise BusClosed(f"no router at {endpoint}: is commd running?") from None
+            if not said:
+                log.warning("waiting for the router at %s", endpoint)
+                said = True
+            await asyncio.sleep(0.1)
+    bus = Bus(session, fleet=fleet, name=name, daemon=daemon, boot=boot_id(), wire=wire, stamp=stamp)
+    try:
+        yield bus
+    finally:
+        await bus.close()

@@ -1,0 +1,34 @@
+"""The one clock of a process (design section 8): mission time, which runs `speed` times as fast as the wall."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+
+class Clock:
+    """Mission time in seconds since the clock was made."""
+
+    def __init__(self, speed: float = 1.0) -> None:
+        self.speed = speed
+        self._start = time.monotonic()
+
+    def now(self) -> float:
+        """Return mission seconds since the start; never goes back."""
+        return (time.monotonic() - self._start) * self.speed
+
+    def wall(self) -> float:
+        """Return wall seconds since the start: for acknowledgements, liveliness, retries and link loss."""
+        return time.monotonic() - self._start
+
+    def stamp(self) -> int:
+        """Return Unix time in nanoseconds, for headers and logs."""
+        return time.time_ns()
+
+    def to_wall(self, mission_seconds: float) -> float:
+        """Return how many wall seconds a span of mission seconds takes."""
+        return mission_seconds / self.speed
+
+    async def sleep(self, mission_seconds: float) -> None:
+        """Sleep for a span of mission time."""
+        await asyncio.sleep(max(0.0, self.to_wall(mission_seconds)))

@@ -1,0 +1,56 @@
+"""The comm daemon: the board's Zenoh router, and the mail between the agents of the board."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from argparse import ArgumentParser, Namespace
+from typing import Literal
+
+from commd.bus import open_bus
+from commd.clock import Clock
+from commd.mailroom import Mailroom
+from commd.process import EXIT_DONE, report_health, run_daemon
+from schemas import keys
+from schemas.mission import Mission, load_mission
+from schemas.records import Mail
+
+log = logging.getLogger("commd")
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `commd serve`."""
+    parser.add_argument("mission", help="mission file")
+    parser.add_argument("--board", help="which board this is (default: the only one)")
+    parser.add_argument("--router", metavar="ENDPOINT", help="listen here instead of the mission's endpoint")
+
+
+def run(args: Namespace) -> int:
+    """Run the daemon until it is told to stop. Returns the exit code."""
+    return run_daemon("commd", lambda stop: serve(load_mission(args.mission), args, stop))
+
+
+async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
+    """Route for the board; take mail at `{agent}/outbox`, hand it over at `{agent}/inbox`."""
+    clock = Clock()
+    board = args.board or next(iter(mission.boards), "local")
+    endpoint = args.router or mission.router.endpoint
+    mode: Literal["client", "router"] = "client" if mission.router.external else "router"
+    async with open_bus(
+        endpoint,
+        fleet=mission.fleet,
+        name=board,
+        daemon="commd",
+        stamp=clock.stamp,
+        wire=mission.wire,
+        mode=mode,
+        stop=stop,
+    ) as bus:
+        await bus.claim(board)
+        mailroom = Mailroom(bus, set(mission.agents))
+        bus.serve(keys.outbox(mission.fleet, "*"), Mail, mailroom.post)
+        log.info("router board=%s endpoint=%s", board, endpoint)
+        health = asyncio.create_task(report_health(bus, board, clock, mailroom.health))
+        await stop.wait()
+        health.cancel()
+    return EXIT_DONE

@@ -1,0 +1,69 @@
+"""Mail between the agents of one board: each message is handed to its receiver, in order, before its sender is told.
+
+The seam for durable mail: `post` and `deliver` are where an outbox and an inbox on disk come in, and the records
+already carry ids and receipts. Here nothing is on disk: what the receiver's daemon did not take is refused.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter, defaultdict
+from contextlib import aclosing
+
+from commd.bus import Bus, Query
+from schemas import keys
+from schemas.records import Health, Mail, Message, Receipt
+
+HAND_OVER_TIMEOUT = 5.0
+"""Wall seconds that a receiver's daemon has to take a batch."""
+
+
+class Mailroom:
+    """Takes batches from senders and hands each message to its receiver's daemon."""
+
+    def __init__(self, bus: Bus, agents: set[str]) -> None:
+        self.agents = agents
+        self.counters: Counter[str] = Counter()
+        self._bus = bus
+        self._order: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
+
+    async def post(self, query: Query[Mail]) -> None:
+        """Serve an outbox: deliver a batch and tell its sender which messages were taken."""
+        if query.record is None or not query.concrete:
+            query.reply_error(query.error or "expected a Mail record on a concrete key")
+            return
+        taken: list[str] = []
+        refused: dict[str, str] = {}
+        for message in query.record.messages:
+            reason = await self.deliver(message)
+            if reason:
+                refused[message.id] = reason
+            else:
+                taken.append(message.id)
+        query.reply(Receipt(taken=tuple(taken), refused=refused))
+
+    async def deliver(self, message: Message) -> str:
+        """Hand one message to its receiver. Returns why it was not taken, or an empty text."""
+        self.counters["messages"] += 1
+        if message.receiver not in self.agents:
+            self.counters["refused"] += 1
+            return "receiver_not_found"
+        inbox = keys.inbox(self._bus.fleet, message.receiver)
+        async with self._order[message.receiver]:  # one at a time: order is kept per pair
+            reason = f"agent `{message.receiver}` is not there"
+            async with aclosing(
+                self._bus.query(inbox, Mail(messages=(message,)), Receipt, HAND_OVER_TIMEOUT)
+            ) as replies:
+                async for reply in replies:
+                    if reply.record is None:
+                        reason = reply.error
+                    elif message.id in reply.record.taken:
+                        reason = ""
+                    else:
+                        reason = reply.record.refused.get(message.id, "not taken")
+        self.counters["refused" if reason else "delivered"] += 1
+        return reason
+
+    def health(self) -> Health:
+        """Return the mail counters for the daemon's health."""
+        return Health(counters={name: float(count) for name, count in sorted(self.counters.items())})

@@ -1,0 +1,67 @@
+"""A daemon as a process: signals, logs, and an exit code."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import resource
+import signal
+import sys
+from collections.abc import Awaitable, Callable
+
+from commd.bus import AlreadyRunning, Bus, BusClosed
+from commd.clock import Clock
+from schemas import keys
+from schemas.findings import Findings
+from schemas.records import Health
+
+HEALTH_PERIOD = 1.0
+"""Wall seconds between two health records."""
+log = logging.getLogger("process")
+
+EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT = 0, 1, 2
+
+
+def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
+    """Run a daemon's `main(stop)` until it returns; SIGTERM and SIGINT set `stop`. Returns the exit code."""
+    logging.basicConfig(level=logging.INFO, stream=sys.stderr, format=f"%(levelname)s {name} %(name)s %(message)s")
+
+    async def supervised() -> int:
+        stop = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        for signum in (signal.SIGTERM, signal.SIGINT):
+            loop.add_signal_handler(signum, stop.set)
+        return await main(stop)
+
+    try:
+        return asyncio.run(supervised())
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except (AlreadyRunning, BusClosed) as error:
+        print(f"error: {name}: {error}", file=sys.stderr)
+        return EXIT_FAILED
+
+
+async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[], Health] = Health) -> None:
+    """Publish the daemon's health once a second, for ever."""
+    while True:
+        health = details()
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        bus.put(
+            keys.health(bus.fleet, name, bus.daemon),
+            Health(
+                header=bus.header("health"),
+                daemon=bus.daemon,
+                pid=os.getpid(),
+                uptime=round(clock.wall(), 1),
+                cpu=round(used.ru_utime + used.ru_stime, 3),
+                drops=bus.counters["dropped"] + health.drops,
+                bad_input=bus.counters["bad_input"] + health.bad_input,
+                counters=health.counters,
+                percepts=health.percepts,
+                notes=health.notes,
+            ),
+        )
+        await asyncio.sleep(HEALTH_PERIOD)

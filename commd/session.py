@@ -1,0 +1,47 @@
+"""Zenoh sessions as Argosy opens them (design section 7, every value measured)."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, Literal
+
+import zenoh
+
+LEASE_MS = 2_000
+"""A peer that says nothing for so long is gone: a hung or cut-off daemon shows within 2 s."""
+RETRY_MS = 300
+BLOCKED_SEND_US = 300_000
+"""A full send queue blocks at most so long before the transport is closed; one hung reader must not stop the others."""
+OPEN_TIMEOUT_MS = 1_000
+"""One attempt to reach the router. Attempts repeat, so that a stop is noticed in between."""
+
+
+def session_config(mode: Literal["client", "router"], endpoint: str, name: str) -> zenoh.Config:
+    """Return the configuration of a daemon's session, or of the board's router."""
+    retry = {"period_init_ms": RETRY_MS, "period_max_ms": RETRY_MS, "period_increase_factor": 1}
+    settings: dict[str, Any] = {
+        "mode": mode,
+        "metadata": {"name": name},
+        "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": BLOCKED_SEND_US,
+        "transport/shared_memory/enabled": False,
+    }
+    if mode == "router":
+        settings["listen"] = {"endpoints": [endpoint], "timeout_ms": 0, "exit_on_failure": True}
+        settings["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
+    else:
+        settings["connect"] = {
+            "endpoints": [endpoint],
+            "timeout_ms": OPEN_TIMEOUT_MS,
+            "exit_on_failure": True,
+            "retry": retry,
+        }
+    config = zenoh.Config()
+    for key, value in settings.items():
+        if isinstance(value, dict) and key in ("scouting", "connect", "listen", "adminspace"):
+            for inner, inner_value in value.items():
+                config.insert_json5(f"{key}/{inner}", json.dumps(inner_value))
+        else:
+            config.insert_json5(key, json.dumps(value))
+    return config

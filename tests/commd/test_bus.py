@@ -1,0 +1,239 @@
+"""The bus over real Zenoh sessions and a real router."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable, Coroutine
+from contextlib import AsyncExitStack, aclosing
+from typing import Any
+
+import pytest
+
+from commd.bus import AlreadyRunning, Bus, BusClosed, Query, open_bus
+from schemas.records import Action, ActionStatus, Perception
+
+Body = Callable[[Callable[..., Coroutine[Any, Any, Bus]]], Coroutine[Any, Any, None]]
+
+
+def run(endpoint: str, body: Body) -> None:
+    """Run `body(connect)` with a router at `endpoint`; `connect(name)` opens a client of it."""
+
+    async def everything() -> None:
+        async with AsyncExitStack() as stack, asyncio.timeout(60):
+
+            async def connect(name: str = "x", daemon: str = "agentd", mode: str = "client") -> Bus:
+                return await stack.enter_async_context(
+                    open_bus(endpoint, fleet="test", name=name, daemon=daemon, stamp=time.time_ns, mode=mode)  # type: ignore[arg-type]
+                )
+
+            await connect("board", "commd", "router")
+            await body(connect)
+
+    asyncio.run(everything())
+
+
+async def until(condition: Callable[[], bool], seconds: float = 20) -> None:
+    """Wait until `condition()` holds; fail after a bound."""
+    async with asyncio.timeout(seconds):
+        while not condition():
+            await asyncio.sleep(0.01)
+
+
+def test_what_is_put_arrives_typed_and_in_order(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        sender, receiver = await connect(), await connect()
+        got: list[Any] = []
+        receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append((key, record)))
+        await asyncio.sleep(0.2)
+        for altitude in range(50):
+            sender.put("argosy/test/uav/percept/altitude", Perception(name="altitude", parameters=(altitude,)))
+        await until(lambda: len(got) == 50)
+        assert [record.parameters[0] for _, record in got] == list(range(50))
+        assert got[0][0] == "argosy/test/uav/percept/altitude"
+
+    run(endpoint, body)
+
+
+def test_bad_bytes_are_counted_and_never_reach_the_handler(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        sender, receiver = await connect(), await connect()
+        got: list[Any] = []
+        receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record))
+        await asyncio.sleep(0.2)
+        for payload in (b"", b"\xff\xfe", b'{"name":7}', b"[" * 5000):
+            sender._session.put("argosy/test/uav/percept/altitude", payload)
+        sender._session.put(
+            "argosy/test/uav/percept/altitude", b'{"name":"a"}', encoding="application/json;argosy.Perception/2"
+        )
+        sender.put("argosy/test/uav/percept/altitude", Perception(name="altitude"))
+        await until(lambda: len(got) == 1)
+        assert receiver.counters["bad_input"] == 5
+
+    run(endpoint, body)
+
+
+def test_a_query_streams_its_replies_and_ends(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        server, asker = await connect(), await connect()
+
+        async def fly(query: Query[Action]) -> None:
+            assert query.record is not None
+            for state in ("accepted", "running", "succeeded"):
+                query.reply(ActionStatus(id=query.record.id, state=state))  # type: ignore[arg-type]
+                await asyncio.sleep(0.02)
+
+        server.serve("argosy/test/uav/action/*", Action, fly)
+        await asyncio.sleep(0.2)
+        states = []
+        async for reply in asker.query("argosy/test/uav/action/land", Action(id="uav:1:1"), ActionStatus, 10):
+            assert reply.record is not None
+            states.append(reply.record.state)
+        assert states == ["accepted", "running", "succeeded"]
+
+    run(endpoint, body)
+
+
+def test_a_query_that_nobody_serves_ends_at_once_with_no_reply(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        asker = await connect()
+        async with asyncio.timeout(10):
+            replies = [reply async for reply in asker.query("argosy/test/uav/action/land", Action(), ActionStatus, 30)]
+        assert replies == []
+
+    run(endpoint, body)
+
+
+def test_an_abandoned_query_is_cancelled(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        server, asker = await connect(), await connect()
+
+        async def forever(query: Query[Action]) -> None:
+            query.reply(ActionStatus(id="1", state="running"))
+            await asyncio.sleep(60)
+
+        server.serve("argosy/test/uav/action/*", Action, forever)
+        await asyncio.sleep(0.2)
+        async with aclosing(asker.query("argosy/test/uav/action/a", Action(), ActionStatus, 60)) as replies:
+            async for reply in replies:
+                assert reply.record is not None
+                break
+        assert await asker.tokens("argosy/**") == []  # the session still answers
+
+    run(endpoint, body)
+
+
+def test_bad_payloads_of_queries_are_told_to_the_server_and_its_errors_to_the_asker(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        server, asker = await connect(), await connect()
+
+        async def serve(query: Query[Action]) -> None:
+            query.reply_error(query.error)
+
+        server.serve("argosy/test/uav/action/*", Action, serve)
+        await asyncio.sleep(0.2)
+        channel = asker._session.get("argosy/test/uav/action/a", payload=b'{"parameters": 5}', timeout=10)
+        errors = await asyncio.to_thread(lambda: [reply.err.payload.to_string() for reply in channel])
+        assert errors == ["Action: Expected `array`, got `int` - at `$.parameters`"]
+
+    run(endpoint, body)
+
+
+def test_a_second_live_instance_of_a_name_is_refused_and_named(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        first, second = await connect("uav"), await connect("uav")
+        await first.claim("uav")
+        with pytest.raises(AlreadyRunning, match=f"another agentd serves `uav`.*boot {first.boot}"):
+            await second.claim("uav")
+
+    run(endpoint, body)
+
+
+def test_tokens_come_and_go_with_their_daemons(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        watcher, other = await connect(), await connect("uav")
+        seen: list[tuple[str, bool]] = []
+        token = await other.claim("uav")
+        watcher.watch("argosy/test/*/alive/**", lambda key, alive: seen.append((key, alive)))
+        await until(lambda: len(seen) == 1)
+        token.undeclare()
+        await until(lambda: len(seen) == 2)
+        assert [alive for _, alive in seen] == [True, False]
+
+    run(endpoint, body)
+
+
+def test_a_client_waits_for_its_router_and_comes_back_after_it_was_away(endpoint: str) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as clients:
+
+            def client() -> Any:
+                return open_bus(endpoint, fleet="test", name="uav", daemon="agentd", stamp=time.time_ns)
+
+            opening = asyncio.create_task(clients.enter_async_context(client()))
+            await asyncio.sleep(0.3)
+            assert not opening.done()
+            states: list[bool] = []
+            async with router(endpoint):
+                bus = await asyncio.wait_for(opening, 20)
+                await until(lambda: bus.router_up)
+                bus.on_router(states.append)
+            await until(lambda: not bus.router_up)
+            async with router(endpoint) as again:
+                await until(lambda: bus.router_up)
+                got: list[Perception] = []
+                again.subscribe("argosy/**", Perception, lambda key, record: got.append(record))
+                await asyncio.sleep(0.2)
+                bus.put("argosy/test/uav/percept/a", Perception(name="a"))
+                await until(lambda: len(got) == 1)
+            assert states[:2] == [False, True]
+
+    def router(at: str) -> Any:
+        return open_bus(at, fleet="test", name="board", daemon="commd", stamp=time.time_ns, mode="router")
+
+    asyncio.run(asyncio.wait_for(body(), 60))
+
+
+def test_a_router_says_when_its_endpoint_is_taken(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        with pytest.raises(BusClosed, match=r"cannot listen at .*: is another router running there"):
+            await connect("board2", "commd", "router")
+
+    run(endpoint, body)
+
+
+def test_no_router_within_the_patience_is_an_error_that_says_so(endpoint: str) -> None:
+    async def body() -> None:
+        with pytest.raises(BusClosed, match=r"no router at .*: is commd running"):
+            async with open_bus(endpoint, fleet="test", name="uav", daemon="agentd", stamp=time.time_ns, patience=0.1):
+                pass
+
+    asyncio.run(asyncio.wait_for(body(), 30))
+
+
+def test_a_flood_is_bounded_and_what_did_not_fit_is_counted(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("commd.bus.BACKLOG", 100)
+
+    async def body(connect: Any) -> None:
+        sender, receiver = await connect(), await connect()
+        got: list[Any] = []
+        receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record))
+        await asyncio.sleep(0.2)
+        for _ in range(500):
+            sender.put("argosy/test/uav/percept/a", Perception(name="a"))
+        time.sleep(1.0)  # the event loop is held up on purpose while Zenoh's threads deliver
+        await until(lambda: len(got) + receiver.counters["dropped"] == 500)
+        assert len(got) == 100
+
+    run(endpoint, body)
+
+
+def test_the_admin_space_of_the_router_can_be_read(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        client = await connect("uav")
+        answers = await asyncio.to_thread(
+            lambda: [str(r.ok.key_expr) for r in client._session.get("@/*/router", timeout=10)]
+        )
+        assert len(answers) == 1
+
+    run(endpoint, body)

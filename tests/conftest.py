@@ -1,0 +1,26 @@
+"""Fixtures that several floors share: free loopback ports and a real router."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+
+import pytest
+
+
+@pytest.fixture
+def free_port() -> Callable[[], int]:
+    """Return a function that finds a loopback port which nobody uses now."""
+
+    def find() -> int:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            return int(probe.getsockname()[1])
+
+    return find
+
+
+@pytest.fixture
+def endpoint(free_port: Callable[[], int]) -> str:
+    """Return a router endpoint on loopback that nobody uses."""
+    return f"tcp/127.0.0.1:{free_port()}"
