@@ -9,9 +9,14 @@ Infinity nor NaN, so those are `{"kind": "number", "text": "Infinity"}`. What th
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import msgspec
+
+AtomName = Annotated[str, msgspec.Meta(pattern=r"^([a-z][A-Za-z0-9_]*|'[^'\n]*')\Z")]
+"""A quoted atom keeps its quotes (Jason: 'abc' and abc are different)."""
+VariableName = Annotated[str, msgspec.Meta(pattern=r"^[A-Z_][A-Za-z0-9_]*\Z")]
+Namespace = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_]*\Z")]
 
 
 class _Kind(msgspec.Struct, frozen=True, tag_field="kind", omit_defaults=True):
@@ -19,9 +24,9 @@ class _Kind(msgspec.Struct, frozen=True, tag_field="kind", omit_defaults=True):
 
 
 class Atom(_Kind, frozen=True, tag="atom"):
-    """A symbolic constant. A quoted atom keeps its quotes in `name` (Jason: 'abc' and abc are different)."""
+    """A symbolic constant."""
 
-    name: str
+    name: AtomName
 
 
 class Number(_Kind, frozen=True, tag="number"):
@@ -33,20 +38,20 @@ class Number(_Kind, frozen=True, tag="number"):
 class Structure(_Kind, frozen=True, tag="structure"):
     """A compound term or annotated, negated or namespaced literal: `ns::~functor(args)[annotations]`."""
 
-    functor: str
+    functor: AtomName
     args: tuple[Term, ...] = ()
     annotations: tuple[Term, ...] = ()
     negated: bool = False
-    namespace: str = ""
+    namespace: Namespace = ""
 
 
 class Variable(_Kind, frozen=True, tag="variable"):
     """A free variable, perhaps with a sign, a namespace or annotations of its own."""
 
-    name: str
+    name: VariableName
     annotations: tuple[Term, ...] = ()
     negated: bool = False
-    namespace: str = ""
+    namespace: Namespace = ""
 
 
 class OpenList(_Kind, frozen=True, tag="open_list"):

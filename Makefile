@@ -1,0 +1,50 @@
+# Two commands do everything: `make fly` and `make test`. Each makes the virtual environment if it is not there.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+MISSION ?= missions/single_uav.yaml
+
+.PHONY: fly test lint types contracts format check-python clean
+
+fly: $(VENV)/fly.stamp  ## fly the paper's first mission in simulation, with a live view
+	@$(BIN)/argosy run $(MISSION) $(ARGS)
+
+test: $(VENV)/test.stamp  ## run all tests
+	$(BIN)/python -m pytest $(ARGS)
+
+format: $(VENV)/lint.stamp  ## is every file formatted?
+	$(BIN)/ruff format --check .
+
+lint: $(VENV)/lint.stamp
+	$(BIN)/ruff check .
+
+types: $(VENV)/lint.stamp
+	$(BIN)/mypy
+
+contracts: $(VENV)/lint.stamp  ## who may import whom (docs/design.md)
+	$(BIN)/lint-imports
+
+check-python:
+	@command -v $(PYTHON) >/dev/null || { echo "error: no $(PYTHON): sudo apt install python3 python3-venv"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "error: Python 3.11 or newer is needed, $(PYTHON) is $$($(PYTHON) -V): try make PYTHON=python3.11"; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "error: no venv: sudo apt install python3-venv"; exit 1; }
+
+$(BIN)/python: | check-python
+	@echo "making a virtual environment in $(VENV)"
+	@$(PYTHON) -m venv $(VENV)
+
+$(VENV)/fly.stamp: pyproject.toml | $(BIN)/python
+	@echo "installing argosy"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator]' && touch $@
+
+$(VENV)/test.stamp: pyproject.toml | $(BIN)/python
+	@echo "installing argosy and what its tests need"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,test]' && touch $@
+
+$(VENV)/lint.stamp: pyproject.toml | $(BIN)/python
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,test,lint]' && touch $@
+
+clean:
+	rm -rf $(VENV) report

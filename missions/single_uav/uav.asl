@@ -1,0 +1,43 @@
+/* The paper's first mission (section 5.1): take off, fly to a waypoint, return to home, land.
+
+   An action is an intention's step like any other: it ends when the vehicle's own state shows that it was done,
+   and it fails, with the vehicle's own words, when it was not. So there is nothing to poll here. */
+
+!fly_mission.
+
++!fly_mission : takeoff_altitude(Altitude) & waypoint(Lat, Long, Height)
+  <- !airborne(Altitude);
+     !visited(Lat, Long, Height);
+     !home_again;
+     .print("mission done");
+     +mission_done.
+
+// Whatever went wrong, a flying vehicle comes home before the mission is given up.
+-!fly_mission[reason(Reason)]
+  <- .print("mission failed: ", Reason);
+     !safe;
+     +mission_failed(Reason).
+
++!airborne(Altitude)
+  <- set_mode("GUIDED");
+     !armed;
+     .print("taking off to ", Altitude, " m");
+     takeoff(Altitude).
+
+// A vehicle that has just booted refuses to arm until its estimators agree: that is worth another try.
++!armed : state(_, _, true).
++!armed <- arm_motors(true).
+
++!visited(Lat, Long, Height)
+  <- .print("flying to ", Lat, ", ", Long, " at ", Height, " m");
+     goto(Lat, Long, Height).
+
++!home_again
+  <- .print("returning to home");
+     return_to_launch.
+
++!safe : state(_, true, true) <- .print("returning to home"); return_to_launch.
++!safe.
+-!safe[reason(Reason)]
+  <- .print("could not return: ", Reason, "; landing here");
+     land.

@@ -1,0 +1,122 @@
+"""Records and terms survive the wire; bad bytes are told apart, by field."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from schemas.codec import MAX_BYTES, BadRecord, Wire, codec
+from schemas.datagram import BadDatagram, read_message, write_message
+from schemas.records import Action, ActionStatus, Header, Mail, Message, Perception
+from schemas.terms import Term
+from schemas.text import BadTerm, read, write
+from tests.schemas.strategies import plain_terms, terms
+
+WIRES: tuple[Wire, ...] = ("json", "msgpack")
+
+
+@pytest.mark.parametrize("wire", WIRES)
+@given(parameters=st.lists(terms, max_size=3).map(tuple))
+def test_every_kind_of_term_survives_the_wire(wire: Wire, parameters: tuple[Term, ...]) -> None:
+    made = codec(Perception)
+    sent = Perception(header=Header(seq=1, stamp=2, source="uav1", boot="b"), name="p", parameters=parameters)
+    back = made.decode(made.encode(sent, wire), made.encoding(wire))
+    assert back == sent
+    assert list(map(type, back.parameters)) == list(map(type, sent.parameters))
+
+
+@given(term=plain_terms)
+def test_every_plain_term_survives_its_text(term: Term) -> None:
+    assert read(write(term)) == term
+
+
+@given(content=plain_terms, reply=st.sampled_from(["", "mid3"]))
+def test_messages_survive_the_papers_text_form(content: Term, reply: str) -> None:
+    message = Message(
+        id="mid7", sender="scout", performative="tell", receiver="rescuer1", content=content, in_reply_to=reply
+    )
+    assert read_message(write_message(message)) == message
+
+
+def test_the_papers_text_form_reads_as_jason_writes_it() -> None:
+    message = read_message("<mid1->mid0,scout,tell,rescuer1,victim(1,-27.6,-48.5)[source(scout)]>")
+    assert (message.id, message.in_reply_to, message.sender) == ("mid1", "mid0", "scout")
+    assert write(message.content) == "victim(1,-27.6,-48.5)[source(scout)]"
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ("hello", "expected `<id,sender,itlforce,receiver,data>`"),
+        ("<1,a,tell>", "expected five fields `<id,sender,itlforce,receiver,data>`, got 3"),
+        ("<1,,tell,b,x>", "sender: expected a name, got ``"),
+        ("<1,a,tell,b,f(>", "data: expected a term at character 3, got the end: f("),
+        ("<1,a,tell,b," + "[" * 5000 + ">", "data: nested deeper than 200"),
+    ],
+)
+def test_a_bad_datagram_says_which_part_is_wrong(text: str, error: str) -> None:
+    with pytest.raises(BadDatagram) as caught:
+        read_message(text)
+    assert str(caught.value).startswith(error)
+
+
+@given(text=st.text("abX_1.\"'()[]{}|,~:+- \n\\", max_size=30))
+def test_reading_any_text_gives_a_term_or_says_why_not(text: str) -> None:
+    try:
+        read(text)
+    except BadTerm as error:
+        assert "expected" in str(error) or "nested" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("payload", "error"),
+    [
+        (b"", "Perception: Input data was truncated"),
+        (b"\xff", "Perception: JSON is malformed: invalid character (byte 0)"),
+        (b'{"name":7}', "Perception: Expected `str`, got `int` - at `$.name`"),
+        (b"{}", "Perception: Object missing required field `name`"),
+        (b'{"name":"a","update":"set"}', "Perception: Invalid enum value 'set' - at `$.update`"),
+        (
+            b'{"name":"a","parameters":[{"kind":"atom","name":3}]}',
+            "Perception: atom: Expected `str`, got `int` - at `$.name` - at `$.parameters[0]`",
+        ),
+        (
+            b'{"name":"a","parameters":[null]}',
+            "Perception: Expected a term, got `null` - at `$.parameters[0]`",
+        ),
+        (b'{"name":"a","parameters":' + b"[" * 100_000 + b"]" * 100_000 + b"}", "Perception: nested too deeply"),
+        (b" " * (MAX_BYTES + 1), f"Perception: {MAX_BYTES + 1} bytes, expected at most {MAX_BYTES}"),
+    ],
+)
+def test_bad_bytes_give_an_error_that_names_the_field(payload: bytes, error: str) -> None:
+    with pytest.raises(BadRecord) as caught:
+        codec(Perception).decode(payload)
+    assert str(caught.value) == error
+
+
+@pytest.mark.parametrize("record", [Perception, Action, ActionStatus, Mail])
+@given(payload=st.binary(max_size=200), wire=st.sampled_from(WIRES))
+def test_any_bytes_decode_or_are_refused(record: type[Action], payload: bytes, wire: Wire) -> None:
+    made = codec(record)
+    try:
+        made.decode(payload, made.encoding(wire))
+    except BadRecord as error:
+        assert str(error).startswith(record.__name__)
+
+
+def test_another_major_version_or_record_is_refused_by_name() -> None:
+    with pytest.raises(BadRecord, match="version 2 of the record, this daemon speaks version 1"):
+        codec(Perception).decode(b'{"name":"a"}', "application/json;argosy.Perception/2")
+    with pytest.raises(BadRecord, match="expected a Perception, got a Action"):
+        codec(Perception).decode(b'{"name":"a"}', "application/json;argosy.Action/1")
+
+
+def test_unknown_fields_are_ignored_and_can_be_counted() -> None:
+    payload = b'{"name":"a","colour":"red"}'
+    assert codec(Perception).decode(payload).name == "a"
+    assert codec(Perception).unknown_fields(payload) == ["colour"]
+
+
+def test_an_action_by_hand_needs_only_its_parameters() -> None:
+    assert codec(Action).decode(b'{"parameters":[5]}', "zenoh/bytes").parameters == (5,)
