@@ -1,0 +1,109 @@
+"""An action as the agent sees it: asked for once, followed to its one final status (design section 5)."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import Counter
+from contextlib import aclosing
+
+from agentd.bridge import BridgeWatch
+from agentd.perceiving import Perceiving
+from commd.bus import Bus, BusClosed
+from schemas import keys
+from schemas.codec import BadRecord
+from schemas.records import Action, ActionStatus, Cancel
+from schemas.terms import Term
+
+log = logging.getLogger("actions")
+
+BUS_GRACE = 5.0
+"""Wall seconds without a word from the bridge before an action is given up: a router restart must not fail a flight."""
+ASKERS_MARGIN = 5.0
+"""Wall seconds beyond the deadline that the query stays open: the bridge ends the action, not we."""
+AFTER_PATIENCE = 0.5
+"""Wall seconds that a status waits for the percepts which it follows."""
+RETRY = 0.2
+
+
+class Acting:
+    """The actions of one agent on the bus."""
+
+    def __init__(self, bus: Bus, agent: str, perceiving: Perceiving, bridge: BridgeWatch) -> None:
+        self.counters: Counter[str] = Counter()
+        self._bus, self._agent, self._perceiving, self._bridge = bus, agent, perceiving, bridge
+
+    async def perform(self, identity: str, name: str, parameters: tuple[Term, ...], seconds: float) -> ActionStatus:
+        """Ask for an action and return its final status; `seconds` is its deadline in wall time.
+
+        Never raises and never waits for ever: without a word from the bridge for `BUS_GRACE` it has failed.
+        """
+        until = asyncio.get_running_loop().time() + seconds + ASKERS_MARGIN
+        status = await self._follow(identity, name, parameters, until)
+        if status.after is not None:
+            await self._perceiving.seen(status.header.boot, status.after, AFTER_PATIENCE)
+        self.counters[status.state] += 1
+        return status
+
+    async def _follow(self, identity: str, name: str, parameters: tuple[Term, ...], until: float) -> ActionStatus:
+        loop, attempt, reason = asyncio.get_running_loop(), 0, "bridge_lost: nobody serves this action"
+        heard = loop.time()
+
+        def failed(why: str) -> ActionStatus:
+            return ActionStatus(id=identity, state="failed", result=False, reason=why, name=name)
+
+        while True:
+            attempt += self._bus.router_up or attempt > 0  # what a lost router cannot have carried was not asked
+            action = Action(
+                header=self._bus.header("action"),
+                id=identity,
+                agent=self._agent,
+                name=name,
+                parameters=parameters,
+                attempt=max(1, attempt),
+            )
+            try:
+                async with aclosing(
+                    self._bus.query(
+                        keys.action(self._bus.fleet, self._agent, name),
+                        action,
+                        ActionStatus,
+                        max(1.0, until - loop.time()),
+                    )
+                ) as replies:
+                    async for reply in replies:
+                        heard = loop.time()
+                        if reply.record is None:
+                            reason = reply.error
+                        elif reply.record.final:
+                            return reply.record
+                        else:
+                            reason = "bridge_lost: its answers ended without an outcome"
+            except BadRecord as bad:
+                return failed(f"cannot be sent: {bad}")
+            except BusClosed as closed:
+                reason = f"bridge_lost: {closed}"
+            if self._bridge.gone:
+                return failed("bridge_lost: the bridge of this robot is not running")
+            if loop.time() - heard > BUS_GRACE:
+                return failed(reason)
+            if loop.time() > until:
+                return failed("no outcome within its deadline")
+            self.counters["asked_again"] += 1
+            await asyncio.sleep(RETRY)
+
+    async def cancel(self, identity: str) -> None:
+        """Ask the bridge to end an action that the agent has dropped."""
+        key = keys.cancel(self._bus.fleet, self._agent)
+        until = asyncio.get_running_loop().time() + BUS_GRACE
+        while asyncio.get_running_loop().time() < until:
+            async with aclosing(self._bus.query(key, Cancel(id=identity), ActionStatus, BUS_GRACE)) as replies:
+                async for _ in replies:
+                    return
+            await asyncio.sleep(RETRY)
+        log.warning("cancel_unanswered id=%s", identity)
+
+
+def describe(status: ActionStatus) -> str:
+    """Return what became of an action in one line, for logs."""
+    return f"action={status.name} id={status.id} state={status.state} {status.reason}".rstrip()

@@ -1,0 +1,67 @@
+"""Whether the bridge of an agent's robot is there, judged with patience: a router restart is not a death."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+
+from commd.bus import Bus
+from schemas import keys
+
+log = logging.getLogger("bridge")
+
+DEBOUNCE = 0.3
+"""Wall seconds that a token must be absent under a live router before its daemon counts as dead."""
+ROUTER_GRACE = 5.0
+"""Wall seconds that daemons have to come back after the router did."""
+
+
+class BridgeWatch:
+    """Follows the liveliness tokens of one robot's bridge; tells `on_up` and `on_gone` once for each change."""
+
+    def __init__(self, bus: Bus, robot: str, on_up: Callable[[], None], on_gone: Callable[[], None]) -> None:
+        self.up = False
+        """A bridge has been seen and has not been given up."""
+        self.gone = False
+        """A bridge was there and is dead: its token is absent although the router answers."""
+        self._bus, self._robot, self._on_up, self._on_gone = bus, robot, on_up, on_gone
+        self._tokens: set[str] = set()
+        self._router_since = asyncio.get_running_loop().time()
+        self._judging: asyncio.Task[None] | None = None
+        bus.on_router(self._router)
+        bus.watch(keys.alive(bus.fleet, robot, "bridged", "*"), self._token)
+
+    def _router(self, up: bool) -> None:
+        if up:
+            self._router_since = asyncio.get_running_loop().time()
+
+    def _token(self, key: str, alive: bool) -> None:
+        if alive:
+            self._tokens.add(key)
+            self.gone = False
+            if not self.up:
+                self.up = True
+                log.info("bridge_up robot=%s", self._robot)
+            self._on_up()
+            return
+        self._tokens.discard(key)
+        if not self._tokens and self._judging is None:
+            self._judging = asyncio.get_running_loop().create_task(self._judge())
+
+    async def _judge(self) -> None:
+        """Decide whether an absent token means a dead bridge."""
+        loop = asyncio.get_running_loop()
+        lost_at = loop.time()
+        try:
+            await asyncio.sleep(DEBOUNCE)
+            while not self._tokens:
+                restarted = self._router_since > lost_at
+                if self._bus.router_up and (not restarted or loop.time() - self._router_since > ROUTER_GRACE):
+                    self.up, self.gone = False, True
+                    log.warning("bridge_lost robot=%s", self._robot)
+                    self._on_gone()
+                    return
+                await asyncio.sleep(0.1)
+        finally:
+            self._judging = None

@@ -1,0 +1,111 @@
+"""What an agent perceives, kept complete: it subscribes, asks for the present set, and asks again whenever in doubt.
+
+In doubt is: a gap in the seqs, the router back after it was away, another life of the bridge, or a digest in the
+bridge's health that differs from our own (design section 4). The bridge alone ages percepts.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import Counter
+from collections.abc import Callable
+from contextlib import aclosing
+
+from commd.bus import Bus
+from schemas import keys
+from schemas.percepts import PerceptSet
+from schemas.records import Health, Perception
+
+log = logging.getLogger("percepts")
+
+ASK_TIMEOUT = 2.0
+"""Wall seconds that the bridge has to answer with the present set."""
+RETRY = 0.2
+"""Wall seconds between two attempts to get the present set."""
+EMPTY_HASH = "0" * 16
+
+
+class Perceiving:
+    """The percepts of one agent. Each change is told once, to `on_change`."""
+
+    def __init__(self, bus: Bus, agent: str, robot: str, on_change: Callable[[Perception], None]) -> None:
+        self.percepts = PerceptSet()
+        self.counters: Counter[str] = Counter()
+        self._bus, self._agent, self._on_change = bus, agent, on_change
+        self._reported = ""
+        self._doubt = asyncio.Event()
+        self._waiting: list[tuple[int, asyncio.Future[None]]] = []
+        self._doubt.set()
+        bus.subscribe(keys.percept(bus.fleet, agent, "*"), Perception, self._heard)
+        bus.subscribe(keys.health(bus.fleet, robot, "bridged"), Health, self._health)
+        bus.on_router(lambda up: self.doubt() if up else None)
+
+    def doubt(self) -> None:
+        """Ask for the present set again."""
+        self._doubt.set()
+
+    def forget(self) -> None:
+        """The bridge is gone: so is what it told."""
+        for removal in self.percepts.clear():
+            self._on_change(removal)
+
+    async def seen(self, boot: str, seq: int, patience: float) -> bool:
+        """Wait until the perception with this seq has been taken in, at most `patience` wall seconds."""
+        if self.percepts.boot != boot or self.percepts.seq >= seq:
+            return True
+        arrival = asyncio.get_running_loop().create_future()
+        self._waiting.append((seq, arrival))
+        try:
+            await asyncio.wait_for(arrival, patience)
+        except TimeoutError:
+            self.counters["late"] += 1
+            return False
+        finally:
+            self._waiting = [(at, other) for at, other in self._waiting if other is not arrival]
+        return True
+
+    async def run(self) -> None:
+        """Repair the set whenever it is in doubt, for ever."""
+        while True:
+            await self._doubt.wait()
+            self._doubt.clear()
+            if not await self._repair():
+                self._doubt.set()
+                await asyncio.sleep(RETRY)
+
+    async def _repair(self) -> bool:
+        snapshot: list[Perception] = []
+        everything = keys.percept(self._bus.fleet, self._agent, "**")
+        async with aclosing(self._bus.query(everything, None, Perception, ASK_TIMEOUT)) as replies:
+            async for reply in replies:
+                if reply.record is None:
+                    return False
+                snapshot.append(reply.record)
+        if not snapshot and len(self.percepts) and not self._reported.endswith(f":{EMPTY_HASH}"):
+            return not self._bus.router_up  # nobody answered: the bridge is away, and its return raises doubt again
+        changes = self.percepts.restore(snapshot)
+        if changes is None:
+            return False  # a newer perception came while the answer was on its way
+        self.counters["repairs"] += 1
+        for change in changes:
+            self._on_change(change)
+        self._tell_waiting()
+        return True
+
+    def _heard(self, key: str, perception: Perception) -> None:
+        if self.percepts.apply(perception):
+            self._on_change(perception)
+            self._tell_waiting()
+        if self.percepts.needs_repair():
+            self._doubt.set()
+
+    def _health(self, key: str, health: Health) -> None:
+        self._reported = health.percepts.get(self._agent, "")
+        if self._reported and self.percepts.needs_repair(self._reported):
+            self._doubt.set()
+
+    def _tell_waiting(self) -> None:
+        for seq, arrival in self._waiting:
+            if self.percepts.seq >= seq and not arrival.done():
+                arrival.set_result(None)
