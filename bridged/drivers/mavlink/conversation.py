@@ -1,0 +1,229 @@
+"""The conversation with one vehicle: heartbeats, streams, commands and the actions that are under way.
+
+Pure: messages and the time (mission seconds) go in, messages and readings come out. The driver adds the link.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.commands import Commands, Identity
+from bridged.drivers.mavlink.failsafe import FailsafeCheck
+from bridged.drivers.mavlink.flight import Flight, Steps, Task
+from bridged.drivers.mavlink.modes import MODE_TABLES
+from bridged.drivers.mavlink.procedures import Call, Procedure, secure, stay
+from bridged.drivers.mavlink.streams import Streams
+from bridged.drivers.mavlink.texts import Texts
+from bridged.drivers.mavlink.vehicle import Vehicle
+from bridged.drivers.robot import OnReading, Order, Outcome, Reading
+from schemas.manifest import Manifest, Retry
+from schemas.mission import Failsafe, Limits
+
+HEARTBEAT_EVERY = 1.0
+"""Mission seconds."""
+MAX_STRANGERS = 8
+"""System ids of others on the link that are remembered for the error."""
+MAX_TASKS = 16
+"""Executions under way at once; the bridge allows fewer."""
+NO_LIMITS, NOBODYS_FAILSAFE = Limits(), Failsafe()
+
+
+class Conversation:
+    """Everything said between us and one vehicle."""
+
+    def __init__(
+        self,
+        manifest: Manifest,
+        identity: Identity,
+        send: Callable[[dialect.MAVLink_message], None],
+        on_reading: OnReading,
+        *,
+        speed: float = 1.0,
+        limits: Limits = NO_LIMITS,
+        failsafe: Failsafe = NOBODYS_FAILSAFE,
+    ) -> None:
+        self.identity = identity
+        self.modes = MODE_TABLES[manifest.robot.vehicle]
+        self.vehicle = Vehicle(self.modes)
+        self.texts = Texts()
+        self.commands = Commands(identity, speed, send)
+        self.streams = Streams(manifest, self.commands, speed)
+        self.flight = Flight(self.vehicle, self.commands, self.texts, send, speed, limits)
+        self.failsafe = FailsafeCheck(failsafe, identity, send, speed)
+        self.received = 0
+        """Messages of the vehicle so far."""
+        self.speaks_for_agent = True
+        self._sources = {percept.source for percept in manifest.percepts.values()}
+        self._link_loss = self.flight.wait(manifest.robot.link_loss, manifest.robot.link_loss)
+        self._send = send
+        self._on_reading = on_reading
+        self._tasks: dict[Task, Steps] = {}
+        self._strangers: set[int] = set()
+        self._heartbeat_at = 0.0
+        self._in_control = False
+        self._overridden = False
+
+    # ---- what comes in
+
+    def receive(self, message: dialect.MAVLink_message, now: float) -> None:
+        """Take in one message from the link, whoever sent it."""
+        sender = (message.get_srcSystem(), message.get_srcComponent())
+        if sender != (self.identity.vehicle, self.identity.autopilot):
+            if sender[0] != self.identity.vehicle and len(self._strangers) < MAX_STRANGERS:
+                self._strangers.add(sender[0])
+            return
+        self.flight.now = max(now, self.flight.now)
+        self.received += 1
+        name, reboots, mode = message.get_type(), self.vehicle.reboots, self.vehicle.mode
+        self.vehicle.receive(message, self.flight.now)
+        self.streams.count(name)
+        match name:
+            case "HEARTBEAT":
+                self._heard(mode)
+            case "COMMAND_ACK":
+                self.commands.acknowledge(message, self.flight.now)
+            case "STATUSTEXT":
+                self.texts.receive(message, self.flight.now)
+            case "PARAM_VALUE":
+                self.failsafe.receive(message)
+        if self.vehicle.reboots != reboots:
+            self._rebooted()
+        if name in self._sources and name != "HEARTBEAT":
+            self._on_reading(Reading(name, message.to_dict()))
+        self._step()
+
+    def tick(self, now: float) -> None:
+        """Let time pass: heartbeats, repetitions, silence."""
+        self.flight.now = now = max(now, self.flight.now)
+        if now >= self._heartbeat_at:
+            self._heartbeat_at = now + HEARTBEAT_EVERY
+            if self.speaks_for_agent or not self.failsafe.claims_ground_station:
+                self._send(_HEARTBEAT)
+        if self.vehicle.connected and now - self.vehicle.heard_at > self._link_loss:
+            self._lost()
+        self.commands.tick(now)
+        self.streams.tick(now, lambda: self.vehicle.home is not None)
+        if self.vehicle.connected:
+            self.failsafe.tick(now)
+        self._step()
+
+    # ---- what is to be done
+
+    def begin(self, task: Task, procedure: Procedure, call: Call) -> Task:
+        """Start a procedure; its first step is taken at once."""
+        if len(self._tasks) >= MAX_TASKS:
+            task.end(Outcome("refused", f"{MAX_TASKS} actions are under way already"))
+            return task
+        if task.moves:
+            for other in [other for other in self._tasks if other.name == stay.__name__]:
+                self.end(other, Outcome("cancelled", f"{task.name} takes over"))
+        self._tasks[task] = self._when_connected(task, procedure, call)
+        self._step()
+        return task
+
+    def order(self, order: Order) -> Task:
+        """Start an order from above the agents; whatever runs ends."""
+        mode = {"hold": self.modes.hold, "land": self.modes.land, "rtl": self.modes.rtl}[order]
+        for other in list(self._tasks):
+            self.end(other, Outcome("failed", f"ordered from above: {order}"))
+        return self.begin(Task(order, moves=False, sets_mode=True), secure, _mode_call(mode))
+
+    def end(self, task: Task, outcome: Outcome, *, hold: bool = False) -> None:
+        """End a procedure from outside; `hold` makes a vehicle in flight stay where it is."""
+        steps = self._tasks.pop(task, None)
+        if steps is not None:
+            steps.close()
+        task.end(outcome)
+        for command in task.commands:
+            self.commands.abandon(command)
+        if hold and task.moves and self.vehicle.aloft:
+            self.begin(Task(stay.__name__), stay, _mode_call(self.modes.guided))
+
+    def control_taken(self) -> None:
+        """An agent has set the mode itself: an override by others is over."""
+        self._in_control = True
+        if self._overridden:
+            self._overridden = False
+            self._on_reading(Reading("OVERRIDE", None))
+
+    def notes(self) -> list[str]:
+        """Warnings that hold now."""
+        if not self.vehicle.connected:
+            others = ", ".join(map(str, sorted(self._strangers)))
+            heard = f"; heard only system {others}" if others else ""
+            return [f"no heartbeat from system {self.identity.vehicle}{heard}", *self.failsafe.notes()]
+        return self.streams.notes() + self.failsafe.notes()
+
+    # ---- inside
+
+    def _step(self) -> None:
+        """Let every procedure look at the flight once."""
+        for task, steps in list(self._tasks.items()):
+            if task not in self._tasks:
+                continue
+            try:
+                next(steps)
+            except StopIteration as stop:
+                self._tasks.pop(task, None)
+                task.end(stop.value)
+
+    def _when_connected(self, task: Task, procedure: Procedure, call: Call) -> Steps:
+        while not self.vehicle.connected:
+            task.waits_for = f"a heartbeat from system {self.identity.vehicle}"
+            yield
+        return (yield from procedure(self.flight, task, call))
+
+    def _heard(self, mode_before: int) -> None:
+        connected, self.vehicle.connected = self.vehicle.connected, True
+        if not connected:
+            self.streams.request(self.flight.now)
+            self.failsafe.begin(self.flight.now)
+        elif self.vehicle.mode != mode_before and not self.flight.expects(self.vehicle.mode):
+            self._mode_set_by_others()
+        self._tell_state()
+
+    def _tell_state(self) -> None:
+        vehicle = self.vehicle
+        mode = vehicle.mode_name if vehicle.connected else ""
+        armed = vehicle.armed and vehicle.connected
+        self._on_reading(Reading("HEARTBEAT", {"mode": mode, "connected": vehicle.connected, "armed": armed}))
+
+    def _mode_set_by_others(self) -> None:
+        """Pilot, ground station or failsafe. A task that is setting the mode judges for itself."""
+        if any(task.sets_mode for task in self._tasks):
+            return
+        name = self.vehicle.mode_name
+        said = self.texts.since(self.flight.now - self.flight.wait(1.0, 0.3))
+        reason = f"the mode became {name}, which nobody here asked for (pilot, ground station or failsafe)"
+        for task in [task for task in self._tasks if task.moves]:
+            self.end(task, Outcome("failed", f"{reason}: {said}" if said else reason))
+        if self._in_control:
+            self._in_control, self._overridden = False, True
+            self._on_reading(Reading("OVERRIDE", {"mode": name}))
+
+    def _lost(self) -> None:
+        self.vehicle.connected = False
+        silence = self.flight.now - self.vehicle.heard_at
+        self.commands.clear()
+        self.streams.stop()
+        for task in list(self._tasks):
+            self.end(task, Outcome("failed", f"link lost: no heartbeat for {silence:.1f} s"))
+        self._tell_state()
+
+    def _rebooted(self) -> None:
+        for task in [task for task in self._tasks if task.moves]:
+            self.end(task, Outcome("failed", "the vehicle rebooted"))
+        self.streams.request(self.flight.now)
+        self.failsafe.begin(self.flight.now)
+
+
+def _mode_call(mode: int) -> Call:
+    parameters = (float(dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(mode), 0.0, 0.0, 0.0, 0.0, 0.0)
+    return Call(dialect.MAV_CMD_DO_SET_MODE, parameters, Retry())
+
+
+_HEARTBEAT = dialect.MAVLink_heartbeat_message(
+    dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3
+)

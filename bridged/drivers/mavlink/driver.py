@@ -1,0 +1,134 @@
+"""The MAVLink driver: one vehicle on one link, on asyncio. What is said is in `conversation`."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Mapping
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.conversation import Conversation
+from bridged.drivers.mavlink.failsafe import our_ids
+from bridged.drivers.mavlink.flight import Task
+from bridged.drivers.mavlink.link import Link, LinkAddress, open_link
+from bridged.drivers.mavlink.procedures import PROCEDURES
+from bridged.drivers.mavlink.vocabulary import call_of
+from bridged.drivers.robot import Execution, OnReading, Order, Outcome, Value
+from commd.clock import Clock
+from schemas.manifest import ActionEntry, Manifest
+from schemas.mission import Robot
+
+TICK = 0.1
+"""Wall seconds between looks at the time when no message comes; at speed N the vehicle's second is 1/N of one."""
+TICKS_PER_VEHICLE_SECOND = 4.0
+log = logging.getLogger("mavlink")
+
+
+class MavlinkDriver:
+    """A `bridged.drivers.robot.Driver`."""
+
+    def __init__(
+        self, manifest: Manifest, robot: Robot, clock: Clock, on_reading: OnReading, on_step: Callable[[], None]
+    ) -> None:
+        self._address = LinkAddress.parse(robot.link)
+        self._clock = clock
+        self._on_step = on_step
+        self._link: Link | None = None
+        self._identity = our_ids(robot.failsafe, robot.sysid)
+        self._conversation = Conversation(
+            manifest,
+            self._identity,
+            self._send,
+            on_reading,
+            speed=clock.speed,
+            limits=robot.limits,
+            failsafe=robot.failsafe,
+        )
+
+    async def run(self) -> None:
+        """Carry the vehicle's traffic until cancelled. Raises LinkError if the link cannot be opened."""
+        link = self._link = await open_link(
+            self._address,
+            lambda message, _peer: self._receive(message),
+            system=self._identity.system,
+            component=self._identity.component,
+            on_state=lambda up, why: log.info("link %s %s: %s", self._address, "up" if up else "down", why),
+        )
+        pause = min(TICK, 1 / (TICKS_PER_VEHICLE_SECOND * self._clock.speed))
+        try:
+            while True:
+                self._conversation.tick(self._clock.now())
+                self._on_step()
+                await asyncio.sleep(pause)
+        finally:
+            await link.close()
+            self._link = None
+
+    def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
+        """Begin an action of the manifest."""
+        task = Task(name, moves=entry.motion, sets_mode=entry.confirm == "mode")
+        try:
+            call = call_of(entry, arguments, self._conversation.modes)
+        except ValueError as error:
+            task.end(Outcome("refused", str(error)))
+            return task
+        return self._conversation.begin(task, PROCEDURES[entry.confirm], call)
+
+    def order(self, order: Order) -> Execution:
+        """Begin an order from above; every action that runs ends."""
+        return self._conversation.order(order)
+
+    def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
+        """End an execution now."""
+        if isinstance(execution, Task):
+            self._conversation.end(execution, outcome, hold=hold)
+
+    def control_taken(self) -> None:
+        """An agent has set the mode itself."""
+        self._conversation.control_taken()
+
+    @property
+    def active(self) -> bool:
+        """Armed, as far as is known; a vehicle that fell silent while armed counts as armed."""
+        return self._conversation.vehicle.armed
+
+    def speak_for_agent(self, present: bool) -> None:
+        """Without an agent, heartbeats that claim to be the ground station stop."""
+        self._conversation.speaks_for_agent = present
+
+    def counters(self) -> dict[str, float]:
+        """Figures for health."""
+        talk = self._conversation
+        counters: dict[str, float] = {
+            "messages": talk.received,
+            "commands_repeated": talk.commands.repeated,
+            "acks_unmatched": talk.commands.unmatched,
+            "streams_requested": talk.streams.requested,
+            "reboots": talk.vehicle.reboots,
+        }
+        if self._link is not None:
+            came = self._link.counters
+            counters |= {
+                "bad_checksums": came.bad_checksums,
+                "skipped_bytes": came.skipped_bytes,
+                "unknown_packets": came.unknown_packets,
+                "unreadable_packets": came.unreadable_packets,
+                "link_dropped": came.dropped,
+                "link_reopened": came.reopened,
+            }
+        return counters
+
+    def notes(self) -> list[str]:
+        """Warnings that hold now."""
+        link = self._link
+        down = [f"link {self._address} is down: {link.why}"] if link is not None and not link.up else []
+        return down + self._conversation.notes()
+
+    def _receive(self, message: dialect.MAVLink_message) -> None:
+        self._conversation.receive(message, self._clock.now())
+        self._on_step()
+
+    def _send(self, message: dialect.MAVLink_message) -> None:
+        if self._link is not None:
+            self._link.send(message, self._identity.vehicle)

@@ -1,0 +1,140 @@
+"""Which messages a vehicle is asked to send, and asking again when they stop (facts/arducopter.md, Streams).
+
+An autopilot sends little unasked, forgets what it was asked when it reboots, and other ground stations on the link
+change its rates. Pure: it counts messages and says what to ask for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.commands import Command, Commands
+from schemas.manifest import Manifest, Retry
+
+OWN_NEEDS = {
+    "GLOBAL_POSITION_INT": 5.0,
+    "SYS_STATUS": 1.0,
+    "GPS_RAW_INT": 2.0,
+    "EKF_STATUS_REPORT": 2.0,
+    "EXTENDED_SYS_STATE": 2.0,
+    "POSITION_TARGET_GLOBAL_INT": 2.0,
+}
+"""Hz at least of what readiness and the confirmations look at."""
+UNASKED = frozenset({"HEARTBEAT", "STATUSTEXT", "HOME_POSITION", "COMMAND_ACK", "OVERRIDE"})
+"""Come by themselves, on request, or are the driver's own."""
+SPORADIC = frozenset({"POSITION_TARGET_GLOBAL_INT"})
+"""Sent only in some states of the vehicle: their silence proves nothing."""
+DEFAULT_RATE = 2.0
+"""Hz for a percept whose manifest names no rate."""
+WINDOW = 4.0
+"""Mission and wall seconds over which the rate is judged."""
+HOME_EVERY = 5.0
+"""Mission and wall seconds between requests for a home that is not known yet."""
+ASK = Retry(times=3)
+
+
+@dataclass
+class _Stream:
+    number: int
+    name: str
+    rate: float
+    denied: bool = False
+    received: int = 0
+    pending: Command | None = None
+
+    def starved(self, window: float) -> bool:
+        """Whether fewer than half of the messages came in the `window` seconds that end now."""
+        return not self.denied and self.name not in SPORADIC and self.received < self.rate * window / 2
+
+
+class Streams:
+    """The messages that one vehicle is asked for."""
+
+    def __init__(self, manifest: Manifest, commands: Commands, speed: float) -> None:
+        self.requested = 0
+        """Intervals asked for so far."""
+        self._commands = commands
+        self._window = WINDOW * max(1.0, speed)
+        self._scale = max(1.0, speed)
+        self._streams = {stream.name: stream for stream in _wanted(manifest)}
+        self._judge_at = math.inf
+        self._home_at = math.inf
+        self._starved: list[str] = []
+
+    def count(self, name: str) -> None:
+        """A message of this name came."""
+        if stream := self._streams.get(name):
+            stream.received += 1
+
+    def request(self, now: float) -> None:
+        """Ask for everything, as after a connect or a reboot."""
+        for stream in self._streams.values():
+            self._ask(stream, now)
+        self._open_window(now)
+        self._home_at = now
+
+    def stop(self) -> None:
+        """Judge nothing while the link is lost."""
+        self._judge_at = self._home_at = math.inf
+
+    def tick(self, now: float, home_known: Callable[[], bool]) -> None:
+        """Note denials, ask again for what falls under half of its rate, and ask for home until it is known."""
+        for stream in self._streams.values():
+            if stream.pending is not None and stream.pending.over:
+                stream.denied = stream.pending.result in (
+                    dialect.MAV_RESULT_DENIED,
+                    dialect.MAV_RESULT_UNSUPPORTED,
+                )
+                stream.pending = None
+        if now >= self._judge_at:
+            starved = [stream for stream in self._streams.values() if stream.starved(self._window)]
+            self._starved = [stream.name for stream in starved]
+            for stream in starved:
+                self._ask(stream, now)
+            self._open_window(now)
+        if now >= self._home_at:
+            self._home_at = math.inf if home_known() else now + HOME_EVERY * self._scale
+            if not home_known():
+                self._submit(dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_HOME_POSITION, 0.0, now)
+
+    def notes(self) -> list[str]:
+        """What the vehicle was asked for and does not send."""
+        notes = [f"the vehicle does not know {stream.name}" for stream in self._streams.values() if stream.denied]
+        return notes + [f"{name} comes too seldom; asked again" for name in self._starved]
+
+    def _ask(self, stream: _Stream, now: float) -> None:
+        if stream.pending is None or stream.pending.over:
+            self.requested += 1
+            stream.pending = self._submit(
+                dialect.MAV_CMD_SET_MESSAGE_INTERVAL, stream.number, round(1e6 / stream.rate), now
+            )
+
+    def _submit(self, command: int, number: int, interval: float, now: float) -> Command:
+        parameters = (float(number), float(interval), 0.0, 0.0, 0.0, 0.0, 0.0)
+        return self._commands.submit(Command(command, parameters, ASK), now)
+
+    def _open_window(self, now: float) -> None:
+        for stream in self._streams.values():
+            stream.received = 0
+        self._judge_at = now + self._window
+
+
+def _wanted(manifest: Manifest) -> Iterable[_Stream]:
+    rates = dict(OWN_NEEDS)
+    for percept in manifest.percepts.values():
+        if percept.source not in UNASKED:
+            rates[percept.source] = max(rates.get(percept.source, 0.0), percept.rate or DEFAULT_RATE)
+    for name, rate in rates.items():
+        yield _Stream(message_number(name), name, rate)
+
+
+def message_number(name: str) -> int:
+    """The id of a message of the dialect. Raises ValueError for a name that it does not have."""
+    try:
+        return int(getattr(dialect, f"MAVLINK_MSG_ID_{name}"))
+    except AttributeError:
+        raise ValueError(f"MAVLink has no message {name}") from None

@@ -1,0 +1,134 @@
+"""What a vehicle has told of itself so far. Pure: decoded messages go in, with the time in mission seconds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.modes import ModeTable
+
+EARTH_M = 6_371_000.0
+_ARMED = dialect.MAV_MODE_FLAG_SAFETY_ARMED
+_PREARM_CHECK = dialect.MAV_SYS_STATUS_PREARM_CHECK
+_POS_HORIZ_ABS = dialect.EKF_POS_HORIZ_ABS
+ON_GROUND = dialect.MAV_LANDED_STATE_ON_GROUND
+ALOFT = frozenset({
+    dialect.MAV_LANDED_STATE_IN_AIR, dialect.MAV_LANDED_STATE_TAKEOFF, dialect.MAV_LANDED_STATE_LANDING,
+})  # fmt: skip
+REBOOT_MS = 3000
+"""`time_boot_ms` that goes back by more than this is a reboot; less is datagrams out of order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A point over the earth: degrees, and metres in the frame that its owner says."""
+
+    latitude: float
+    longitude: float
+    altitude: float
+
+    def distance(self, other: Place) -> float:
+        """Horizontal distance in metres; flat-earth, good to a permille over the few km that a link reaches."""
+        north = math.radians(other.latitude - self.latitude) * EARTH_M
+        turn = (other.longitude - self.longitude + 180.0) % 360.0 - 180.0
+        east = math.radians(turn) * EARTH_M * math.cos(math.radians((self.latitude + other.latitude) / 2))
+        return math.hypot(north, east)
+
+
+class Vehicle:
+    """The state of one vehicle as its messages show it."""
+
+    def __init__(self, modes: ModeTable) -> None:
+        self.modes = modes
+        self.connected = False
+        """Heard within the link-loss time; kept by the conversation."""
+        self.heartbeats = 0
+        """How many came so far: "still at the next HEARTBEAT" is told by this count."""
+        self.heard_at = -math.inf
+        """Time of the last HEARTBEAT."""
+        self.mode = -1
+        self.armed = False
+        self.landed_state = 0
+        self.prearm_ok = False
+        self.ekf_flags = 0
+        self.gps_fix = 0
+        self.home: Place | None = None
+        """AMSL."""
+        self.position: Place | None = None
+        """Metres above home."""
+        self.positions = 0
+        """How many position messages came so far."""
+        self.amsl = 0.0
+        self.speed = 0.0
+        """m/s, over all three axes."""
+        self.target: Place | None = None
+        """What the vehicle itself says it flies to (message 87), AMSL."""
+        self.targets = 0
+        """How many such messages came so far."""
+        self.reboots = 0
+        self._boot_ms = 0
+
+    @property
+    def mode_name(self) -> str:
+        """Name of the mode; empty before the first HEARTBEAT."""
+        return self.modes.name(self.mode) if self.mode >= 0 else ""
+
+    @property
+    def aloft(self) -> bool:
+        """Whether it is off the ground, as far as it says."""
+        return self.armed and self.landed_state in ALOFT
+
+    def receive(self, message: dialect.MAVLink_message, now: float) -> None:
+        """Take in one message of this vehicle's autopilot."""
+        match message.get_type():
+            case "HEARTBEAT":
+                self.heartbeats += 1
+                self.heard_at = now
+                self.mode = message.custom_mode
+                self.armed = bool(message.base_mode & _ARMED)
+            case "GLOBAL_POSITION_INT":
+                self._clock(message.time_boot_ms)
+                self.position = Place(message.lat / 1e7, message.lon / 1e7, message.relative_alt / 1e3)
+                self.amsl = message.alt / 1e3
+                self.speed = math.hypot(message.vx, message.vy, message.vz) / 100
+                self.positions += 1
+            case "POSITION_TARGET_GLOBAL_INT":
+                self._clock(message.time_boot_ms)
+                self.target = Place(message.lat_int / 1e7, message.lon_int / 1e7, message.alt)
+                self.targets += 1
+            case "SYS_STATUS":
+                self.prearm_ok = bool(message.onboard_control_sensors_health & _PREARM_CHECK)
+            case "EKF_STATUS_REPORT":
+                self.ekf_flags = message.flags
+            case "GPS_RAW_INT":
+                self.gps_fix = message.fix_type
+            case "EXTENDED_SYS_STATE":
+                self.landed_state = message.landed_state
+            case "HOME_POSITION":
+                self.home = Place(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3)
+
+    def not_ready(self) -> list[str]:
+        """Why arming would be refused or flying in this mode would not work, in words; empty = ready."""
+        missing = []
+        if not self.connected:
+            missing.append("no heartbeat from the vehicle")
+        if not self.prearm_ok:
+            missing.append("pre-arm checks have not passed (SYS_STATUS)")
+        if self.mode not in self.modes.without_position:
+            if self.gps_fix < dialect.GPS_FIX_TYPE_3D_FIX:
+                missing.append(f"no GPS position (fix type {self.gps_fix})")
+            if not self.ekf_flags & _POS_HORIZ_ABS:
+                missing.append(f"the estimator has no position yet (EKF flags {self.ekf_flags})")
+            if self.home is None:
+                missing.append("home is not known")
+        return missing
+
+    def _clock(self, boot_ms: int) -> None:
+        if boot_ms + REBOOT_MS < self._boot_ms:
+            self.reboots += 1
+            self.landed_state, self.prearm_ok, self.ekf_flags, self.gps_fix = 0, False, 0, 0
+            self.home = self.target = None
+        if boot_ms > self._boot_ms or boot_ms + REBOOT_MS < self._boot_ms:
+            self._boot_ms = boot_ms

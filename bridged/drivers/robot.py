@@ -1,0 +1,89 @@
+"""What the bridge and a driver say to each other: readings up, actions down, outcomes back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+from schemas.findings import Finding
+from schemas.manifest import ActionEntry, Manifest
+
+Value = bool | int | float | str
+"""An argument of an action, after it was checked against the manifest."""
+
+FinalState = Literal["succeeded", "failed", "refused", "cancelled", "timed_out"]
+Order = Literal["hold", "land", "rtl"]
+"""What the mission, the operator or a shutdown can order without any agent."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What the robot said just now about one source of the manifest; no fields = it holds no longer."""
+
+    source: str
+    fields: Mapping[str, object] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How an execution ended, and why in words if it did not succeed."""
+
+    state: FinalState
+    reason: str = ""
+
+
+@dataclass(eq=False)
+class Execution:
+    """An action or order that a driver carries out. The driver sets what happened; the bridge reads it."""
+
+    name: str
+    outcome: Outcome | None = None
+    feedback: dict[str, float] = field(default_factory=dict)
+    """Progress in numbers, such as the distance to go in metres."""
+    waits_for: str = ""
+    """What it waits for now, in words: the reason if it runs out of time."""
+
+    def end(self, outcome: Outcome) -> None:
+        """Set the outcome; the first one stands."""
+        if self.outcome is None:
+            self.outcome = outcome
+
+
+OnReading = Callable[[Reading], None]
+
+
+class Driver(Protocol):
+    """A robot's driver. It does its I/O in `run` and calls back from the event loop; everything else is immediate."""
+
+    def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
+        """Begin an action whose arguments have been checked."""
+
+    def order(self, order: Order) -> Execution:
+        """Begin an order that stands above every action."""
+
+    def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
+        """End a running execution now; `hold` makes the robot stay where it is if it moves."""
+
+    def control_taken(self) -> None:
+        """Forget a mode that somebody else has set: the agent takes control again."""
+
+    @property
+    def active(self) -> bool:
+        """Whether leaving the robot alone now needs an order first: it is armed or in flight."""
+
+    def speak_for_agent(self, present: bool) -> None:
+        """Say whether an agent is there: without one the driver claims to be nobody's ground station."""
+
+    async def run(self) -> None:
+        """Carry the robot's traffic until cancelled. Raises OSError if its link cannot be opened."""
+
+    def counters(self) -> dict[str, float]:
+        """Figures for health."""
+
+    def notes(self) -> list[str]:
+        """Warnings that hold now, in words."""
+
+
+CheckManifest = Callable[[Manifest], list[Finding]]
+"""What a driver says of a manifest that names it: sources, commands and confirmations that it does not know."""
