@@ -4,40 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Coroutine
 from contextlib import AsyncExitStack, aclosing
 from typing import Any
 
 import pytest
 
-from commd.bus import AlreadyRunning, Bus, BusClosed, Query, open_bus
+from commd.bus import AlreadyRunning, BusClosed, Query, open_bus
 from schemas.records import Action, ActionStatus, Perception
-
-Body = Callable[[Callable[..., Coroutine[Any, Any, Bus]]], Coroutine[Any, Any, None]]
-
-
-def run(endpoint: str, body: Body) -> None:
-    """Run `body(connect)` with a router at `endpoint`; `connect(name)` opens a client of it."""
-
-    async def everything() -> None:
-        async with AsyncExitStack() as stack, asyncio.timeout(60):
-
-            async def connect(name: str = "x", daemon: str = "agentd", mode: str = "client") -> Bus:
-                return await stack.enter_async_context(
-                    open_bus(endpoint, fleet="test", name=name, daemon=daemon, stamp=time.time_ns, mode=mode)  # type: ignore[arg-type]
-                )
-
-            await connect("board", "commd", "router")
-            await body(connect)
-
-    asyncio.run(everything())
-
-
-async def until(condition: Callable[[], bool], seconds: float = 20) -> None:
-    """Wait until `condition()` holds; fail after a bound."""
-    async with asyncio.timeout(seconds):
-        while not condition():
-            await asyncio.sleep(0.01)
+from tests.support.buses import on_a_bus, until
 
 
 def test_what_is_put_arrives_typed_and_in_order(endpoint: str) -> None:
@@ -48,11 +22,11 @@ def test_what_is_put_arrives_typed_and_in_order(endpoint: str) -> None:
         await asyncio.sleep(0.2)
         for altitude in range(50):
             sender.put("argosy/test/uav/percept/altitude", Perception(name="altitude", parameters=(altitude,)))
-        await until(lambda: len(got) == 50)
+        await until(lambda: len(got) == 50, "what was sent arrives")
         assert [record.parameters[0] for _, record in got] == list(range(50))
         assert got[0][0] == "argosy/test/uav/percept/altitude"
 
-    run(endpoint, body)
+    on_a_bus(endpoint, body)
 
 
 def test_bad_bytes_are_counted_and_never_reach_the_handler(endpoint: str) -> None:
@@ -67,10 +41,10 @@ def test_bad_bytes_are_counted_and_never_reach_the_handler(endpoint: str) -> Non
             "argosy/test/uav/percept/altitude", b'{"name":"a"}', encoding="application/json;argosy.Perception/2"
         )
         sender.put("argosy/test/uav/percept/altitude", Perception(name="altitude"))
-        await until(lambda: len(got) == 1)
+        await until(lambda: len(got) == 1, "what was sent arrives")
         assert receiver.counters["bad_input"] == 5
 
-    run(endpoint, body)
+    on_a_bus(endpoint, body)
 
 
 def test_a_query_streams_its_replies_and_ends(endpoint: str) -> None:
@@ -91,7 +65,7 @@ def test_a_query_streams_its_replies_and_ends(endpoint: str) -> None:
             states.append(reply.record.state)
         assert states == ["accepted", "running", "succeeded"]
 
-    run(endpoint, body)
+    on_a_bus(endpoint, body)
 
 
 def test_a_query_that_nobody_serves_ends_at_once_with_no_reply(endpoint: str) -> None:
@@ -101,7 +75,7 @@ def test_a_query_that_nobody_serves_ends_at_once_with_no_reply(endpoint: str) ->
             replies = [reply async for reply in asker.query("argosy/test/uav/action/land", Action(), ActionStatus, 30)]
         assert replies == []
 
-    run(endpoint, body)
+    on_a_bus(endpoint, body)
 
 
 def test_an_abandoned_query_is_cancelled(endpoint: str) -> None:
@@ -120,7 +94,7 @@ def test_an_abandoned_query_is_cancelled(endpoint: str) -> None:
                 break
         assert await asker.tokens("argosy/**") == []  # the session still answers
 
-    run(endpoint, body)
+    on_a_bus(endpoint, body)
 
 
 def test_bad_payloads_of_queries_are_told_to_the_server_and_its_errors_to_the_asker(endpoint: str) -> None:
@@ -136,7 +110,7 @@ def test_bad_payloads_of_queries_are_told_to_the_server_and_its_errors_to_the_as
         errors = await asyncio.to_thread(lambda: [reply.err.payload.to_string() for reply in channel])
         assert errors == ["Action: Expected `array`, got `int` - at `$.parameters`"]
 
-    run(endpoint, body)
+    on_a_bus(endpoint, body)
 
 
 def test_a_second_live_instance_of_a_name_is_refused_and_named(endpoint: str) -> None:
@@ -146,7 +120,7 @@ def test_a_second_live_instance_of_a_name_is_refused_and_named(endpoint: str) ->
         with pytest.raises(AlreadyRunning, match=f"another agentd serves `uav`.*boot {first.boot}"):
             await second.claim("uav")
 
-    run(endpoint, body)
+    on_a_bus(endpoint, body)
 
 
 def test_tokens_come_and_go_with_their_daemons(endpoint: str) -> None:
@@ -155,12 +129,12 @@ def test_tokens_come_and_go_with_their_daemons(endpoint: str) -> None:
         seen: list[tuple[str, bool]] = []
         token = await other.claim("uav")
         watcher.watch("argosy/test/*/alive/**", lambda key, alive: seen.append((key, alive)))
-        await until(lambda: len(seen) == 1)
+        await until(lambda: len(seen) == 1, "what was sent arrives")
         token.undeclare()
-        await until(lambda: len(seen) == 2)
+        await until(lambda: len(seen) == 2, "what was sent arrives")
         assert [alive for _, alive in seen] == [True, False]
 
-    run(endpoint, body)
+    on_a_bus(endpoint, body)
 
 
 def test_a_client_waits_for_its_router_and_comes_back_after_it_was_away(endpoint: str) -> None:
@@ -176,16 +150,16 @@ def test_a_client_waits_for_its_router_and_comes_back_after_it_was_away(endpoint
             states: list[bool] = []
             async with router(endpoint):
                 bus = await asyncio.wait_for(opening, 20)
-                await until(lambda: bus.router_up)
+                await until(lambda: bus.router_up, "what was sent arrives")
                 bus.on_router(states.append)
-            await until(lambda: not bus.router_up)
+            await until(lambda: not bus.router_up, "what was sent arrives")
             async with router(endpoint) as again:
-                await until(lambda: bus.router_up)
+                await until(lambda: bus.router_up, "what was sent arrives")
                 got: list[Perception] = []
                 again.subscribe("argosy/**", Perception, lambda key, record: got.append(record))
                 await asyncio.sleep(0.2)
                 bus.put("argosy/test/uav/percept/a", Perception(name="a"))
-                await until(lambda: len(got) == 1)
+                await until(lambda: len(got) == 1, "what was sent arrives")
             assert states[:2] == [False, True]
 
     def router(at: str) -> Any:
@@ -199,7 +173,7 @@ def test_a_router_says_when_its_endpoint_is_taken(endpoint: str) -> None:
         with pytest.raises(BusClosed, match=r"cannot listen at .*: is another router running there"):
             await connect("board2", "commd", "router")
 
-    run(endpoint, body)
+    on_a_bus(endpoint, body)
 
 
 def test_no_router_within_the_patience_is_an_error_that_says_so(endpoint: str) -> None:
@@ -222,10 +196,10 @@ def test_a_flood_is_bounded_and_what_did_not_fit_is_counted(endpoint: str, monke
         for _ in range(500):
             sender.put("argosy/test/uav/percept/a", Perception(name="a"))
         time.sleep(1.0)  # the event loop is held up on purpose while Zenoh's threads deliver
-        await until(lambda: len(got) + receiver.counters["dropped"] == 500)
+        await until(lambda: len(got) + receiver.counters["dropped"] == 500, "what was sent arrives")
         assert len(got) == 100
 
-    run(endpoint, body)
+    on_a_bus(endpoint, body)
 
 
 def test_the_admin_space_of_the_router_can_be_read(endpoint: str) -> None:
@@ -236,4 +210,4 @@ def test_the_admin_space_of_the_router_can_be_read(endpoint: str) -> None:
         )
         assert len(answers) == 1
 
-    run(endpoint, body)
+    on_a_bus(endpoint, body)

@@ -1,0 +1,140 @@
+"""An action from the agent's side, over a real bus: one final status, whatever happens to the bridge."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+import pytest
+
+from agentd.acting import Acting
+from agentd.bridge import BridgeWatch
+from agentd.perceiving import Perceiving
+from commd.bus import Bus, Query
+from schemas import keys
+from schemas.records import Action, ActionStatus, Perception
+from tests.support.buses import FLEET, Connect, on_a_bus, until
+
+Served = Callable[[Query[Action]], Awaitable[None]]
+
+
+async def act(connect: Connect, serve: Served | None) -> tuple[Acting, Perceiving, Bus, BridgeWatch]:
+    """Return an agent's side of actions, with a bridge that serves them by `serve`."""
+    bridge = await connect("uav1", "bridged")
+    if serve is not None:
+        bridge.serve(keys.action(FLEET, "uav", "*"), Action, serve)
+    await bridge.claim("uav1")
+    bus = await connect("uav")
+    perceiving = Perceiving(bus, "uav", "uav1", lambda one: None)
+    watch = BridgeWatch(bus, "uav1", lambda: None, lambda: None)
+    await until(lambda: watch.up, "the bridge is seen")
+    return Acting(bus, "uav", perceiving, watch), perceiving, bridge, watch
+
+
+def test_an_action_ends_with_the_bridges_own_final_status(endpoint: str) -> None:
+    async def serve(query: Query[Action]) -> None:
+        assert query.record is not None
+        query.reply(ActionStatus(id=query.record.id, state="accepted"))
+        query.reply(ActionStatus(id=query.record.id, state="refused", result=False, reason="Arm: RTL mode not armable"))
+
+    async def body(connect: Connect) -> None:
+        acting, *_ = await act(connect, serve)
+        status = await acting.perform("uav:b:1", "arm_motors", (True,), 10)
+        assert (status.state, status.reason) == ("refused", "Arm: RTL mode not armable")
+        assert acting.counters["asked_again"] == 0
+
+    on_a_bus(endpoint, body)
+
+
+def test_an_answer_that_breaks_off_is_asked_for_again_with_the_same_id(endpoint: str) -> None:
+    asked: list[tuple[str, int]] = []
+
+    async def serve(query: Query[Action]) -> None:
+        assert query.record is not None
+        asked.append((query.record.id, query.record.attempt))
+        if len(asked) < 3:
+            query.reply(ActionStatus(id=query.record.id, state="running"))
+        else:
+            query.reply(ActionStatus(id=query.record.id, state="succeeded", result=True))
+
+    async def body(connect: Connect) -> None:
+        acting, *_ = await act(connect, serve)
+        status = await acting.perform("uav:b:1", "land", (), 30)
+        assert status.state == "succeeded"
+        assert asked == [("uav:b:1", 1), ("uav:b:1", 2), ("uav:b:1", 3)]
+
+    on_a_bus(endpoint, body)
+
+
+def test_an_action_that_nobody_serves_fails_after_the_grace(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("agentd.acting.BUS_GRACE", 0.5)
+
+    async def body(connect: Connect) -> None:
+        acting, *_ = await act(connect, None)
+        status = await acting.perform("uav:b:1", "land", (), 30)
+        assert (status.state, status.result) == ("failed", False)
+        assert status.reason == "bridge_lost: nobody serves this action"
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_dead_bridge_fails_the_action_and_says_so(endpoint: str) -> None:
+    async def serve(query: Query[Action]) -> None:
+        assert query.record is not None
+        query.reply(ActionStatus(id=query.record.id, state="running"))
+        await asyncio.sleep(60)
+
+    async def body(connect: Connect) -> None:
+        acting, _, bridge, _ = await act(connect, serve)
+        flying = asyncio.create_task(acting.perform("uav:b:1", "goto", (1, 2, 3), 60))
+        await asyncio.sleep(0.5)
+        await bridge.close()
+        status = await asyncio.wait_for(flying, 20)
+        assert status.state == "failed"
+        assert status.reason == "bridge_lost: the bridge of this robot is not running"
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_status_waits_for_the_percept_that_it_follows(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        async def serve(query: Query[Action]) -> None:
+            assert query.record is not None
+            header = bridge.header("percept")
+            query.reply(
+                ActionStatus(header=header, id=query.record.id, state="succeeded", result=True, after=header.seq)
+            )
+            await asyncio.sleep(0.1)  # the percept comes after the status that follows it
+            bridge.put(
+                keys.percept(FLEET, "uav", "altitude"), Perception(header=header, name="altitude", parameters=(5,))
+            )
+
+        acting, perceiving, bridge, _ = await act(connect, None)
+        bridge.serve(keys.action(FLEET, "uav", "*"), Action, serve)
+        bridge.put(
+            keys.percept(FLEET, "uav", "altitude"),
+            Perception(header=bridge.header("percept"), name="altitude", parameters=(0,)),
+        )
+        await until(lambda: perceiving.percepts.seq == 1, "the first percept arrives")
+        status = await acting.perform("uav:b:1", "takeoff", (5,), 10)
+        assert status.state == "succeeded"
+        assert perceiving.percepts.present()[0].parameters == (5,)
+        assert perceiving.counters["late"] == 0
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_status_does_not_wait_for_ever_for_a_percept_that_was_lost(endpoint: str) -> None:
+    async def serve(query: Query[Action]) -> None:
+        assert query.record is not None
+        query.reply(ActionStatus(header=header, id=query.record.id, state="succeeded", result=True, after=99))
+
+    header = Perception(name="x").header
+
+    async def body(connect: Connect) -> None:
+        acting, perceiving, *_ = await act(connect, serve)
+        status = await acting.perform("uav:b:1", "takeoff", (5,), 10)
+        assert status.state == "succeeded"
+        assert perceiving.counters["late"] == 1
+
+    on_a_bus(endpoint, body)

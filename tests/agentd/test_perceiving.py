@@ -1,0 +1,171 @@
+"""An agent's percepts over a real bus: late, restarted, lost on the way, and without a bridge."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import Any
+
+from agentd.bridge import BridgeWatch
+from agentd.perceiving import Perceiving
+from commd.bus import Bus, Query
+from schemas import keys
+from schemas.percepts import PerceptSet
+from schemas.records import Health, Perception
+from tests.support.buses import FLEET, Connect, on_a_bus, until
+
+
+class FakeBridge:
+    """The bus side of a bridge: a present set that it tells, answers for, and reports the digest of."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus, self.percepts, self.asked = bus, PerceptSet(), 0
+        bus.serve(keys.percept(FLEET, "uav", "**"), Perception, self._answer)
+
+    def tell(self, name: str, *parameters: Any, lose: bool = False, **how: Any) -> None:
+        perception = Perception(header=self.bus.header("percept"), name=name, parameters=parameters, **how)
+        self.percepts.apply(perception)
+        if not lose:
+            self.bus.put(keys.percept(FLEET, "uav", name), perception)
+
+    def report(self) -> None:
+        digest = {"uav": self.percepts.digest()}
+        self.bus.put(keys.health(FLEET, "uav1", "bridged"), Health(daemon="bridged", percepts=digest))
+
+    async def _answer(self, query: Query[Perception]) -> None:
+        self.asked += 1
+        for index, perception in enumerate(self.percepts.snapshot()):
+            query.reply(perception, keys.percept(FLEET, "uav", f"{perception.name}/{index}"))
+
+
+def perceive(bus: Bus) -> tuple[Perceiving, list[tuple[str, str, Any]]]:
+    """Return an agent's percepts and the list to which every change is added."""
+    heard: list[tuple[str, str, Any]] = []
+    perceiving = Perceiving(bus, "uav", "uav1", lambda one: heard.append((one.update, one.name, one.parameters)))
+    asyncio.get_running_loop().create_task(perceiving.run())
+    return perceiving, heard
+
+
+def test_a_late_agent_sees_every_present_percept_within_a_second(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bridge = FakeBridge(await connect("uav1", "bridged"))
+        for index in range(20):
+            bridge.tell(f"sensor{index}", index)
+        bus = await connect("uav")
+        started = time.monotonic()
+        _, heard = perceive(bus)
+        await until(lambda: len(heard) == 20, "the late agent knows all 20 percepts", 5)
+        assert time.monotonic() - started < 1.0
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_percept_lost_on_the_bus_is_repaired_by_the_gap_in_seq(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bridge = FakeBridge(await connect("uav1", "bridged"))
+        _, heard = perceive(await connect("uav"))
+        bridge.tell("altitude", 1)
+        await until(lambda: ("replace", "altitude", (1,)) in heard, "the first percept arrives")
+        bridge.tell("armed", True, lose=True)
+        bridge.tell("altitude", 2)
+        await until(lambda: ("replace", "armed", (True,)) in heard, "the lost percept is repaired")
+        assert [change[2] for change in heard if change[1] == "armed"] == [(True,)]
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_lost_last_percept_is_repaired_by_the_digest_in_the_bridges_health(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bridge = FakeBridge(await connect("uav1", "bridged"))
+        perceiving, heard = perceive(await connect("uav"))
+        bridge.tell("altitude", 1)
+        await until(lambda: len(heard) == 1, "the first percept arrives")
+        bridge.report()
+        await asyncio.sleep(0.3)
+        repairs = perceiving.counters["repairs"]
+        bridge.tell("altitude", 2, lose=True)
+        bridge.report()
+        await until(lambda: ("replace", "altitude", (2,)) in heard, "the digest shows what was lost")
+        assert ("remove", "altitude", (1,)) in heard
+        assert perceiving.counters["repairs"] == repairs + 1
+
+    on_a_bus(endpoint, body)
+
+
+def test_equal_digests_ask_for_nothing(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bridge = FakeBridge(await connect("uav1", "bridged"))
+        bridge.tell("altitude", 1)
+        _, heard = perceive(await connect("uav"))
+        await until(lambda: len(heard) == 1, "the percept arrives")
+        await until(lambda: bridge.asked > 0, "the agent asked once at its start")
+        asked = bridge.asked
+        for _ in range(5):
+            bridge.report()
+        bridge.tell("altitude", 2)
+        await until(lambda: len(heard) == 2, "the next percept arrives")
+        assert bridge.asked == asked
+        assert heard[-1] == ("replace", "altitude", (2,))
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_removed_percept_is_told_once_and_events_are_all_told(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bridge = FakeBridge(await connect("uav1", "bridged"))
+        _, heard = perceive(await connect("uav"))
+        await asyncio.sleep(0.3)
+        bridge.tell("link", "up")
+        for index in range(30):
+            bridge.tell("hit", index, update="add")
+        bridge.tell("link", "up", update="remove", key=(0,))
+        await until(lambda: len(heard) == 32, "every change arrives")
+        assert [change[2][0] for change in heard if change[1] == "hit"] == list(range(30))
+        assert heard[-1] == ("remove", "link", ("up",))
+
+    on_a_bus(endpoint, body)
+
+
+def test_when_the_bridge_dies_its_percepts_go_and_a_new_life_brings_them_back(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        first_bus = await connect("uav1", "bridged")
+        bridge = FakeBridge(first_bus)
+        token = await first_bus.claim("uav1")
+        bus = await connect("uav")
+        perceiving, heard = perceive(bus)
+        changes: list[str] = []
+
+        def gone() -> None:
+            changes.append("gone")
+            perceiving.forget()
+
+        watch = BridgeWatch(bus, "uav1", lambda: (changes.append("up"), perceiving.doubt())[0], gone)
+        bridge.tell("altitude", 1)
+        await until(lambda: len(heard) == 1 and watch.up, "the bridge is there and tells")
+        token.undeclare()
+        await until(lambda: watch.gone, "the bridge counts as dead")
+        assert heard[-1] == ("remove", "altitude", (1,))
+        assert len(perceiving.percepts) == 0
+        second_bus = await connect("uav1", "bridged")
+        again = FakeBridge(second_bus)
+        again.tell("altitude", 7)
+        await second_bus.claim("uav1")
+        await until(lambda: heard[-1] == ("replace", "altitude", (7,)), "the new life's percepts arrive")
+        assert changes == ["up", "gone", "up"]
+
+    on_a_bus(endpoint, body)
+
+
+def test_no_percept_expires_while_nothing_changes(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bridge = FakeBridge(await connect("uav1", "bridged"))
+        bridge.tell("home", 1, 2)
+        perceiving, heard = perceive(await connect("uav"))
+        await until(lambda: len(heard) == 1, "the percept arrives")
+        for _ in range(20):
+            bridge.report()
+            await asyncio.sleep(0.1)
+        assert heard == [("replace", "home", (1, 2))]
+        assert len(perceiving.percepts) == 1
+
+    on_a_bus(endpoint, body)

@@ -1,0 +1,50 @@
+"""Real Zenoh sessions for tests: a router and clients in one process, closed at the end whatever happens."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Coroutine
+from contextlib import AsyncExitStack
+from typing import Any, Literal, Protocol
+
+from commd.bus import Bus, open_bus
+
+FLEET = "test"
+
+
+class Connect(Protocol):
+    """Opens one more session on the bus of a test."""
+
+    def __call__(
+        self, name: str = "x", daemon: str = "agentd", mode: Literal["client", "router"] = "client"
+    ) -> Awaitable[Bus]: ...
+
+
+def on_a_bus(endpoint: str, body: Callable[[Connect], Coroutine[Any, Any, None]], seconds: float = 60) -> None:
+    """Run `body(connect)` with a router at `endpoint`, bounded in wall seconds."""
+
+    async def everything() -> None:
+        async with AsyncExitStack() as stack, asyncio.timeout(seconds):
+
+            async def connect(
+                name: str = "x", daemon: str = "agentd", mode: Literal["client", "router"] = "client"
+            ) -> Bus:
+                return await stack.enter_async_context(
+                    open_bus(endpoint, fleet=FLEET, name=name, daemon=daemon, stamp=time.time_ns, mode=mode)
+                )
+
+            await connect("board", "commd", "router")
+            await body(connect)
+
+    asyncio.run(everything())
+
+
+async def until(condition: Callable[[], bool], wish: str, seconds: float = 20) -> None:
+    """Wait until `condition()` holds; fail with the wish in words after a bound."""
+    try:
+        async with asyncio.timeout(seconds):
+            while not condition():
+                await asyncio.sleep(0.01)
+    except TimeoutError:
+        raise AssertionError(f"not within {seconds:g} s: {wish}") from None
