@@ -1,0 +1,173 @@
+"""Mission files: what is wrong is said in one line each, with file, line and column; nothing else ever comes out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from schemas.durations import Duration
+from schemas.findings import Findings
+from schemas.mission import Mission, load_mission, read_mission
+from schemas.shipped import shipped
+
+GOOD = """\
+mission: single-uav
+agents:
+  uav:
+    program: uav.asl
+    robot: uav1
+robots:
+  uav1:
+    manifest: arducopter
+    link: udpin:127.0.0.1:14550
+    simulate: {vehicle: copter, home: [-27.604033, -48.518363, 21.0]}
+done: "uav: mission_done"
+timeout: 15min
+speed: 5
+"""
+
+
+def read(text: str) -> Mission:
+    return read_mission(text, Path("m.yaml"))
+
+
+def findings(text: str) -> list[str]:
+    with pytest.raises(Findings) as caught:
+        read(text)
+    return str(caught.value).splitlines()
+
+
+def test_a_mission_reads_with_its_defaults() -> None:
+    mission = read(GOOD)
+    assert (mission.name, mission.fleet, mission.speed, mission.timeout) == ("single-uav", "single-uav", 5.0, 900.0)
+    assert mission.agents["uav"].board == "local"
+    assert mission.robots["uav1"].on_agent_loss == ("hold 5s", "rtl")
+    assert mission.robots["uav1"].failsafe.gcs == "none"
+    assert [(done.agent, done.formula) for done in mission.done] == [("uav", "mission_done")]
+    assert mission.agents_of("uav1") == ["uav"]
+    assert mission.relative("uav.asl") == Path("uav.asl")
+
+
+def test_the_shipped_mission_reads() -> None:
+    path = shipped("missions", "single_uav.yaml")
+    assert path is not None
+    assert load_mission(path).name == "single-uav"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("    robot: uav1", "    robott: uav1", "m.yaml:5:5: error: unknown field `robott`, did you mean `robot`?"),
+        ("timeout: 15min", "timout: 15min", "m.yaml:12:1: error: unknown field `timout`, did you mean `timeout`?"),
+        (
+            "timeout: 15min",
+            "timeout: 15parsec",
+            "m.yaml:12:10: error: timeout: expected a duration such as `5s`, `500ms` or `15min`, got `15parsec`",
+        ),
+        ("speed: 5", "speed: 0", "m.yaml:13:8: error: speed: expected `float` > 0.0"),
+        ("speed: 5", "speed: fast", "m.yaml:13:8: error: speed: expected `float`, got `str`"),
+        (
+            "    robot: uav1",
+            "    robot: uav2",
+            "m.yaml:5:12: error: there is no robot `uav2`, did you mean `uav1`?",
+        ),
+        ("    program: uav.asl\n", "", "m.yaml:3:3: error: agents.uav: needs the field `program`"),
+        ("  uav:\n", "  u/v:\n", "m.yaml:3:3: error: Expected a name of letters, digits"),
+        ("vehicle: copter", "vehicle: coptre", "m.yaml:10:25: error: robots.uav1.simulate.vehicle: invalid enum value"),
+        ("[-27.604033", "[-97.604033", "m.yaml:10:40: error: robots.uav1.simulate.home.0: expected `float` >= -90.0"),
+        ('done: "uav: mission_done"', "done: mission_done", "m.yaml:11:7: error: expected `agent: formula`"),
+        ('done: "uav:', 'done: "uva:', "m.yaml:11:7: error: there is no agent `uva`, did you mean `uav`?"),
+        ("speed: 5", "speed: 5\nspeed: 6", "m.yaml:14:1: error: `speed` stands here twice"),
+        ("speed: 5", "speed: [5", "m.yaml:14:1: error: not YAML: expected ',' or ']', but got '<stream end>'"),
+        ("speed: 5", "speed: !!python/object:os.system 5", "m.yaml:13:8: error: `5` cannot be read as"),
+        ("  uav1:\n", "  uav:\n", "m.yaml:7:3: error: `uav` is in agents already: names are unique in a fleet"),
+    ],
+)
+def test_one_mistake_gives_a_line_that_says_where_and_what(old: str, new: str, expected: str) -> None:
+    assert old in GOOD
+    found = findings(GOOD.replace(old, new, 1))
+    assert any(line.startswith(expected) for line in found), found
+
+
+def test_all_mistakes_are_told_in_one_run() -> None:
+    text = GOOD.replace("robot: uav1", "robott: uav1").replace("15min", "soon").replace("speed: 5", "speed: -1")
+    assert [line.split(": ", 1)[0] for line in findings(text)] == ["m.yaml:5:5", "m.yaml:12:10", "m.yaml:13:8"]
+
+
+def test_two_robots_on_one_link_are_refused() -> None:
+    robot = "  uav2:\n    manifest: arducopter\n    link: udpin:127.0.0.1:14550\n"
+    assert findings(GOOD.replace("done:", robot + "done:")) == [
+        "m.yaml:13:11: error: `udpin:127.0.0.1:14550` is the link of robot `uav1` already: one robot per link"
+    ]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "7", "- a", "mission: x", "agents: {}\nmission: x", "\x00", "&a [*a]"])
+def test_what_is_no_mission_at_all_is_refused(text: str) -> None:
+    assert findings(text)
+
+
+def test_a_missing_or_unreadable_file_is_a_finding(tmp_path: Path) -> None:
+    with pytest.raises(Findings, match=r"nowhere\.yaml: error: cannot be read: No such file or directory"):
+        load_mission(tmp_path / "nowhere.yaml")
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(Findings, match="not a text file in UTF-8"):
+        load_mission(tmp_path / "binary.yaml")
+
+
+LINES = GOOD.splitlines()
+mutations = st.lists(
+    st.tuples(
+        st.integers(0, len(LINES) - 1),
+        st.sampled_from(["drop", "twice", "indent", "text"]),
+        st.text("abc:{}[]&*!|>\"'-#, \n0.5", max_size=8),
+    ),
+    min_size=1,
+    max_size=4,
+)
+
+
+@given(changes=mutations)
+def test_any_mutation_of_a_mission_reads_or_gives_findings(changes: list[tuple[int, str, str]]) -> None:
+    lines = list(LINES)
+    for at, what, text in changes:
+        at %= len(lines)
+        match what:
+            case "drop":
+                del lines[at]
+            case "twice":
+                lines.insert(at, lines[at])
+            case "indent":
+                lines[at] = "  " + lines[at]
+            case _:
+                lines[at] = lines[at][: len(text)] + text + lines[at][len(text) :]
+        lines = lines or [""]
+    _reads_or_findings("\n".join(lines))
+
+
+@given(text=st.text(max_size=60))
+def test_any_text_reads_or_gives_findings(text: str) -> None:
+    _reads_or_findings(text)
+
+
+def _reads_or_findings(text: str) -> None:
+    try:
+        assert read(text).agents
+    except Findings as error:
+        assert error.findings
+        assert all(str(finding).startswith("m.yaml") and "\n" not in str(finding) for finding in error.findings)
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"), [("5s", 5.0), ("500ms", 0.5), ("15min", 900.0), ("1h", 3600.0), (7, 7.0), ("1.5 s", 1.5)]
+)
+def test_durations_read_as_people_write_them(text: object, seconds: float) -> None:
+    assert Duration.read(text) == seconds
+
+
+@pytest.mark.parametrize("text", ["", "s", "-1s", "5 parsec", True, None, [], float("inf"), float("nan")])
+def test_what_is_no_duration_is_refused(text: object) -> None:
+    with pytest.raises(ValueError, match="Expected a duration such as"):
+        Duration.read(text)
