@@ -1,0 +1,50 @@
+"""`commd serve` as a process."""
+
+from __future__ import annotations
+
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.support.processes import running
+
+MISSION = "missions/single_uav.yaml"
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_commd_leaves_cleanly_within_a_second_when_told_to(endpoint: str, number: int) -> None:
+    with running("commd", "serve", MISSION, "--router", endpoint) as commd:
+        commd.says("router board=local")
+        started = time.monotonic()
+        commd.signal(number)
+        assert commd.ends(10) == 0
+        assert time.monotonic() - started < 2
+
+
+def test_two_routers_on_one_endpoint_do_not_start_and_the_second_says_why(endpoint: str) -> None:
+    with running("commd", "serve", MISSION, "--router", endpoint) as first:
+        first.says("router board=local")
+        with running("commd", "serve", MISSION, "--router", endpoint) as second:
+            assert second.ends() == 1
+            assert f"error: commd: cannot listen at {endpoint}" in second.text
+            assert "Traceback" not in second.text
+
+
+def test_a_bad_mission_ends_commd_with_its_findings(tmp_path: Path, endpoint: str) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text("mission: x\nagents:\n  uav: {progam: a.asl}\n")
+    with running("commd", "serve", str(path), "--router", endpoint) as commd:
+        assert commd.ends() == 2
+        assert commd.lines == [
+            f"{path}:3:3: error: agents.uav: needs the field `program`",
+            f"{path}:3:9: error: unknown field `progam`, did you mean `program`?",
+        ]
+
+
+def test_a_bad_endpoint_is_one_clear_line() -> None:
+    with running("commd", "serve", MISSION, "--router", "carrier-pigeon/here") as commd:
+        assert commd.ends() == 1
+        assert "error: commd: cannot listen at carrier-pigeon/here" in commd.text
+        assert "Traceback" not in commd.text

@@ -1,0 +1,91 @@
+"""Daemons as real processes in tests: started with a bound on everything, and always ended."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+class Daemon:
+    """A running process and the lines that it has said."""
+
+    def __init__(self, *arguments: str) -> None:
+        self.arguments = arguments
+        self.lines: list[str] = []
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
+            text=True,
+            errors="replace",
+            cwd=ROOT,
+            start_new_session=True,
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.lines.append(line.rstrip("\n"))
+
+    @property
+    def text(self) -> str:
+        return "\n".join(self.lines)
+
+    def until(self, condition: Callable[[str], bool], wish: str, seconds: float = 30) -> None:
+        """Wait until what it said fulfils a condition."""
+        end = time.monotonic() + seconds
+        while not condition(self.text):
+            ended = self.process.poll()
+            if ended is not None or time.monotonic() > end:
+                raise AssertionError(f"{wish}; exit {ended}; it said:\n{self.text}")
+            time.sleep(0.02)
+
+    def says(self, words: str, seconds: float = 30) -> None:
+        """Wait until it has said `words`."""
+        self.until(lambda text: words in text, f"`{self.arguments}` says `{words}`", seconds)
+
+    def ends(self, seconds: float = 30) -> int:
+        """Wait for its end and return its exit code."""
+        code = self.process.wait(seconds)
+        self._reader.join(5)
+        return code
+
+    def signal(self, number: int) -> None:
+        self.process.send_signal(number)
+
+    def kill(self) -> None:
+        """Kill -9, by its id."""
+        if self.process.poll() is None:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.wait(10)
+
+
+@contextlib.contextmanager
+def running(*arguments: str) -> Iterator[Daemon]:
+    """Start `python -m ARGUMENTS` and end it when the block ends."""
+    daemon = Daemon(*arguments)
+    try:
+        yield daemon
+    finally:
+        daemon.kill()
+
+
+def pss(pid: int) -> float:
+    """Return the proportional set size of a process in MB."""
+    for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
+        if line.startswith("Pss:"):
+            return int(line.split()[1]) / 1024
+    raise AssertionError(f"no Pss of {pid}")
