@@ -17,6 +17,7 @@ from msgspec import Meta
 
 from schemas.durations import Duration
 from schemas.findings import Finding, Findings
+from schemas.records import Record
 from schemas.shipped import shipped, shipped_names
 from schemas.toml_lines import line_of, toml_lines
 
@@ -174,6 +175,19 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     def action_arities(self) -> dict[str, int]:
         """Each action's name and number of arguments."""
         return {name: entry.arity for name, entry in self.actions.items()}
+
+
+class ActionDescription(Record, frozen=True, kw_only=True):
+    """What a bridge answers to a query for an action that is not a request to act: what the action is."""
+
+    name: str
+    signature: str
+    """Such as `takeoff(altitude: float 1..120 m)`."""
+    confirm: str = ""
+    deadline: float = 0.0
+    """Mission seconds."""
+    problem: str = ""
+    """What was wrong with the payload of the query."""
 
 
 def find_manifest(name: str, relative_to: Path | None = None) -> Path | None:

@@ -28,6 +28,14 @@ def check_manifest(manifest: Manifest) -> list[Finding]:
             return [manifest.finding(f"robot.driver: no driver `{unknown}`, there is {known}", "robot", "driver")]
 
 
+def check_link(manifest: Manifest, link: str) -> None:
+    """Raise ValueError, in words, for a link string that the manifest's driver cannot understand."""
+    if manifest.robot.driver == "mavlink":
+        from bridged.drivers.mavlink.address import LinkAddress
+
+        LinkAddress.parse(link)
+
+
 def make_driver(
     manifest: Manifest, robot: Robot, clock: Clock, on_reading: OnReading, on_step: Callable[[], None]
 ) -> Driver:

@@ -43,11 +43,15 @@ class Execution:
     """Progress in numbers, such as the distance to go in metres."""
     waits_for: str = ""
     """What it waits for now, in words: the reason if it runs out of time."""
+    ended: Callable[[], None] | None = None
+    """Called once when the outcome is known."""
 
     def end(self, outcome: Outcome) -> None:
         """Set the outcome; the first one stands."""
         if self.outcome is None:
             self.outcome = outcome
+            if self.ended is not None:
+                self.ended()
 
 
 OnReading = Callable[[Reading], None]
@@ -59,14 +63,11 @@ class Driver(Protocol):
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         """Begin an action whose arguments have been checked."""
 
-    def order(self, order: Order) -> Execution:
-        """Begin an order that stands above every action."""
+    def order(self, order: Order, reason: str) -> Execution:
+        """Begin an order that stands above every action; whatever runs fails with `reason`."""
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
         """End a running execution now; `hold` makes the robot stay where it is if it moves."""
-
-    def control_taken(self) -> None:
-        """Forget a mode that somebody else has set: the agent takes control again."""
 
     @property
     def active(self) -> bool:

@@ -123,11 +123,11 @@ class Conversation:
         self._step()
         return task
 
-    def order(self, order: Order) -> Task:
-        """Start an order from above the agents; whatever runs ends."""
+    def order(self, order: Order, reason: str) -> Task:
+        """Start an order from above the agents; whatever runs fails with `reason`."""
         mode = {"hold": self.modes.hold, "land": self.modes.land, "rtl": self.modes.rtl}[order]
         for other in list(self._tasks):
-            self.end(other, Outcome("failed", f"ordered from above: {order}"))
+            self.end(other, Outcome("failed", reason))
         return self.begin(Task(order, moves=False, sets_mode=True), secure, _mode_call(mode))
 
     def end(self, task: Task, outcome: Outcome, *, hold: bool = False) -> None:
@@ -140,13 +140,6 @@ class Conversation:
             self.commands.abandon(command)
         if hold and task.moves and self.vehicle.aloft:
             self.begin(Task(stay.__name__), stay, _mode_call(self.modes.guided))
-
-    def control_taken(self) -> None:
-        """An agent has set the mode itself: an override by others is over."""
-        self._in_control = True
-        if self._overridden:
-            self._overridden = False
-            self._on_reading(Reading("OVERRIDE", None))
 
     def notes(self) -> list[str]:
         """Warnings that hold now."""
@@ -168,6 +161,8 @@ class Conversation:
             except StopIteration as stop:
                 self._tasks.pop(task, None)
                 task.end(stop.value)
+                if task.takes_control and stop.value.state == "succeeded":
+                    self._control_taken()
 
     def _when_connected(self, task: Task, procedure: Procedure, call: Call) -> Steps:
         while not self.vehicle.connected:
@@ -202,6 +197,13 @@ class Conversation:
         if self._in_control:
             self._in_control, self._overridden = False, True
             self._on_reading(Reading("OVERRIDE", {"mode": name}))
+
+    def _control_taken(self) -> None:
+        """An agent has set the mode itself: an override by others is over."""
+        self._in_control = True
+        if self._overridden:
+            self._overridden = False
+            self._on_reading(Reading("OVERRIDE", None))
 
     def _lost(self) -> None:
         self.vehicle.connected = False

@@ -67,7 +67,8 @@ class MavlinkDriver:
 
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         """Begin an action of the manifest."""
-        task = Task(name, moves=entry.motion, sets_mode=entry.confirm == "mode")
+        sets_mode = entry.confirm == "mode"
+        task = Task(name, moves=entry.motion, sets_mode=sets_mode, takes_control=sets_mode)
         try:
             call = call_of(entry, arguments, self._conversation.modes)
         except ValueError as error:
@@ -75,18 +76,14 @@ class MavlinkDriver:
             return task
         return self._conversation.begin(task, PROCEDURES[entry.confirm], call)
 
-    def order(self, order: Order) -> Execution:
-        """Begin an order from above; every action that runs ends."""
-        return self._conversation.order(order)
+    def order(self, order: Order, reason: str) -> Execution:
+        """Begin an order from above; every action that runs fails with `reason`."""
+        return self._conversation.order(order, reason)
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
         """End an execution now."""
         if isinstance(execution, Task):
             self._conversation.end(execution, outcome, hold=hold)
-
-    def control_taken(self) -> None:
-        """An agent has set the mode itself."""
-        self._conversation.control_taken()
 
     @property
     def active(self) -> bool:

@@ -35,6 +35,8 @@ class Task(Execution):
     """A mode that nobody here asked for ends it."""
     sets_mode: bool = False
     """Changes of the mode are its own business."""
+    takes_control: bool = False
+    """Its success ends an override by others."""
     commands: list[Command] = field(default_factory=list)
     """What it has sent: taken back when it ends early."""
 

@@ -1,0 +1,29 @@
+"""The `bridged` command."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line. Returns the exit code. Each command imports only what it needs: daemons stay small."""
+    argv = sys.argv[1:] if argv is None else list(argv)
+    parser = argparse.ArgumentParser(prog="bridged", description="Argosy's bridge: what the robot does.")
+    commands = parser.add_subparsers(dest="command", required=True)
+    serve = commands.add_parser("serve", help="bind a robot of a mission to its agents")
+    simulate = commands.add_parser("simulate", help="be a simulated robot")
+    if argv[:1] == ["simulate"]:
+        from bridged.simulation import command
+
+        command.add_arguments(simulate)
+        return command.run(parser.parse_args(argv))
+    from bridged import daemon
+
+    daemon.add_arguments(serve)
+    return daemon.run(parser.parse_args(argv))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,158 @@
+"""What the agents of a robot perceive now: told when it changes, at most so often, and gone when its source is silent.
+
+Pure: beliefs and the time (mission seconds) go in, perceptions come out (design section 4).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+from bridged.drivers.robot import Reading
+from bridged.translation import Belief, Translator
+from schemas.manifest import Manifest, PerceptEntry
+from schemas.percepts import PerceptSet
+from schemas.records import Header, Perception
+from schemas.terms import Term, to_float
+
+MAX_BELIEFS = 1000
+"""Beliefs that a robot may give at once; the oldest goes first, and is counted."""
+RATE_SLACK = 0.9
+"""Part of the period after which a change may be told: a 10 Hz source must not be halved by its jitter."""
+
+Parameters = tuple[Term, ...]
+Update = Literal["replace", "add", "remove"]
+Publish = Callable[[str, Perception], None]
+"""Called with the agent and what it is to perceive."""
+
+
+@dataclass(slots=True)
+class _Slot:
+    name: str
+    entry: PerceptEntry
+    told: Parameters
+    told_at: float
+    heard_at: float
+    waiting: Parameters | None = None
+    """The newest value, held back by the rate."""
+
+
+class PerceptBoard:
+    """The present percepts of one robot, and one numbered stream of changes for each of its agents."""
+
+    def __init__(
+        self,
+        manifest: Manifest,
+        agents: Iterable[str],
+        publish: Publish,
+        *,
+        robot: str,
+        boot: str,
+        stamp: Callable[[], int],
+        speed: float = 1.0,
+    ) -> None:
+        self.translator = Translator(manifest)
+        self.expired = 0
+        """Beliefs removed so far because their source fell silent."""
+        self.dropped = 0
+        """Beliefs removed so far because there were too many."""
+        self.sets = {agent: PerceptSet() for agent in agents}
+        self._publish = publish
+        self._robot, self._boot, self._stamp = robot, boot, stamp
+        self._patience = max(1.0, speed)
+        self._slots: dict[tuple[object, ...], _Slot] = {}
+
+    def take(self, reading: Reading, now: float) -> None:
+        """Take in what the robot said."""
+        for belief in self.translator.beliefs(reading):
+            if belief.parameters is None:
+                self._withdraw(belief.name)
+            else:
+                self._hear(belief, belief.parameters, now)
+
+    def tick(self, now: float) -> None:
+        """Tell what the rate held back, and remove what has aged."""
+        for key, slot in list(self._slots.items()):
+            if slot.waiting is not None and now - slot.told_at >= _period(slot.entry):
+                self._tell(slot, slot.waiting, now)
+            ttl = slot.entry.ttl
+            if ttl is not None and now - slot.heard_at > ttl * self._patience:
+                self.expired += 1
+                self._remove(key)
+
+    def flush(self, now: float) -> None:
+        """Tell everything that is held back: the truth must be there before the status that refers to it."""
+        for slot in self._slots.values():
+            if slot.waiting is not None:
+                self._tell(slot, slot.waiting, now)
+
+    def last_seq(self, agent: str) -> int:
+        """Seq of the last perception that was published to an agent."""
+        return self.sets[agent].seq
+
+    def _hear(self, belief: Belief, parameters: Parameters, now: float) -> None:
+        entry = belief.entry
+        identity = parameters if entry.buf == "add" else tuple(parameters[position] for position in entry.key)
+        key = (belief.name, *map(_hashable, identity))
+        slot = self._slots.get(key)
+        if slot is None:
+            while len(self._slots) >= MAX_BELIEFS:
+                self.dropped += 1
+                self._remove(next(iter(self._slots)))
+            slot = self._slots[key] = _Slot(belief.name, entry, parameters, -math.inf, now)
+            self._tell(slot, parameters, now)
+            return
+        slot.heard_at = now
+        if entry.buf == "update" and not _changed(slot.told, parameters, entry.deadband):
+            slot.waiting = None
+        elif entry.buf == "add" or now - slot.told_at >= RATE_SLACK * _period(entry):
+            self._tell(slot, parameters, now)
+        else:
+            slot.waiting = parameters
+
+    def _tell(self, slot: _Slot, parameters: Parameters, now: float) -> None:
+        slot.told, slot.told_at, slot.waiting = parameters, now, None
+        self._send(slot.name, parameters, "add" if slot.entry.buf == "add" else "replace", slot.entry.key)
+
+    def _withdraw(self, name: str) -> None:
+        for key in [key for key, slot in self._slots.items() if slot.name == name]:
+            self._remove(key)
+
+    def _remove(self, key: tuple[object, ...]) -> None:
+        slot = self._slots.pop(key)
+        self._send(slot.name, slot.told, "remove", tuple(range(len(slot.told))))
+
+    def _send(self, name: str, parameters: Parameters, update: Update, key: tuple[int, ...]) -> None:
+        for agent, present in self.sets.items():
+            header = Header(seq=present.seq + 1, stamp=self._stamp(), source=self._robot, boot=self._boot)
+            perception = Perception(
+                header=header,
+                name=name,
+                parameters=parameters,
+                update=update,
+                key=key,
+            )
+            present.apply(perception)
+            self._publish(agent, perception)
+
+
+def _period(entry: PerceptEntry) -> float:
+    return 0.0 if entry.rate is None else 1.0 / entry.rate
+
+
+def _changed(told: Parameters, now: Parameters, deadband: float) -> bool:
+    """Whether a belief has become another one; numbers within the deadband of what was told have not."""
+    return any(_differs(old, new, deadband) for old, new in zip(told, now, strict=True))
+
+
+def _differs(old: Term, new: Term, deadband: float) -> bool:
+    if type(old) is type(new) and old == new:
+        return False
+    was, becomes = to_float(old), to_float(new)
+    return was is None or becomes is None or not abs(becomes - was) <= deadband
+
+
+def _hashable(term: Term) -> object:
+    return tuple(map(_hashable, term)) if isinstance(term, list) else (type(term), term)

@@ -1,0 +1,82 @@
+"""The bridge of one robot, put together: driver, percepts, actions. No bus: what it says goes to two callbacks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from bridged.board import PerceptBoard, Publish
+from bridged.desk import ActionDesk
+from bridged.drivers import make_driver
+from bridged.ledger import Ledger
+from commd.clock import Clock
+from schemas.manifest import Manifest
+from schemas.mission import Mission
+from schemas.records import ActionStatus, Health
+
+
+class Bridge:
+    """One robot between its driver and its agents."""
+
+    def __init__(
+        self,
+        mission: Mission,
+        robot: str,
+        manifest: Manifest,
+        clock: Clock,
+        ledger: Path,
+        publish_percept: Publish,
+        publish_status: Callable[[str, ActionStatus], None],
+        *,
+        boot: str,
+    ) -> None:
+        """Raises OSError if the ledger cannot be opened, ValueError for a link that cannot be understood."""
+        self._clock = clock
+        agents = mission.agents_of(robot)
+        speed = clock.speed
+        self.board = PerceptBoard(
+            manifest, agents, publish_percept, robot=robot, boot=boot, stamp=clock.stamp, speed=speed
+        )
+        self.driver = make_driver(
+            manifest,
+            mission.robots[robot],
+            clock,
+            lambda reading: self.board.take(reading, clock.now()),
+            self.step,
+        )
+        self.ledger = Ledger(ledger)
+        self.desk = ActionDesk(
+            manifest,
+            self.driver,
+            self.board,
+            self.ledger,
+            publish_status,
+            robot=robot,
+            boot=boot,
+            stamp=clock.stamp,
+            now=clock.now,
+            speed=speed,
+        )
+
+    def step(self) -> None:
+        """After the driver has looked at the robot: age percepts, pass on what became of actions."""
+        self.board.tick(self._clock.now())
+        self.desk.step()
+
+    def health(self) -> Health:
+        """Figures and warnings for the bus."""
+        counters = self.driver.counters() | {
+            "percepts_expired": self.board.expired,
+            "percepts_unreadable": self.board.translator.unreadable,
+            "actions_running": len(self.desk.running),
+        }
+        notes = self.driver.notes()
+        if self.desk.blocked:
+            notes.append(f"no action is taken: {self.desk.blocked}")
+        return Health(
+            drops=self.board.dropped + int(counters.get("link_dropped", 0)),
+            bad_input=int(counters.get("bad_checksums", 0) + counters.get("unreadable_packets", 0)),
+            counters=counters,
+            percepts={agent: present.digest() for agent, present in self.board.sets.items()},
+            notes=tuple(notes),
+        )

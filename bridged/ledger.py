@@ -1,0 +1,111 @@
+"""The action ids of the last hour, on disk: an id is executed once, whatever happens to the bridge in between."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from schemas.codec import BadRecord, codec
+from schemas.records import ActionStatus
+
+KEEP = 3600.0
+"""Wall seconds for which an id is remembered."""
+MAX_ENTRIES = 20_000
+"""Ids remembered at most; the oldest goes first. An hour of five actions a second."""
+REWRITE_AT = 4 * 1024 * 1024
+"""Bytes of the file at which what is older than an hour is left out of it."""
+
+
+class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One line of the file: an id that was begun, and later how it ended."""
+
+    id: str
+    at: float
+    """Unix time in seconds."""
+    final: str = ""
+    """The final status as JSON; empty = begun."""
+
+
+class Ledger:
+    """Append-only file of ids; a line that was cut off by a power loss is left out when it is read."""
+
+    def __init__(self, path: Path, wall: Callable[[], float] = time.time) -> None:
+        """Open the file, or make it with its directory. Raises OSError."""
+        self.path = path
+        self._wall = wall
+        self._entries: dict[str, Entry] = {}
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._read()
+        self._rewrite()
+
+    def begin(self, action: str) -> None:
+        """Note that an id is about to be executed; it is on disk when this returns. Raises OSError."""
+        self._append(Entry(action, self._wall()), sync=True)
+
+    def finish(self, status: ActionStatus) -> None:
+        """Note how an id ended. Raises OSError."""
+        self._append(Entry(status.id, self._wall(), codec(ActionStatus).encode(status).decode()), sync=False)
+
+    def knows(self, action: str) -> bool:
+        """Whether the id was begun within the last hour."""
+        return action in self._entries
+
+    def final(self, action: str) -> ActionStatus | None:
+        """Return how an id ended, None if it was begun and its end is not known."""
+        entry = self._entries.get(action)
+        if entry is None or not entry.final:
+            return None
+        try:
+            return codec(ActionStatus).decode(entry.final.encode())
+        except BadRecord:
+            return None
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _append(self, entry: Entry, *, sync: bool) -> None:
+        self._remember(entry)
+        self._file.write(msgspec.json.encode(entry) + b"\n")
+        self._file.flush()
+        if sync:
+            os.fsync(self._file.fileno())
+        if self._file.tell() > REWRITE_AT:
+            self._file.close()
+            self._rewrite()
+
+    def _remember(self, entry: Entry) -> None:
+        self._entries.pop(entry.id, None)
+        self._entries[entry.id] = entry
+        oldest = self._wall() - KEEP
+        while self._entries:
+            first = next(iter(self._entries.values()))
+            if first.at >= oldest and len(self._entries) <= MAX_ENTRIES:
+                break
+            del self._entries[first.id]
+
+    def _read(self) -> None:
+        try:
+            lines = self.path.read_bytes().split(b"\n")
+        except FileNotFoundError:
+            return
+        for line in lines:
+            try:
+                self._remember(msgspec.json.decode(line, type=Entry))
+            except (msgspec.MsgspecError, UnicodeDecodeError):
+                continue
+
+    def _rewrite(self) -> None:
+        """Write what is remembered into a new file and put it in the place of the old one."""
+        fresh = self.path.with_suffix(".new")
+        with fresh.open("wb") as file:
+            for entry in self._entries.values():
+                file.write(msgspec.json.encode(entry) + b"\n")
+            file.flush()
+            os.fsync(file.fileno())
+        fresh.replace(self.path)
+        self._file = self.path.open("ab")

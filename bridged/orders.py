@@ -1,0 +1,122 @@
+"""What is done to a robot without its agent: the operator's stop, the loss of the agent, the end of the bridge."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import cast, get_args
+
+from bridged.desk import ActionDesk
+from bridged.drivers.robot import Driver, Order, Outcome
+from commd.clock import Clock
+from schemas.durations import Duration
+from schemas.findings import Findings
+from schemas.mission import Mission
+
+ORDER_PATIENCE = 10.0
+"""Wall seconds in which the vehicle must confirm the mode of an order."""
+FALLBACK: tuple[Order, ...] = ("rtl", "land", "hold")
+"""What is tried next when the vehicle does not do what is ordered at the end."""
+log = logging.getLogger("orders")
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of `on_agent_loss`: an order, and how long to leave it at that."""
+
+    order: Order
+    pause: float = 0.0
+    """Mission seconds before the next step."""
+
+
+def read_steps(mission: Mission, robot: str) -> tuple[Step, ...]:
+    """Return the robot's `on_agent_loss`. Raises Findings for what is not `hold|land|rtl [DURATION]`."""
+    steps, findings = [], []
+    for index, text in enumerate(mission.robots[robot].on_agent_loss):
+        order, _, pause = text.partition(" ")
+        try:
+            if order not in get_args(Order):
+                raise ValueError(f"Expected hold, land or rtl, got `{order}`")
+            steps.append(Step(cast(Order, order), Duration.read(pause) if pause else 0.0))
+        except ValueError as error:
+            where = ("robots", robot, "on_agent_loss", index)
+            findings.append(mission.positions.finding(where, f"on_agent_loss: {error}"))
+    if findings:
+        raise Findings(findings)
+    return tuple(steps)
+
+
+class Orders:
+    """Carries out orders, one at a time: a later one takes over from a sequence that is under way."""
+
+    def __init__(self, desk: ActionDesk, driver: Driver, clock: Clock) -> None:
+        self._desk, self._driver, self._clock = desk, driver, clock
+        self._sequence: asyncio.Task[None] | None = None
+
+    async def carry_out(self, order: Order, reason: str, *, block: bool) -> Outcome:
+        """Order it, and wait until the vehicle confirms it or `ORDER_PATIENCE` is over."""
+        execution = self._desk.order(order, reason, block=block)
+        confirmed = asyncio.Event()
+        execution.ended = confirmed.set
+        if execution.outcome is None:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(confirmed.wait(), ORDER_PATIENCE)
+        waits = f": it waits for {execution.waits_for}" if execution.waits_for else ""
+        said = f"the vehicle did not confirm {order} within {ORDER_PATIENCE:g} s{waits}"
+        self._driver.stop(execution, Outcome("timed_out", said), hold=False)
+        outcome = execution.outcome or Outcome("timed_out", said)
+        log.log(
+            logging.INFO if outcome.state == "succeeded" else logging.ERROR,
+            "%s (%s): %s %s",
+            order,
+            reason,
+            outcome.state,
+            outcome.reason,
+        )
+        return outcome
+
+    async def operator(self, order: Order) -> Outcome:
+        """The operator's order: it ends every action, and no agent acts until `release`."""
+        self.call_off()
+        return await self.carry_out(order, f"operator: {order}", block=True)
+
+    def release(self) -> None:
+        """The operator lets the agents act again."""
+        self._desk.blocked = ""
+        log.info("released: actions are taken again")
+
+    def agent_lost(self, agent: str, why: str, steps: Sequence[Step]) -> None:
+        """Do what the mission declares, step by step, until `call_off`."""
+        log.error("agent %s is lost (%s)", agent, why)
+        self._desk.end_all(agent, Outcome("failed", f"agent {agent} is lost: {why}"))
+        if self._driver.active and not self._desk.blocked:
+            self.call_off()
+            self._sequence = asyncio.create_task(self._steps(agent, steps))
+
+    def call_off(self) -> None:
+        """Leave out the steps that are still to come: the agent is back, or somebody above it has spoken."""
+        if self._sequence is not None:
+            self._sequence.cancel()
+            self._sequence = None
+
+    async def _steps(self, agent: str, steps: Sequence[Step]) -> None:
+        for step in steps:
+            await self.carry_out(step.order, f"agent {agent} is lost: {step.order}", block=False)
+            await self._clock.sleep(step.pause)
+
+    async def shut_down(self, order: Order) -> str:
+        """Leave the robot safe at the end of the bridge. Returns in words what was left."""
+        self.call_off()
+        self._desk.blocked = "the bridge stops"
+        if not self._driver.active:
+            return "not armed"
+        tries = (order, *(other for other in FALLBACK if other != order))
+        outcome = Outcome("failed")
+        for attempt in tries:
+            outcome = await self.carry_out(attempt, f"the bridge stops: {attempt}", block=True)
+            if outcome.state == "succeeded":
+                return f"{attempt}: {outcome.reason or 'the vehicle does it'}"
+        return f"armed, and it confirmed none of {', '.join(tries)}: {outcome.reason}"

@@ -1,0 +1,56 @@
+"""Whether the agents of a robot are alive, as far as their tokens tell (design section 9).
+
+A token that is missing proves a death only through a live router: when the router restarts, every token goes and comes
+back. Pure: token and router events and wall seconds go in.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+AGENT_GRACE = 1.0
+"""Wall seconds for which a token must be missing while the router answers; a router's restart takes 0.3 s."""
+BUS_GRACE = 5.0
+"""Wall seconds without a router after which the agents count as lost: nobody could tell the robot anything."""
+
+
+class Presence:
+    """The tokens of a robot's agents. An agent that never came cannot be lost."""
+
+    def __init__(self, agents: Iterable[str]) -> None:
+        self._tokens: dict[str, set[str]] = {agent: set() for agent in agents}
+        self._absent_since: dict[str, float] = {}
+        self._router_since = -math.inf
+        self._router_up = True
+
+    def token(self, agent: str, boot: str, alive: bool, wall: float) -> None:
+        """A token came or went."""
+        tokens = self._tokens.get(agent)
+        if tokens is None:
+            return
+        if alive:
+            tokens.add(boot)
+            self._absent_since.pop(agent, None)
+        elif boot in tokens:
+            tokens.discard(boot)
+            if not tokens:
+                self._absent_since[agent] = wall
+
+    def router(self, up: bool, wall: float) -> None:
+        """The connection to the router came or went."""
+        if up != self._router_up:
+            self._router_up, self._router_since = up, wall
+
+    def lost(self, wall: float) -> dict[str, str]:
+        """The agents that were there and are no more, each with the reason in words."""
+        if not self._router_up:
+            if wall - self._router_since < BUS_GRACE:
+                return {}
+            known = [agent for agent, tokens in self._tokens.items() if tokens or agent in self._absent_since]
+            return dict.fromkeys(known, f"no router for {wall - self._router_since:.0f} s")
+        return {
+            agent: "its token is gone"
+            for agent, since in self._absent_since.items()
+            if wall - max(since, self._router_since) >= AGENT_GRACE
+        }

@@ -1,0 +1,125 @@
+"""The bridge on the bus: percepts put and repaired, actions, cancels and stops answered (design sections 4 and 5)."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable
+
+import zenoh
+
+from bridged.arguments import signature
+from bridged.board import PerceptBoard
+from bridged.desk import ActionDesk
+from bridged.orders import Orders
+from commd.bus import Bus, Query
+from schemas import keys
+from schemas.manifest import ActionDescription, Manifest
+from schemas.records import Action, ActionStatus, Cancel, Outcome, Perception, StopOrder
+
+MAX_STATUSES = 64
+"""Statuses of one action that may wait to be sent; of the running ones the oldest is left out first."""
+FOLLOW_AT_MOST = 3600.0
+"""Wall seconds for which a query follows an action; every action has a deadline, this only bounds the wait."""
+
+
+class Service:
+    """Answers for one robot under the names of its agents."""
+
+    def __init__(self, bus: Bus, robot: str, agents: Iterable[str], manifest: Manifest) -> None:
+        self.left_out = 0
+        """Running statuses so far that a slow asker did not get."""
+        self._bus, self._robot, self._manifest = bus, robot, manifest
+        self._agents = tuple(agents)
+
+    def publish_percept(self, agent: str, perception: Perception) -> None:
+        """Put one change of what an agent perceives."""
+        self._bus.put(keys.percept(self._bus.fleet, agent, perception.name), perception)
+
+    def publish_status(self, agent: str, status: ActionStatus) -> None:
+        """Put a status for observers."""
+        self._bus.put(keys.status(self._bus.fleet, agent, status.name), status)
+
+    def open(self, board: PerceptBoard, desk: ActionDesk, orders: Orders) -> None:
+        """Begin to serve."""
+        bus, fleet = self._bus, self._bus.fleet
+
+        async def percepts(query: Query[Perception]) -> None:
+            self._repair(query, board)
+
+        async def actions(query: Query[Action]) -> None:
+            await self._act(query, desk)
+
+        async def cancels(query: Query[Cancel]) -> None:
+            self._cancel(query, desk)
+
+        async def stops(query: Query[StopOrder]) -> None:
+            await self._stop(query, orders)
+
+        for agent in self._agents:
+            bus.serve(keys.percept(fleet, agent, "**"), Perception, percepts)
+            bus.serve(keys.action(fleet, agent, "*"), Action, actions)
+            bus.serve(keys.cancel(fleet, agent), Cancel, cancels)
+        bus.serve(keys.stop(fleet, self._robot), StopOrder, stops)
+
+    def _repair(self, query: Query[Perception], board: PerceptBoard) -> None:
+        """Answer with every present belief, each on its own key."""
+        asked = zenoh.KeyExpr(query.key)
+        for agent, present in board.sets.items():
+            for perception in present.snapshot():
+                key = keys.percept(self._bus.fleet, agent, perception.name)
+                if asked.intersects(zenoh.KeyExpr(key)):
+                    query.reply(perception, key)
+
+    async def _act(self, query: Query[Action], desk: ActionDesk) -> None:
+        """Carry out an action asked for on a concrete key with a valid payload; describe it to anybody else."""
+        asked = keys.parse(query.key)
+        if not query.concrete or query.record is None or asked is None:
+            self._describe(query)
+            return
+        _, agent, (_, name) = asked
+        statuses: asyncio.Queue[ActionStatus] = asyncio.Queue()
+
+        def follow(status: ActionStatus) -> None:
+            if statuses.qsize() >= MAX_STATUSES:
+                statuses.get_nowait()
+                self.left_out += 1
+            statuses.put_nowait(status)
+
+        desk.ask(agent, name, query.record, follow)
+        async with asyncio.timeout(FOLLOW_AT_MOST):
+            while not (status := await statuses.get()).final:
+                query.reply(status)
+        query.reply(status)
+
+    def _describe(self, query: Query[Action]) -> None:
+        asked = zenoh.KeyExpr(query.key)
+        for agent in self._agents:
+            for name, entry in self._manifest.actions.items():
+                key = keys.action(self._bus.fleet, agent, name)
+                if asked.intersects(zenoh.KeyExpr(key)):
+                    description = ActionDescription(
+                        name=name,
+                        signature=signature(name, entry),
+                        confirm=entry.confirm,
+                        deadline=float(entry.deadline),
+                        problem=query.error,
+                    )
+                    query.reply(description, key)
+
+    def _cancel(self, query: Query[Cancel], desk: ActionDesk) -> None:
+        asked = keys.parse(query.key)
+        if query.record is None or asked is None or not query.concrete:
+            query.reply_error(query.error or 'expected the id of an action: {"id": "..."}')
+            return
+        query.reply(desk.cancel(asked[1], query.record.id))
+
+    async def _stop(self, query: Query[StopOrder], orders: Orders) -> None:
+        if query.record is None or not query.concrete:
+            query.reply_error(query.error or 'expected an order: {"order": "hold"}, land, rtl or release')
+            return
+        if query.record.order == "release":
+            orders.release()
+            query.reply(Outcome(ok=True, reason="actions are taken again"))
+            return
+        outcome = await orders.operator(query.record.order)
+        query.reply(Outcome(ok=outcome.state == "succeeded", reason=outcome.reason))
