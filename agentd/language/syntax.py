@@ -298,14 +298,15 @@ class Trigger:
 class Plan:
     """``@label[annots] trigger : context <: goal_condition <- body. { subplans }``
 
-    ``label`` is None when there is none; ``@[tag]`` is a `Structure` with the functor ``""`` and annotations.
+    ``label`` is None when there is none, a variable only in a `PlanTerm` (``{ @L +!g } = P``);
+    ``@[tag]`` is a `Structure` with the functor ``""`` and annotations.
     ``body`` is empty for ``+!g.`` and ``+!g : c.``; ``<- true`` stays a body of one step, as written.
     """
 
     trigger: Trigger
     context: Formula | None = None
     body: Body = field(default_factory=Body)
-    label: Structure | None = None
+    label: Structure | Variable | None = None
     goal_condition: Formula | None = None
     subplans: tuple[Plan, ...] = ()
     position: Position = field(default=NOWHERE, compare=False, repr=False)

@@ -1,0 +1,143 @@
+"""AgentSpeak text to syntax trees.
+
+Every entry point raises `SyntaxErrors` with all that is wrong with the text: after a problem in a program, parsing goes
+on with the next plan.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from agentd.language.build import Builder, is_formula
+from agentd.language.errors import Problem, SyntaxErrors, problem_at, problem_on
+from agentd.language.explain import explain
+from agentd.language.lalr import Machine, Stopped, machine
+from agentd.language.lexer import BROKEN, END_OF_TEXT, Lexicon, Tokens, lexicon, tokenize
+from agentd.language.source import Source, read_source
+from agentd.language.syntax import Formula, Plan, Program, Structure, Term, Trigger
+from agentd.language.tables import load
+
+MOST_PROBLEMS = 20
+"""More problems than this are seldom read; parsing stops there."""
+
+
+def parse_program(text: str, file: str) -> Program:
+    """A whole source file. ``file`` is the name under which its findings and positions are reported."""
+    return _program(Source(text, file))
+
+
+def parse_file(path: str | Path) -> Program:
+    """`parse_program` of a file. Raises OSError as ``open`` does, ValueError (of which `SyntaxErrors`) for its text."""
+    return _program(read_source(path))
+
+
+def parse_term(text: str, file: str = "<term>") -> Term:
+    """A term, also a logical formula or code in braces."""
+    term: Term = _parse(Source(text, file), "lone_expression")[0]
+    return term
+
+
+def parse_formula(text: str, file: str = "<formula>") -> Formula:
+    """A logical formula, such as the context of a plan."""
+    source = Source(text, file)
+    term: Term = _parse(source, "lone_expression")[0]
+    if is_formula(term):
+        return term
+    raise SyntaxErrors([problem_at(source, 0, "expected a formula that can be true or false")])
+
+
+def parse_literal(text: str, file: str = "<literal>") -> Structure:
+    """A literal: an atom or structure, maybe negated, annotated, in a namespace. No internal action."""
+    literal: Structure = _parse(Source(text, file), "lone_literal")[0]
+    return literal
+
+
+def parse_plan(text: str, file: str = "<plan>") -> Plan:
+    """One plan; its final dot may be missing."""
+    plan: Plan = _parse(Source(text, file), "lone_plan")[0]
+    return plan
+
+
+def parse_trigger(text: str, file: str = "<trigger>") -> Trigger:
+    """A trigger such as ``+!g(X)``, bare or in braces."""
+    trigger: Trigger = _parse(Source(text, file), "lone_trigger")[0]
+    return trigger
+
+
+def _program(source: Source) -> Program:
+    program, tokens = _parse(source, "program")
+    assert isinstance(program, Program)
+    return replace(program, warnings=tuple(tokens.warnings))
+
+
+@lru_cache(maxsize=1)
+def _lexicon() -> Lexicon:
+    return lexicon(load())
+
+
+def _parse(source: Source, start: str) -> tuple[Any, Tokens]:
+    tokens = tokenize(source, _lexicon())
+    builder = Builder(source)
+    builder.end_of_text = tokens.starts[-1]
+    recovery = _Recovery(source, tokens, machine(), start == "program")
+    try:
+        value = machine().run(tokens, start, builder, recovery)
+    except Stopped:
+        value = None
+    builder.finish()
+    problems = [*tokens.problems, *recovery.problems, *builder.problems]
+    if problems:
+        raise SyntaxErrors(_one_per_line(problems))
+    return value, tokens
+
+
+def _one_per_line(problems: list[Problem]) -> list[Problem]:
+    """The first problem of each line: the others are most often its echo."""
+    found: dict[int, Problem] = {}
+    for problem in sorted(problems):
+        found.setdefault(problem.finding.line, problem)
+    return list(found.values())[:MOST_PROBLEMS]
+
+
+class _Recovery:
+    """Reports what stands where it cannot, and finds the next place where a plan may begin."""
+
+    def __init__(self, source: Source, tokens: Tokens, machine: Machine, whole: bool) -> None:
+        self.problems: list[Problem] = []
+        self._source = source
+        self._tokens = tokens
+        self._machine = machine
+        self._whole = whole
+        self._opened = frozenset(machine.tables.fixed[text] for text in "{([")
+
+    def __call__(self, index: int, state: int, at_item: bool) -> int | None:
+        tokens = self._tokens
+        kind = tokens.types[index]
+        echo = kind == BROKEN or (at_item and bool(self.problems or tokens.problems) and tokens.texts[index] == "}")
+        if not echo:
+            line, column, message = explain(self._source, tokens, index, state)
+            self.problems.append(problem_on(self._source, line, column, message))
+        if not self._whole or kind == END_OF_TEXT or len(self.problems) >= MOST_PROBLEMS:
+            return None
+        return self._next_item(index, at_item)
+
+    def _next_item(self, index: int, at_item: bool) -> int | None:
+        """The index of the next token that looks like the beginning of an item; None when there is none."""
+        types, texts, first = self._tokens.types, self._tokens.texts, self._tokens.first_in_line
+        for i in range(index + 1 if at_item else index, len(types) - 1):
+            if i not in first:
+                continue
+            begins_plan = texts[i] == "@" or (texts[i] in _SIGNS and texts[i + 1] in ("!", "?"))
+            if begins_plan or (i > index and types[i - 1] == "_END" and _begins_item(types[i], texts[i])):
+                return i
+        return None
+
+
+_SIGNS = frozenset("+-^")
+
+
+def _begins_item(kind: str, text: str) -> bool:
+    return kind in ("NAME", "QUOTED") or text in ("!", "~", "{") or text in _SIGNS
