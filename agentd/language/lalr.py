@@ -31,9 +31,13 @@ class Reduction:
 
 
 class Recovery(Protocol):
-    """What to do where no rule goes on: reports the problem and gives the index to go on at, or None to stop."""
+    """What to do where no rule goes on: reports the problem and gives the index to go on at, or None to stop.
 
-    def __call__(self, index: int, state: int, at_item: bool) -> int | None: ...
+    ``states`` is the stack of the machine, the state that does not go on last; ``at_item`` says that nothing of an item
+    of the program has been read yet.
+    """
+
+    def __call__(self, index: int, states: list[int], at_item: bool) -> int | None: ...
 
 
 class Stopped(Exception):
@@ -41,11 +45,15 @@ class Stopped(Exception):
 
 
 class Machine:
-    """An LALR(1) parser for the tables of one grammar. Holds nothing of a particular text."""
+    """An LALR(1) parser for the tables of one grammar. Holds nothing of a particular text.
+
+    ``entered_by`` gives the symbol that has been read when a state is entered.
+    """
 
     def __init__(self, tables: Tables) -> None:
         self.tables = tables
         self.reductions = [_reduction(rule) for rule in tables.rules]
+        self.entered_by = {a: symbol for row in tables.states for symbol, a in row.items() if a >= 0}
         self._chains: dict[tuple[int, int, str], int] = {}
 
     def run(self, tokens: Tokens, start: str, builder: object, recover: Recovery) -> Any:
@@ -62,7 +70,7 @@ class Machine:
         while True:
             action = rows[state].get(kind)
             if action is None:
-                resume = recover(index, state, self._at_item(states))
+                resume = recover(index, states, self._at_item(states))
                 if resume is None:
                     raise Stopped
                 index = resume

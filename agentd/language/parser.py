@@ -113,12 +113,12 @@ class _Recovery:
         self._whole = whole
         self._opened = frozenset(machine.tables.fixed[text] for text in "{([")
 
-    def __call__(self, index: int, state: int, at_item: bool) -> int | None:
+    def __call__(self, index: int, states: list[int], at_item: bool) -> int | None:
         tokens = self._tokens
         kind = tokens.types[index]
         echo = kind == BROKEN or (at_item and bool(self.problems or tokens.problems) and tokens.texts[index] == "}")
         if not echo:
-            line, column, message = explain(self._source, tokens, index, state)
+            line, column, message = explain(self._source, tokens, index, states)
             self.problems.append(problem_on(self._source, line, column, message))
         if not self._whole or kind == END_OF_TEXT or len(self.problems) >= MOST_PROBLEMS:
             return None
