@@ -6,12 +6,13 @@ Pure: messages and the time (mission seconds) go in, messages and readings come 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.commands import Commands, Identity
 from bridged.drivers.mavlink.failsafe import FailsafeCheck
-from bridged.drivers.mavlink.flight import Flight, Steps, Task
+from bridged.drivers.mavlink.flight import TEXT_WINDOW, Flight, Steps, Task
 from bridged.drivers.mavlink.modes import MODE_TABLES
 from bridged.drivers.mavlink.procedures import Call, Procedure, secure, stay
 from bridged.drivers.mavlink.streams import Streams
@@ -28,6 +29,15 @@ MAX_STRANGERS = 8
 MAX_TASKS = 16
 """Executions under way at once; the bridge allows fewer."""
 NO_LIMITS, NOBODYS_FAILSAFE = Limits(), Failsafe()
+
+
+@dataclass(frozen=True, slots=True)
+class _Override:
+    """A mode that others have set: when, and until when the vehicle's text is waited for."""
+
+    mode: str
+    at: float
+    until: float
 
 
 class Conversation:
@@ -64,6 +74,7 @@ class Conversation:
         self._heartbeat_at = 0.0
         self._in_control = False
         self._overridden = False
+        self._override: _Override | None = None
 
     # ---- what comes in
 
@@ -119,6 +130,9 @@ class Conversation:
         if task.moves:
             for other in [other for other in self._tasks if other.name == stay.__name__]:
                 self.end(other, Outcome("cancelled", f"{task.name} takes over"))
+        if self._override is not None:
+            self._override = replace(self._override, until=self.flight.now)
+            self._fail_overridden()
         self._tasks[task] = self._when_connected(task, procedure, call)
         self._step()
         return task
@@ -141,6 +155,11 @@ class Conversation:
         if hold and task.moves and self.vehicle.aloft:
             self.begin(Task(stay.__name__), stay, _mode_call(self.modes.guided))
 
+    @property
+    def moving(self) -> list[Task]:
+        """The tasks that move the vehicle."""
+        return [task for task in self._tasks if task.moves]
+
     def notes(self) -> list[str]:
         """Warnings that hold now."""
         if not self.vehicle.connected:
@@ -152,9 +171,10 @@ class Conversation:
     # ---- inside
 
     def _step(self) -> None:
-        """Let every procedure look at the flight once."""
+        """Let every procedure look at the flight once; one that others have overridden waits only for its end."""
+        self._fail_overridden()
         for task, steps in list(self._tasks.items()):
-            if task not in self._tasks:
+            if task not in self._tasks or (task.moves and self._override is not None):
                 continue
             try:
                 next(steps)
@@ -189,14 +209,24 @@ class Conversation:
         """Pilot, ground station or failsafe. A task that is setting the mode judges for itself."""
         if any(task.sets_mode for task in self._tasks):
             return
-        name = self.vehicle.mode_name
-        said = self.texts.since(self.flight.now - self.flight.wait(1.0, 0.3))
-        reason = f"the mode became {name}, which nobody here asked for (pilot, ground station or failsafe)"
-        for task in [task for task in self._tasks if task.moves]:
-            self.end(task, Outcome("failed", f"{reason}: {said}" if said else reason))
+        name, now = self.vehicle.mode_name, self.flight.now
+        self._override = _Override(name, now, now + self.flight.wait(*TEXT_WINDOW))
         if self._in_control:
             self._in_control, self._overridden = False, True
             self._on_reading(Reading("OVERRIDE", {"mode": name}))
+
+    def _fail_overridden(self) -> None:
+        """End what was moving the vehicle when others set the mode, as soon as the vehicle has said why."""
+        override = self._override
+        if override is None:
+            return
+        said = self.texts.warnings(override.at - self.flight.wait(*TEXT_WINDOW))
+        if not said and self.flight.now < override.until and self.moving:
+            return
+        self._override = None
+        reason = f"the mode became {override.mode}, which nobody here asked for (pilot, ground station or failsafe)"
+        for task in self.moving:
+            self.end(task, Outcome("failed", f"{reason}: {said}" if said else reason))
 
     def _control_taken(self) -> None:
         """An agent has set the mode itself: an override by others is over."""
@@ -215,7 +245,7 @@ class Conversation:
         self._tell_state()
 
     def _rebooted(self) -> None:
-        for task in [task for task in self._tasks if task.moves]:
+        for task in self.moving:
             self.end(task, Outcome("failed", "the vehicle rebooted"))
         self.streams.request(self.flight.now)
         self.failsafe.begin(self.flight.now)

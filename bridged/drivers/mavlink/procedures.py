@@ -237,7 +237,7 @@ def _acknowledged(
             return Outcome("refused", flight.with_texts(said, asked))
         if command.silent:
             said = f"no acknowledgement of {command.name} after sending it {command.sent} times, and no effect"
-            return Outcome("failed", flight.with_texts(said, asked))
+            return Outcome("failed", f"{said}; {flight.state_in_words()}")
         task.waits_for = f"the acknowledgement of {command.name}"
         yield
     command.may_repeat = lambda: False

@@ -9,6 +9,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 MAX_TEXTS = 50
 MAX_PARTS = 16
 """Chunks of one long text (MAVLink 2: 50 characters each)."""
+MAX_INFORMATION = 3
+"""Texts of no weight that a reason shows when there was no warning; the last ones."""
 NOTABLE = dialect.MAV_SEVERITY_WARNING
 """Refusals come as warnings and worse; information is left out of reasons when there is something worse."""
 
@@ -36,7 +38,10 @@ class Texts:
             self._texts.append((now, message.severity, text))
 
     def since(self, when: float) -> str:
-        """What was said since `when`, without repetitions: the warnings, or everything if there was no warning."""
-        said = [(severity, text) for at, severity, text in self._texts if at >= when]
-        chosen = [text for severity, text in said if severity <= NOTABLE] or [text for _, text in said]
-        return "; ".join(dict.fromkeys(chosen))
+        """What was said since `when`, without repetitions: the warnings, or the last lines if there was no warning."""
+        said = [text for at, _, text in self._texts if at >= when]
+        return self.warnings(when) or "; ".join(dict.fromkeys(said[-MAX_INFORMATION:]))
+
+    def warnings(self, when: float) -> str:
+        """The warnings and worse since `when`, without repetitions."""
+        return "; ".join(dict.fromkeys(text for at, how, text in self._texts if at >= when and how <= NOTABLE))

@@ -1,0 +1,248 @@
+"""The driver fed with every packet that a real ArduCopter sent."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+
+import pytest
+
+from bridged.board import PerceptBoard
+from bridged.drivers.mavlink.commands import Identity
+from bridged.drivers.mavlink.conversation import Conversation
+from bridged.drivers.mavlink.flight import Task
+from bridged.drivers.mavlink.procedures import PROCEDURES
+from bridged.drivers.mavlink.vehicle import Place
+from bridged.drivers.mavlink.vocabulary import call_of
+from bridged.drivers.robot import Outcome, Value
+from schemas.manifest import load_manifest
+from schemas.percepts import PerceptSet
+from schemas.records import Perception
+from schemas.text import write
+from tests.bridged.recorded import DATA, RECORDINGS, moments, packet_count, packets
+
+MANIFEST = load_manifest("arducopter")
+GROUND = Identity(255, 190, 1)
+
+
+class Replay:
+    """A conversation that hears what a vehicle once said, at the times at which it said it."""
+
+    def __init__(self, name: str, identity: Identity = GROUND) -> None:
+        self.name, self.identity = name, identity
+        self.told: list[tuple[float, Perception]] = []
+        self.sent: Counter[str] = Counter()
+        self.now = 0.0
+        self.board = PerceptBoard(
+            MANIFEST, ["uav"], lambda _agent, one: self.told.append((self.now, one)), robot="r", boot="b", stamp=int
+        )
+        self.talk = Conversation(
+            MANIFEST,
+            identity,
+            lambda message: self.sent.update([message.get_type()]),
+            lambda reading: self.board.take(reading, self.now),
+        )
+        self.ended: dict[str, tuple[float, Outcome]] = {}
+
+    def run(self, *actions: tuple[float, str, dict[str, Value]]) -> None:
+        """Replay everything; begin each action at its time, and note when and how it ends."""
+        waiting, running = sorted(actions, key=lambda action: action[0]), list[Task]()
+        for packet in packets(self.name):
+            while self.now + 0.1 < packet.at:
+                self.tick(self.now + 0.1)
+            while waiting and waiting[0][0] <= packet.at:
+                _, name, arguments = waiting.pop(0)
+                entry = MANIFEST.actions[name]
+                sets_mode = entry.confirm == "mode"
+                task = Task(name, moves=entry.motion, sets_mode=sets_mode, takes_control=sets_mode)
+                call = call_of(entry, arguments, self.talk.modes)
+                running.append(self.talk.begin(task, PROCEDURES[entry.confirm], call))
+            self.now = packet.at
+            self.talk.receive(packet.message, self.now)
+            self.board.tick(self.now)
+            for task in [task for task in running if task.outcome is not None]:
+                running.remove(task)
+                assert task.outcome is not None
+                self.ended[task.name] = (self.now, task.outcome)
+
+    def tick(self, now: float) -> None:
+        self.now = now
+        self.talk.tick(now)
+        self.board.tick(now)
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_every_packet_of_the_recordings_is_decoded(name: str) -> None:
+    replay, decoded = Replay(name), 0
+    for packet in packets(name):
+        assert packet.message.get_type() not in ("BAD_DATA", "UNKNOWN")
+        replay.talk.receive(packet.message, packet.at)
+        decoded += 1
+    assert decoded == packet_count(name) > 1000
+    assert replay.talk.received > decoded / 4
+
+
+def test_the_percept_sequence_of_the_recorded_flight_is_told_as_it_was_reviewed() -> None:
+    replay = Replay("single_uav")
+    replay.run()
+    sequence = "".join(
+        f"{at:.3f} {one.update} {one.name}({','.join(map(write, one.parameters))})\n" for at, one in replay.told
+    )
+    golden = DATA / "single_uav.percepts.txt"
+    if os.environ.get("ARGOSY_REWRITE_GOLDEN"):
+        golden.write_text(sequence)
+    assert sequence == golden.read_text()
+    assert [one.header.seq for _, one in replay.told] == list(range(1, len(replay.told) + 1))
+
+
+def test_the_recorded_flight_reads_as_the_story_of_the_flight() -> None:
+    replay = Replay("single_uav")
+    replay.run()
+    states = [one.parameters for _, one in replay.told if one.name == "state"]
+    assert states == [
+        ("STABILIZE", True, False),
+        ("GUIDED", True, False),
+        ("GUIDED", True, True),
+        ("RTL", True, True),
+        ("RTL", True, False),
+    ]
+    altitudes = [one.parameters[0] for _, one in replay.told if one.name == "altitude" and one.update == "replace"]
+    heights = [height for height in altitudes if isinstance(height, float)]
+    assert abs(max(heights) - 40) < 0.3
+    assert abs(heights[0]) < 0.1
+    assert abs(heights[-1]) < 0.1
+    assert not [one for _, one in replay.told if one.update == "remove"], "no percept ages while its source is alive"
+
+
+def test_what_an_agent_has_received_is_the_set_that_the_bridge_keeps() -> None:
+    replay, copy = Replay("single_uav"), PerceptSet()
+    replay.run()
+    for _, one in replay.told:
+        assert copy.apply(one)
+    assert copy.digest() == replay.board.sets["uav"].digest()
+    assert not copy.needs_repair(replay.board.sets["uav"].digest())
+
+
+def test_the_actions_of_the_recorded_flight_are_confirmed_when_the_state_shows_it() -> None:
+    at = moments("single_uav")
+    replay = Replay("single_uav")
+    goal: dict[str, Value] = {"latitude": -27.603683, "longitude": -48.518052, "altitude": 40.0}
+    replay.run(
+        (at["set_mode_guided"], "set_mode", {"mode": "GUIDED"}),
+        (at["arm"], "arm_motors", {"arm": True}),
+        (at["takeoff_5"], "takeoff", {"altitude": 5.0}),
+        (at["setpoint_goal"], "goto", goal),
+        (at["set_mode_rtl"], "return_to_launch", {}),
+    )
+    assert {name: outcome.state for name, (_, outcome) in replay.ended.items()} == {
+        "set_mode": "succeeded",
+        "arm_motors": "succeeded",
+        "takeoff": "succeeded",
+        "goto": "succeeded",
+        "return_to_launch": "succeeded",
+    }
+    done = {name: when for name, (when, _) in replay.ended.items()}
+    assert 0.9 < done["arm_motors"] - at["arm"] < 2.5, "armed at two HEARTBEATs, not at the acknowledgement"
+    assert abs(done["takeoff"] - at["takeoff_5_reached.seen"]) < 1.5
+    assert abs(done["goto"] - at["goal_reached.seen"]) < 3
+    assert abs(done["return_to_launch"] - at["rtl_disarmed.seen"]) < 1.5
+
+
+def test_a_mode_that_falls_back_after_its_acknowledgement_is_not_a_success_at_once() -> None:
+    at = moments("refusals")
+    replay = Replay("refusals")
+    replay.run((at["set_mode_guided_at_boot"], "set_mode", {"mode": "GUIDED"}))
+    when, outcome = replay.ended["set_mode"]
+    assert outcome.state == "failed"
+    assert when > at["set_mode_guided_at_boot"] + 1
+    assert replay.sent["COMMAND_LONG"] > 1, "it is asked for again"
+
+
+def test_a_refused_arming_tells_the_vehicles_reason() -> None:
+    at = moments("refusals")
+    replay = Replay("refusals")
+    replay.run((at["arm_in_land"], "arm_motors", {"arm": True}))
+    _, outcome = replay.ended["arm_motors"]
+    assert outcome.state == "refused"
+    assert "Arm: LAND mode not armable" in outcome.reason
+
+
+def test_a_takeoff_refused_without_a_text_tells_the_vehicles_state() -> None:
+    at = moments("refusals")
+    replay = Replay("refusals")
+    replay.run((at["takeoff_not_armed"], "takeoff", {"altitude": 5.0}))
+    _, outcome = replay.ended["takeoff"]
+    assert outcome == Outcome(
+        "refused",
+        "the vehicle refused MAV_CMD_NAV_TAKEOFF (FAILED); the vehicle is not armed, on the ground, in GUIDED",
+    )
+
+
+@pytest.mark.parametrize("name", ["setpoint_outside_circle_fence", "setpoint_above_fence_ceiling"])
+def test_a_target_that_the_vehicle_drops_in_silence_is_refused(name: str) -> None:
+    at = moments("refusals")
+    replay = Replay("refusals")
+    replay.run((at[name], "setpoint", {"latitude": -27.6, "longitude": -48.5, "altitude": 40.0}))
+    _, outcome = replay.ended["setpoint"]
+    assert outcome.state == "refused"
+    assert "did not take the target" in outcome.reason
+
+
+def test_a_target_outside_guided_is_refused_without_being_sent() -> None:
+    at = moments("refusals")
+    replay = Replay("refusals")
+    replay.run((at["setpoint_outside_guided"], "setpoint", {"latitude": -27.6, "longitude": -48.5, "altitude": 40.0}))
+    _, outcome = replay.ended["setpoint"]
+    assert outcome.state == "refused"
+    assert "in BRAKE" in outcome.reason
+    assert not replay.sent["SET_POSITION_TARGET_GLOBAL_INT"]
+
+
+def test_a_failsafe_in_flight_fails_the_running_action_and_is_a_percept() -> None:
+    at = moments("failsafe")
+    replay = Replay("failsafe")
+    replay.run((at["set_mode_guided"], "set_mode", {"mode": "GUIDED"}), (at["gcs_failsafe_rtl.seen"] - 1, "land", {}))
+    assert replay.ended["set_mode"][1].state == "succeeded"
+    assert replay.ended["land"][1] == Outcome(
+        "failed", "the mode became RTL, which nobody here asked for (pilot, ground station or failsafe): GCS Failsafe"
+    )
+    overrides = [one.parameters for _, one in replay.told if one.name == "override"]
+    assert overrides[0] == ("RTL",)
+
+
+def test_a_reboot_is_noticed_and_the_streams_are_asked_for_again() -> None:
+    at = moments("failsafe")
+    replay = Replay("failsafe")
+    asked: list[tuple[float, int]] = []
+    tick = replay.tick
+
+    def watched(now: float) -> None:
+        before = replay.talk.streams.requested
+        tick(now)
+        asked.append((now, replay.talk.streams.requested - before))
+
+    replay.tick = watched  # type: ignore[method-assign]
+    replay.run()
+    assert replay.talk.vehicle.reboots == 1
+    asked_again = sum(count for when, count in asked if when > at["rebooted"])
+    assert asked_again >= 6
+
+
+def test_only_the_vehicle_that_is_ours_is_heard_among_three() -> None:
+    replay = Replay("three_uav", Identity(255, 190, 2))
+    replay.run()
+    last = replay.talk.vehicle
+    assert last.home is not None
+    assert last.home.distance(Place(-27.604033, -48.518363, 0)) == pytest.approx(10, abs=1)
+    assert "heard only system" not in "".join(replay.talk.notes())
+
+
+def test_the_loss_of_a_vehicle_is_told_once() -> None:
+    replay = Replay("three_uav", Identity(255, 190, 3))
+    replay.run()
+    for _ in range(100):
+        replay.tick(replay.now + 0.1)
+    states = [one.parameters for _, one in replay.told if one.name == "state"]
+    assert states[-1] == ("", False, False)
+    assert states.count(("", False, False)) == 1
+    assert replay.talk.notes()[0] == "no heartbeat from system 3; heard only system 1, 2, 255"
