@@ -3,7 +3,7 @@
 ``{found}`` stands for the token that cannot stand there, ``{before}`` for the one before it.
 """
 
-EXAMPLES: tuple[tuple[str, str], ...] = (
+IN_THEIR_PLACE: tuple[tuple[str, str], ...] = (
     # items of a program
     ("b(1) b(2).", "the belief before {found} does not end with a '.'"),
     ("b(1) !g.", "the belief before {found} does not end with a '.'"),
@@ -120,20 +120,6 @@ EXAMPLES: tuple[tuple[str, str], ...] = (
     ("b([a|T, c]).", "only the tail stands after |, nothing after it"),
     ("b([a|T|U]).", "a list has only one |"),
     ("b([|T]).", "a list needs an element before |"),
-    ("b :- 1 < 2 < 3.", "comparisons cannot be chained; write X < Y & Y < Z"),
-    ("b(1 < 2 < 3).", "comparisons cannot be chained; write X < Y & Y < Z"),
-    ("b :- a & .", "a formula is missing after &"),
-    ("b :- a | .", "a formula is missing after |"),
-    ("b :- not .", "a formula is missing after not"),
-    ("b :- a && c.", "'and' is written &"),
-    ("b :- a || c.", "'or' is written |"),
-    ("b :- X > .", "a term is missing after the comparison"),
-    ("b :- X = 1 + .", "a number or variable is missing after the operator"),
-    ("b :- X = 1 * .", "a number or variable is missing after the operator"),
-    ("b(~).", "~ needs a literal after it"),
-    ("b(~1).", "~ stands before a literal"),
-    ("b[].b.", "{found} cannot stand here"),
-    ("ns:: .", "a name is missing after ::"),
     # directives and code in braces
     ("{ include }.", "a directive takes no '.' after its }"),
     ('{ include("a.asl").', "the '{' of the directive is not closed"),
@@ -144,3 +130,26 @@ EXAMPLES: tuple[tuple[str, str], ...] = (
     ("+!g <- a. { b. }", "only plans stand in braces after a plan; they begin with + or - or @"),
     ("+!g <- a. { !b. }", "only plans stand in braces after a plan; they begin with + or - or @"),
 )
+"""What is wrong in certain surroundings: in a body, in a context, in a list."""
+
+ANYWHERE: tuple[tuple[str, str], ...] = (
+    ("b :- 1 < 2 < 3.", "comparisons cannot be chained; write X < Y & Y < Z"),
+    ("b(1 < 2 < 3).", "comparisons cannot be chained; write X < Y & Y < Z"),
+    ("b :- a & .", "a formula is missing after &"),
+    ("b :- a | .", "a formula is missing after |"),
+    ("b :- not .", "a formula is missing after not"),
+    ("b :- a && c.", "'and' is written &"),
+    ("b :- a || c.", "'or' is written |"),
+    ("b :- X > .", "a term is missing after the comparison"),
+    ("b(~).", "~ needs a literal after it"),
+    ("b(~1).", "~ stands before a literal"),
+    ("ns:: .", "a name is missing after ::"),
+    ("b :- X = 1 + .", "a number or variable is missing after the operator"),
+    ("b :- X = 1 - .", "a number or variable is missing after the operator"),
+    ("b :- X = 1 * .", "a number or variable is missing after the operator"),
+    ("b :- X = 1 / .", "a number or variable is missing after the operator"),
+    ("b :- X = 1 ** .", "a number or variable is missing after the operator"),
+    ("b :- X = 1 div .", "a number or variable is missing after the operator"),
+    ("b :- X = 1 mod .", "a number or variable is missing after the operator"),
+)
+"""What is wrong wherever it stands."""

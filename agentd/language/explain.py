@@ -1,6 +1,6 @@
 """What is wrong where no rule of the grammar goes on, in the words of someone who writes plans.
 
-First the mistakes that show in a few tokens, then those that are told by the place in the grammar: `EXAMPLES` holds bad
+First the mistakes that show in a few tokens, then those that are told by the place in the grammar: `examples` holds bad
 inputs with their messages, and an error in the same state of the parser at the same token gets the same message.
 """
 
@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 
-from agentd.language.examples import EXAMPLES
+from agentd.language.examples import ANYWHERE, IN_THEIR_PLACE
 from agentd.language.lalr import Stopped, machine
 from agentd.language.lexer import END_OF_TEXT, Tokens, lexicon, tokenize
 from agentd.language.source import Source
@@ -96,12 +96,12 @@ def explain(source: Source, tokens: Tokens, index: int, states: list[int]) -> tu
 def _of_example(states: list[int], kind: str) -> str | None:
     """The message of the example that goes wrong at the same token in the same surroundings, if there is one."""
     surroundings = _surroundings(states)
-    best: tuple[int, str | None] = (0, None)
+    best: tuple[int, str | None] = (-1, None)
     for theirs, message in _known_places().get((states[-1], kind), ()):
         alike = 0
         while alike < min(len(theirs), len(surroundings)) and theirs[-1 - alike] == surroundings[-1 - alike]:
             alike += 1
-        if alike > best[0]:
+        if alike > best[0] and (alike or not theirs):
             best = (alike, message)
     return best[1]
 
@@ -136,12 +136,20 @@ def _known_places() -> dict[tuple[int, str], list[tuple[list[str], str]]]:
     """Where in the grammar, and in what surroundings, each example goes wrong; made for the first error."""
     known: dict[tuple[int, str], list[tuple[list[str], str]]] = {}
     lexical = lexicon(machine().tables)
-    for text, message in EXAMPLES:
+    for text, message in IN_THEIR_PLACE + ANYWHERE:
         tokens = tokenize(Source(text, ""), lexical)
 
-        def note(index: int, states: list[int], at_item: bool, tokens: Tokens = tokens, message: str = message) -> None:
+        def note(
+            index: int,
+            states: list[int],
+            at_item: bool,
+            tokens: Tokens = tokens,
+            text: str = text,
+            message: str = message,
+        ) -> None:
             place = (states[-1], tokens.types[index])
-            known.setdefault(place, []).append((_surroundings(states), message))
+            around = _surroundings(states) if (text, message) in IN_THEIR_PLACE else []
+            known.setdefault(place, []).append((around, message))
 
         with suppress(Stopped):
             machine().run(tokens, "program", _Nothing(), note)
@@ -266,7 +274,7 @@ _NO_DOT = "a plan begins here, but the one before it does not end with a '.'"
 
 def _unclosed(place: Place) -> str | None:
     """Something that ends a formula or a plan comes while a bracket is open, or a bracket closes another."""
-    if place.text not in (";", ".", "<-", ":-", "}", ")", "]", "") or place.text in _CLOSERS.get(place.before, ""):
+    if place.text not in (";", ".", "<-", ":-", "}", ")", "]", "") or place.text == _CLOSERS.get(place.before):
         return None
     opened = _open_bracket(place)
     if opened is None:

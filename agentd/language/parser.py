@@ -13,8 +13,7 @@ from typing import Any
 
 from agentd.language.build import Builder, is_formula
 from agentd.language.errors import Problem, SyntaxErrors, problem_at, problem_on
-from agentd.language.explain import explain
-from agentd.language.lalr import Machine, Stopped, machine
+from agentd.language.lalr import Stopped, machine
 from agentd.language.lexer import BROKEN, END_OF_TEXT, Lexicon, Tokens, lexicon, tokenize
 from agentd.language.source import Source, read_source
 from agentd.language.syntax import Formula, Plan, Program, Structure, Term, Trigger
@@ -82,7 +81,7 @@ def _parse(source: Source, start: str) -> tuple[Any, Tokens]:
     tokens = tokenize(source, _lexicon())
     builder = Builder(source)
     builder.end_of_text = tokens.starts[-1]
-    recovery = _Recovery(source, tokens, machine(), start == "program")
+    recovery = _Recovery(source, tokens, start == "program")
     try:
         value = machine().run(tokens, start, builder, recovery)
     except Stopped:
@@ -105,24 +104,33 @@ def _one_per_line(problems: list[Problem]) -> list[Problem]:
 class _Recovery:
     """Reports what stands where it cannot, and finds the next place where a plan may begin."""
 
-    def __init__(self, source: Source, tokens: Tokens, machine: Machine, whole: bool) -> None:
+    def __init__(self, source: Source, tokens: Tokens, whole: bool) -> None:
         self.problems: list[Problem] = []
         self._source = source
         self._tokens = tokens
-        self._machine = machine
         self._whole = whole
-        self._opened = frozenset(machine.tables.fixed[text] for text in "{([")
+        self._resumed: int | None = None
 
     def __call__(self, index: int, states: list[int], at_item: bool) -> int | None:
         tokens = self._tokens
         kind = tokens.types[index]
-        echo = kind == BROKEN or (at_item and bool(self.problems or tokens.problems) and tokens.texts[index] == "}")
+        echo = kind == BROKEN or (tokens.texts[index] == "}" and self._closes_what_was_skipped(index))
         if not echo:
+            from agentd.language.explain import explain  # a program without errors starts without the table of errors
+
             line, column, message = explain(self._source, tokens, index, states)
             self.problems.append(problem_on(self._source, line, column, message))
         if not self._whole or kind == END_OF_TEXT or len(self.problems) >= MOST_PROBLEMS:
             return None
-        return self._next_item(index, at_item)
+        self._resumed = self._next_item(index, at_item)
+        return self._resumed
+
+    def _closes_what_was_skipped(self, index: int) -> bool:
+        """Whether a brace closes one that was opened before parsing went on after a problem."""
+        if self._resumed is None:
+            return False
+        texts = self._tokens.texts[self._resumed : index]
+        return texts.count("{") == texts.count("}")
 
     def _next_item(self, index: int, at_item: bool) -> int | None:
         """The index of the next token that looks like the beginning of an item; None when there is none."""

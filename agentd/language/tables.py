@@ -129,6 +129,8 @@ def compile_grammar(grammar: str) -> Tables:
         }
         for state, row in automaton["states"].items()
     }
+    starts, ends = automaton["start_states"], automaton["end_states"]
+    order = _order(states, [starts[symbol] for symbol in STARTS])
     scalars = _scalars(list(rules.values()))
     return Tables(
         digest=_digest(grammar),
@@ -137,10 +139,28 @@ def compile_grammar(grammar: str) -> Tables:
         keywords=keywords,
         ignored=list(lark.ignore_tokens),
         rules=[_rule_table(rule, scalars) for rule in rules.values()],
-        states=[states[number] for number in range(len(states))],
-        starts=automaton["start_states"],
-        ends=automaton["end_states"],
+        states=[_renumbered(states[number], order) for number in order],
+        starts={symbol: order[starts[symbol]] for symbol in STARTS},
+        ends={symbol: order[ends[symbol]] for symbol in STARTS},
     )
+
+
+def _order(states: dict[int, dict[str, int]], starts: list[int]) -> dict[int, int]:
+    """A numbering of the states that depends on the grammar alone (lark's depends on the hashes of its process)."""
+    order: dict[int, int] = {}
+    pending = starts[::-1]
+    while pending:
+        state = pending.pop()
+        if state not in order:
+            order[state] = len(order)
+            pending += [
+                states[state][symbol] for symbol in sorted(states[state], reverse=True) if states[state][symbol] >= 0
+            ]
+    return order
+
+
+def _renumbered(row: dict[str, int], order: dict[int, int]) -> dict[str, int]:
+    return {symbol: order[row[symbol]] if row[symbol] >= 0 else row[symbol] for symbol in sorted(row)}
 
 
 def _kept(rule: dict[str, Any]) -> list[int]:
