@@ -1,0 +1,164 @@
+"""`argosy check`: reads everything that a mission names, starts nothing, and tells all that is wrong in one run."""
+
+from __future__ import annotations
+
+import json
+import sys
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from agentd.check import check_program
+
+from agentd.compose import compose, done_formulas
+from agentd.language.errors import SyntaxErrors
+from agentd.language.parser import parse_file
+from agentd.language.syntax import Program
+from argosy.mentions import beliefs_of, mentioned
+from argosy.outline import Outline, outline
+from argosy.processes import check_links
+from bridged.preparation import prepare
+from commd.process import EXIT_BAD_INPUT, EXIT_DONE
+from schemas.findings import Finding, Findings
+from schemas.manifest import Manifest, load_manifest
+from schemas.mission import Mission, load_mission
+from schemas.positions import Steps, did_you_mean
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy check`."""
+    parser.add_argument("mission", nargs="+", help="mission file")
+    parser.add_argument("--json", action="store_true", help="findings as a JSON array on stdout")
+
+
+def run(args: Namespace) -> int:
+    """Check missions. Returns 0 if none has an error, 2 otherwise."""
+    findings: list[Finding] = []
+    missions: list[Mission] = []
+    for path in args.mission:
+        mission, found = check_mission(path)
+        findings += [one for one in found if one not in findings]
+        missions += [mission] if mission else []
+    errors = sum(finding.severity == "error" for finding in findings)
+    if args.json:
+        fields = ("file", "line", "column", "severity", "message")
+        print(json.dumps([{name: getattr(finding, name) for name in fields} for finding in findings], indent=2))
+    else:
+        for finding in findings:
+            print(finding, file=sys.stderr)
+        if not errors:
+            print("\n".join(f"{mission.path}: ok: {_contents(mission)}" for mission in missions))
+    return EXIT_BAD_INPUT if errors else EXIT_DONE
+
+
+def _contents(mission: Mission) -> str:
+    counted = (("agent", mission.agents), ("robot", mission.robots), ("done formula", mission.done))
+    return ", ".join(f"{len(things)} {name}{'s' if len(things) != 1 else ''}" for name, things in counted)
+
+
+def check_mission(path: str | Path) -> tuple[Mission | None, list[Finding]]:
+    """Return the mission, if it can be read at all, and everything that is wrong with it and with what it names."""
+    mission, findings = None, list[Finding]()
+    try:
+        mission = load_mission(path)
+    except Findings as found:
+        findings += found.findings
+    named = outline(Path(path))
+    if named is None:
+        return None, sorted(set(findings))
+    if mission is not None:
+        findings += check_links(mission)
+        if not mission.done:
+            text = "no `done`: the run will end only by ctrl-C or its timeout, and fail"
+            findings.append(Finding(str(mission.path), 0, 0, text, "warning"))
+    manifests = {robot: _manifest(named, robot, mission, findings) for robot in named.robots}
+    programs = {agent: _program(named, agent, mission, findings) for agent in named.agents}
+    for agent, program in programs.items():
+        robot = named.agents[agent].robot
+        manifest = manifests.get(robot) if robot is not None else None
+        if program is not None and (robot is None or manifest is not None):  # against nothing, all would be unknown
+            findings += _against(program, manifest)
+    if mission is not None:
+        findings += _done(mission, programs, manifests)
+    return mission, sorted(set(findings))
+
+
+def _manifest(named: Outline, robot: str, mission: Mission | None, findings: list[Finding]) -> Manifest | None:
+    """Check what the bridge of a robot would refuse. Returns its manifest, if it can be read."""
+    where: Steps = ("robots", robot, "manifest")
+    name = named.robots[robot]
+    try:
+        if mission is not None:
+            return prepare(mission, robot, None, 1.0)[1]
+        return load_manifest(name, named.folder) if isinstance(name, str) else None
+    except Findings as found:
+        for finding in found.findings:
+            missing = finding.line == 0 and finding.file == name
+            findings.append(named.positions.finding(where, f"`{name}`: {finding.message}") if missing else finding)
+    try:  # what else is wrong with the robot does not hide its manifest from the program
+        return load_manifest(name, named.folder) if isinstance(name, str) else None
+    except Findings:
+        return None
+
+
+def _program(named: Outline, agent: str, mission: Mission | None, findings: list[Finding]) -> Program | None:
+    """Return the program of an agent with what the mission adds to it, if it can be read."""
+    if mission is not None:
+        try:
+            return compose(mission, agent)
+        except Findings as found:
+            findings += found.findings
+        except (OSError, ValueError) as error:
+            findings.append(_unreadable(named, agent, error))
+    path = named.folder / named.agents[agent].program
+    try:
+        return parse_file(path)
+    except SyntaxErrors as errors:
+        findings += errors.findings
+    except (OSError, ValueError) as error:
+        if mission is None:
+            findings.append(_unreadable(named, agent, error))
+    return None
+
+
+def _unreadable(named: Outline, agent: str, error: OSError | ValueError) -> Finding:
+    program = named.agents[agent].program
+    if isinstance(error, OSError):
+        why = f"agents.{agent}.program: `{program}` cannot be read: {error.strerror}"
+        return named.positions.finding(("agents", agent, "program"), why)
+    file, line, message = [*str(error).split(":", 2), "", ""][:3]
+    return Finding(file, int(line) if line.isdigit() else 0, 0, message.removeprefix(" error: "))
+
+
+def _against(program: Program, manifest: Manifest | None) -> list[Finding]:
+    """Check a program against what its robot can do and tell."""
+    actions = manifest.action_arities() if manifest is not None else {}
+    percepts = manifest.percept_arities() if manifest is not None else {}
+    return list(check_program(program, actions, percepts))
+
+
+def _done(
+    mission: Mission, programs: dict[str, Program | None], manifests: dict[str, Manifest | None]
+) -> list[Finding]:
+    """A formula about a belief that no program and no manifest ever mentions can never hold."""
+    findings: list[Finding] = []
+    known: set[tuple[str, int]] = {("true", 0), ("false", 0)}
+    for program in programs.values():
+        known |= mentioned(program) if program is not None else set()
+    for manifest in manifests.values():
+        known |= set(manifest.percept_arities().items()) if manifest is not None else set()
+    everything_read = None not in programs.values() and None not in manifests.values()
+    for agent in mission.agents:
+        try:
+            formulas = done_formulas(mission, agent)
+        except Findings as found:
+            findings += found.findings
+            continue
+        for text, formula in formulas.items() if everything_read else ():
+            for functor, arity in beliefs_of(formula) - known:
+                belief, others = f"{functor}/{arity}", [f"{name}/{number}" for name, number in known]
+                hint = did_you_mean(belief, others)
+                index = [(one.agent, one.formula) for one in mission.done].index((agent, text))
+                near = hint if hint.startswith(", did") else ""
+                where: Steps = ("done", index) if ("done", index) in mission.positions.values else ("done",)
+                findings.append(mission.positions.finding(where, f"done: no program ever believes `{belief}`{near}"))
+    return findings

@@ -1,0 +1,273 @@
+"""The course of a run: start in order, watch until it ends, bring vehicles home, leave nothing behind."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import time
+from collections.abc import Callable
+from contextlib import AsyncExitStack, suppress
+from dataclasses import dataclass
+from itertools import pairwise
+
+from argosy.journal import Level
+from argosy.observe import Observer
+from argosy.processes import Process, plan
+from argosy.status import Status
+from argosy.supervise import Child, Supervisor
+from commd.bus import BusClosed, open_bus
+from commd.process import EXIT_DONE, EXIT_FAILED
+from schemas.durations import Duration
+
+STARTUP_PATIENCE = 30.0
+"""Wall seconds that each step of the startup may take."""
+REFRESH = 0.25
+"""Wall seconds between two refreshes of the view, and between two looks at what may end the run."""
+IDLE_WINDOW = 3.0
+"""Wall seconds after the end over which the daemons' idle processor time is measured."""
+LEAVE = 1.0
+"""Wall seconds that a process without an armed vehicle has to leave."""
+LEAVE_SIMULATED, LEAVE_REAL = 3.0, 35.0
+"""Wall seconds that a bridge has to see its on_shutdown confirmed; it tries three orders for 10 s each if it must."""
+POLL = 0.02
+"""Wall seconds between two looks at whether a process has come up."""
+LAST_WORDS = 5
+"""Lines that a dead process wrote last, for the user."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a run ended."""
+
+    code: int
+    text: str
+    last_words: tuple[str, ...] = ()
+
+
+class StartupFailed(Exception):
+    """Something did not come up in time; says what."""
+
+
+class Flight:
+    """One run of a mission."""
+
+    def __init__(self, status: Status) -> None:
+        self.status = status
+        self._mission, self._journal, self._picture = status.setup.mission, status.journal, status.picture
+        self._supervisor = Supervisor(self._wrote, self._ended)
+        status.children = self._supervisor.children
+        self._observer: Observer | None = None
+        self._bus = AsyncExitStack()
+        self.finished: float | None = None
+        """Mission time at which the mission ended, however it did."""
+        self._marks: dict[str, float] = {}
+        """Mission time at which each stretch of the run ended."""
+        self._idle = False
+
+    async def fly(self, refresh: Callable[[], None]) -> Ending:
+        """Run the mission to its end and stop everything. Never raises for what a user can cause."""
+        self._wake, self._hurry = asyncio.Event(), asyncio.Event()
+        self._signal: signal.Signals | None = None
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            loop.add_signal_handler(number, self._told_to_stop, number)
+        helpers = [asyncio.create_task(self._draw(refresh)), asyncio.create_task(self._measure())]
+        startup = asyncio.create_task(self._start())
+        ending = Ending(EXIT_FAILED, "failed by an error of argosy itself")
+        try:
+            ending = await self._watch(startup)
+        finally:
+            startup.cancel()
+            await asyncio.gather(startup, return_exceptions=True)
+            self._marks["mission" if "startup" in self._marks else "startup"] = self.finished = self.status.now()
+            self._journal.add("argosy", ending.text, "good" if ending.code == EXIT_DONE else "error")
+            if ending.code == EXIT_DONE:
+                await self._rest()
+            await self._leave()
+            await self._supervisor.close()
+            for helper in helpers:
+                helper.cancel()
+            await asyncio.gather(*helpers, return_exceptions=True)
+            self._marks["stopping"] = self.status.now()
+            refresh()
+        return ending
+
+    def phases(self) -> list[tuple[str, float]]:
+        """Return the stretches of the run and how long each took in mission seconds."""
+        ends = [0.0, *self._marks.values()]
+        stretches = [(name, end - begin) for name, (begin, end) in zip(self._marks, pairwise(ends), strict=True)]
+        return [*stretches, ("total", ends[-1])]
+
+    async def _start(self) -> None:
+        """Start every process in the order of the table, each kind when the one before is there."""
+        status, setup = self.status, self.status.setup
+        processes = plan(setup)
+
+        async def start(*kinds: str) -> list[Child]:
+            return [await self._begin(process) for process in processes if process.kind.name in kinds]
+
+        comm = await start("commd")
+        status.waiting_for = f"the router at {setup.router}"
+        bus = await self._bus.enter_async_context(
+            open_bus(
+                setup.router,
+                fleet=self._mission.fleet,
+                name="operator",
+                daemon="argosy",
+                stamp=time.time_ns,
+                wire=self._mission.wire,
+                patience=STARTUP_PATIENCE,
+            )
+        )
+        self._observer = observer = Observer(bus, self._picture)
+        await self._until(comm)
+        await start("simulator")
+        await self._until(await start("bridged"))
+        agents = await start("agentd")
+        await self._until(agents)
+        observer.start()
+        await observer.look_at_percepts()
+        self._marks["startup"] = status.now()
+        status.phase = "flying"
+        await self._heartbeats()
+        status.waiting_for = ""
+
+    async def _begin(self, process: Process) -> Child:
+        try:
+            child = await self._supervisor.start(process)
+        except OSError as error:
+            raise StartupFailed(f"{process.name} cannot be started: {error.strerror}") from None
+        self._journal.add(process.name, f"started, pid {child.pid}")
+        return child
+
+    async def _until(self, children: list[Child]) -> None:
+        """Wait until processes have shown themselves on the bus."""
+        for child in children:
+            name = child.name
+            await self._wait_for(name, lambda child=child: self.status.serves(child))  # type: ignore[misc]
+            self._journal.add(name, "up", "good")
+
+    async def _heartbeats(self) -> None:
+        for name, robot in self._mission.robots.items():
+            if self._mission.agents_of(name) and name in self.status.setup.telling:
+                what = f"a heartbeat of the vehicle of {name} on {robot.link}"
+                await self._wait_for(what, lambda name=name: self._picture.robots[name].connected)  # type: ignore[misc]
+
+    async def _wait_for(self, what: str, there: Callable[[], bool]) -> None:
+        self.status.waiting_for = what
+        for _ in range(round(STARTUP_PATIENCE / POLL)):
+            if there():
+                return
+            await asyncio.sleep(POLL)
+        raise StartupFailed(f"waited {STARTUP_PATIENCE:g} s in vain for {what}")
+
+    async def _watch(self, startup: asyncio.Task[None]) -> Ending:
+        """Wait for whatever ends the run."""
+        speed = self.status.setup.speed
+        while True:
+            self._wake.clear()
+            if ending := self._interrupted():
+                return ending
+            if startup.done() and (error := startup.exception()) is not None:
+                if isinstance(error, StartupFailed | BusClosed):
+                    return Ending(EXIT_FAILED, f"failed at the start: {error}")
+                raise error
+            if self._picture.done():
+                return Ending(EXIT_DONE, "done")
+            if self.status.now() - self._marks.get("startup", self.status.now()) > self._mission.timeout:
+                missing = ", ".join(f"{one.agent}: {one.formula}" for one in self._mission.done)
+                limit = Duration(self._mission.timeout)
+                wall = "" if speed == 1 else f" of mission time ({self._mission.timeout / speed:.0f} s here)"
+                return Ending(EXIT_FAILED, f"failed: not done within {limit}{wall}; expected {missing or 'ctrl-C'}")
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._wake.wait(), REFRESH)
+
+    def _interrupted(self) -> Ending | None:
+        """Return the ending if the user or the death of a process made one."""
+        if self._signal is not None:
+            how = "ctrl-C" if self._signal == signal.SIGINT else self._signal.name
+            return Ending(128 + self._signal, f"stopped by {how}")
+        if dead := self._supervisor.dead():
+            first = dead[0]
+            words = tuple(f"{first.name}: {line}" for line in list(first.lines)[-LAST_WORDS:])
+            return Ending(EXIT_FAILED, f"failed: {first.name} {first.how_it_ended()}", words)
+        return None
+
+    async def _rest(self) -> None:
+        """Leave the daemons in peace for a moment to measure what they use when idle."""
+        if self._picture.flying() or self._picture.open_actions():
+            return
+        self.status.phase = "done, measuring idle use"
+        if self._observer is not None:
+            self._observer.watching_minds.clear()
+        self._sample()
+        self._idle = True
+        self._wake.clear()
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._wake.wait(), IDLE_WINDOW)
+        self._sample()
+        self._idle = False
+        self._marks["measuring"] = self.status.now()
+
+    async def _leave(self) -> None:
+        """Stop everything in order: a bridge may need its simulator, and both are watched through commd."""
+        self.status.phase, self.status.waiting_for = "ending", ""
+        patience = LEAVE_REAL if self.status.setup.real else LEAVE_SIMULATED
+        thinkers = self._supervisor.of_kind("agentd")
+        bridges = self._supervisor.of_kind("bridged")
+        for robot in self._picture.robots.values():
+            if robot.armed and any(child.alive for child in bridges if child.process.subject == robot.name):
+                order = self._mission.robots[robot.name].on_shutdown
+                self._journal.add(robot.name, f"is armed: its bridge orders {order} (on_shutdown)", "warning")
+            elif robot.armed:
+                text = "is armed and its bridge is dead: its own failsafe is the last line"
+                self._journal.add(robot.name, text, "error")
+        if self._picture.flying():  # the bridge first: nobody else commands an armed vehicle while it brings it home
+            await asyncio.gather(self._stop(bridges, patience), self._stop(thinkers, LEAVE))
+        else:
+            await self._stop(thinkers, LEAVE)
+            await self._stop(bridges, patience)
+        if self._observer is not None:
+            await self._observer.stop()
+        await self._bus.aclose()
+        await self._stop(self._supervisor.of_kind("simulator", "commd"), LEAVE)
+
+    async def _stop(self, children: list[Child], patience: float) -> None:
+        for late in await self._supervisor.leave(children, patience, self._hurry):
+            self._journal.add(late.name, f"did not leave within {patience:g} s and was killed", "warning")
+
+    async def _draw(self, refresh: Callable[[], None]) -> None:
+        while True:
+            refresh()
+            await asyncio.sleep(REFRESH)
+
+    async def _measure(self) -> None:
+        while True:
+            self._sample()
+            await asyncio.sleep(1.0)
+
+    def _sample(self) -> None:
+        children = [child for child in self.status.children if child.alive]
+        measured = [child.pid for child in children if child.process.kind.measured]
+        flying = self._picture.flying() and self.finished is None
+        self.status.meter.sample([child.pid for child in children], measured, flying=flying, idle=self._idle)
+
+    def _told_to_stop(self, number: signal.Signals) -> None:
+        if self._signal is not None or self.finished is not None:
+            self._hurry.set()
+            self._journal.add("argosy", "hurrying", "warning")
+        self._signal = self._signal or number
+        self._wake.set()
+
+    def _wrote(self, child: Child, line: str) -> None:
+        level: Level = "output"
+        if line.startswith(("ERROR", "error:", "CRITICAL")):
+            level = "error"
+        elif line.startswith("WARNING"):
+            level = "warning"
+        self._journal.add(child.name, line, level)
+
+    def _ended(self, child: Child) -> None:
+        if child.dead:
+            self._journal.add(child.name, child.how_it_ended(), "error")
+        self._wake.set()

@@ -1,0 +1,225 @@
+"""The live view: one calm screen with everything that happens, for a terminal of 80 x 24 and larger."""
+
+from __future__ import annotations
+
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.live import Live
+from rich.rule import Rule
+from rich.segment import Segment
+from rich.table import Table
+from rich.text import Text
+
+from argosy.journal import Entry, Level, printable
+from argosy.measure import MEGABYTE
+from argosy.picture import AgentSeen, RobotSeen
+from argosy.status import Status
+from argosy.track import Track, distance
+
+STYLES: dict[Level, str] = {
+    "info": "",
+    "print": "cyan",
+    "action": "blue",
+    "good": "green",
+    "warning": "yellow",
+    "error": "bold red",
+    "output": "dim",
+}
+AIRY = 30
+"""Lines of a terminal from which on there is room for blank ones."""
+_BARS = "▁▂▃▄▅▆▇█"
+_MOST_PRINTS = 3
+
+
+class LiveView:
+    """Shows the run on the terminal's other screen, so that what stood there comes back at the end."""
+
+    def __init__(self, status: Status, console: Console) -> None:
+        self._screen = Screen(status)
+        self._live = Live(self._screen, console=console, screen=True, auto_refresh=False)
+
+    def __enter__(self) -> LiveView:
+        self._live.start(refresh=True)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._live.stop()
+
+    def show(self, entry: Entry) -> None:
+        """Entries appear with the next refresh."""
+
+    def refresh(self) -> None:
+        """Draw what is known now."""
+        self._live.refresh()
+
+
+class Screen:
+    """The whole screen: what there is to say first, then as much of the journal as fits."""
+
+    def __init__(self, status: Status) -> None:
+        self.status = status
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        width, height = options.max_width, options.height or console.height
+        options = options.update(height=None)
+        sections = [("vehicle", self._vehicles(width)), ("agent", self._agents()), ("processes", self._processes())]
+        lines = [line for part in self._head() for line in console.render_lines(part, options, pad=False)]
+        airy = height >= AIRY
+        for title, parts in sections:
+            lines += [[]] if airy else []
+            for part in (_title(title), *parts):
+                lines += console.render_lines(part, options, pad=False)
+        lines += [[]] if airy else []
+        if (room := height - len(lines) - 2) > 0:
+            lines += console.render_lines(_title("what happened"), options, pad=False)
+            for entry in list(self.status.journal.entries)[-room:]:
+                lines += console.render_lines(_line(entry), options, pad=False)
+        for line in lines[: height - 1]:
+            yield from line
+            yield Segment.line()
+
+    def _head(self) -> list[Table | Rule]:
+        status = self.status
+        mission, speed = status.setup.mission, status.setup.speed
+        now = status.now()
+        left = Text.assemble(" ", (mission.name, "bold"), "   ", _phase(status))
+        right = Text(f"{now:.0f} s of mission, {now / speed:.0f} s here, x{speed:g} ", style="dim")
+        return [_row(left, right), Rule(style="dim", characters="─")]
+
+    def _vehicles(self, width: int) -> list[Table | Text]:
+        robots = self.status.picture.robots.values()
+        if not robots:
+            return []
+        table = Table.grid(padding=(0, 2), pad_edge=True)
+        for robot in robots:
+            table.add_row(*_robot(robot, width))
+        return [table]
+
+    def _agents(self) -> list[Table | Text]:
+        return [*map(self._agent, self.status.picture.agents.values()), *self._done()]
+
+    def _agent(self, agent: AgentSeen) -> Table:
+        now = self.status.now()
+        table = Table.grid(padding=(0, 2), pad_edge=True)
+        table.add_column(no_wrap=True, style="bold")
+        table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
+        table.expand = True
+        name = agent.name
+        for intention in agent.intentions or ():
+            stack = printable(" ‹ ".join(intention.stack)) or f"intention {intention.id}"
+            table.add_row(name, Text.assemble(stack, (f"  {intention.at}", "dim")))
+            name = ""
+        if name:
+            up = self.status.picture.is_alive(agent.name, "agentd")
+            table.add_row(name, Text("no intentions" if up else "not there yet", style="dim"))
+        for action in self.status.picture.open_actions():
+            if action.agent == agent.name:
+                told = "  ".join(f"{key} {value:.1f}" for key, value in action.feedback.items())
+                text = Text.assemble(
+                    ("▸ ", "blue"), (printable(action.text), "blue"), f"  {action.state} {action.age(now):.0f} s  "
+                )
+                table.add_row("", text.append(told, style="dim"))
+        for line in list(agent.prints)[-_MOST_PRINTS:]:
+            table.add_row("", Text(f"“{printable(line)}”", style="cyan"))
+        return table
+
+    def _done(self) -> list[Text]:
+        wanted = self.status.setup.mission.done
+        if not wanted:
+            return []
+        held = [self.status.picture.agents[one.agent].done.get(one.formula, False) for one in wanted]
+        text = Text.assemble(" ", ("done when  ", "dim"))
+        for one, holds in zip(wanted, held, strict=True):
+            text.append("● " if holds else "○ ", style="green" if holds else "dim")
+            text.append(f"{one.agent}: {one.formula}   ", style="green" if holds else "")
+        text.append(f"{sum(held)} of {len(held)}", style="dim")
+        text.truncate(1000)
+        return [text]
+
+    def _processes(self) -> list[Table | Text]:
+        table = Table.grid(padding=(0, 2), pad_edge=True)
+        for _ in range(2):
+            table.add_column(no_wrap=True)
+        for _ in range(2):
+            table.add_column(no_wrap=True, justify="right")
+        table.add_column(no_wrap=True, overflow="ellipsis")
+        for child in self.status.children:
+            usage = self.status.meter.usage.get(child.pid)
+            if not child.alive:
+                state, said = (
+                    ("●", "red") if child.dead else ("●", "dim"),
+                    child.how_it_ended() if child.dead else "left",
+                )
+            elif self.status.serves(child):
+                state, said = ("●", "green"), self._health(child.process.kind.name, child.process.subject)
+            else:
+                state, said = ("○", "yellow"), "coming up"
+            table.add_row(
+                Text.assemble(state, " ", child.name),
+                Text(f"pid {child.pid}", style="dim"),
+                f"{usage.cpu * 100:.1f} %" if usage and child.alive else "",
+                f"{usage.memory / MEGABYTE:.1f} MB" if usage and child.alive else "",
+                Text(printable(said), style="dim"),
+            )
+        return [table]
+
+    def _health(self, daemon: str, subject: str) -> str:
+        told = [self.status.picture.health.get((name, daemon)) for name in subject.split()]
+        drops = sum(health.drops for health in told if health)
+        bad = sum(health.bad_input for health in told if health)
+        counted = [f"{drops} dropped"] if drops else []
+        counted += [f"{bad} bad inputs"] if bad else []
+        return ", ".join(counted)
+
+
+def _phase(status: Status) -> Text:
+    if status.waiting_for:
+        return Text(f"waiting for {status.waiting_for}", style="yellow")
+    style = {"flying": "green", "done": "bold green", "ending": "yellow"}.get(status.phase.split(",")[0], "yellow")
+    return Text(status.phase, style=style)
+
+
+def _robot(robot: RobotSeen, width: int) -> list[Text]:
+    if not robot.connected:
+        return [Text(robot.name, style="bold"), Text("not heard yet" if not robot.mode else "lost", style="yellow")]
+    cells = [
+        Text(robot.name, style="bold"),
+        Text(robot.mode, style="magenta"),
+        Text("armed", style="green") if robot.armed else Text("disarmed", style="dim"),
+    ]
+    if robot.altitude is not None:
+        height = Text(f"{robot.altitude + 0.0:5.1f} m up", style="bold")
+        cells.append(height.append(f" {_spark(robot.track, 16)}", style="blue") if width >= 100 else height)
+    if robot.position is not None:
+        if robot.home is not None:
+            cells.append(Text(f"{distance(robot.position, robot.home):4.0f} m off home"))
+        cells.append(Text(f"{robot.position[0]:.6f} {robot.position[1]:.6f}", style="dim"))
+    if robot.battery is not None and width >= 90:
+        cells.append(Text(f"{robot.battery:.0f} %", style="dim"))
+    return cells
+
+
+def _spark(track: Track, width: int) -> str:
+    """Return the altitude of the last minute or so as a line of bars."""
+    heights = [point.altitude for point in track.points[-width * 20 :: 20] if point.altitude is not None]
+    top = max([*heights, 1.0])
+    return "".join(_BARS[max(0, min(7, round(height / top * 7)))] for height in heights)
+
+
+def _line(entry: Entry) -> Text:
+    text = Text.assemble(
+        (f" {entry.at:7.1f}  ", "dim"), (f"{entry.who}  ", "dim bold"), (entry.text, STYLES[entry.level])
+    )
+    text.no_wrap, text.overflow = True, "ellipsis"
+    return text
+
+
+def _title(text: str) -> Text:
+    return Text(f" {text.upper()}", style="dim bold")
+
+
+def _row(left: Text, right: Text) -> Table:
+    table = Table.grid(expand=True)
+    table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
+    table.add_column(no_wrap=True, justify="right")
+    table.add_row(left, right)
+    return table

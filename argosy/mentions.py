@@ -1,0 +1,40 @@
+"""Which beliefs a program mentions and a formula asks for: what nobody ever mentions can never hold."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from agentd.language.syntax import And, Formula, Not, Or, Program, Structure
+
+
+def mentioned(program: Program) -> set[tuple[str, int]]:
+    """Return functor and arity of every structure in a program, wherever it stands."""
+    found: set[tuple[str, int]] = set()
+    waiting: list[Any] = [program]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, tuple | list):
+            waiting += node
+        elif dataclasses.is_dataclass(node):
+            if isinstance(node, Structure):
+                found.add((node.functor, len(node.args)))
+            waiting += (getattr(node, field.name) for field in dataclasses.fields(node))
+    return found
+
+
+def beliefs_of(formula: Formula) -> set[tuple[str, int]]:
+    """Return functor and arity of the beliefs that a formula asks for."""
+    found: set[tuple[str, int]] = set()
+    waiting: list[Any] = [formula]
+    while waiting:
+        match waiting.pop():
+            case Structure(functor=functor, args=args):
+                found.add((functor, len(args)))
+            case Not(operand=inner):
+                waiting.append(inner)
+            case And(left=left, right=right) | Or(left=left, right=right):
+                waiting += (left, right)
+            case _:
+                pass
+    return found

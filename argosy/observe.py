@@ -1,0 +1,69 @@
+"""The observer on the bus: hears what a fleet says and looks into each mind now and then, to fill a picture."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import aclosing, suppress
+
+from argosy.picture import Picture
+from commd.bus import Bus, BusClosed
+from schemas import keys
+from schemas.records import ActionStatus, Health, MindView, Perception
+
+MIND_PERIOD = 0.5
+"""Wall seconds between two looks at a mind."""
+ANSWER_TIMEOUT = 2.0
+
+
+class Observer:
+    """Keeps a picture of one fleet up to date while the bus is open."""
+
+    def __init__(self, bus: Bus, picture: Picture) -> None:
+        self.bus, self.picture = bus, picture
+        self.watching_minds = asyncio.Event()
+        """Cleared while the daemons are to be left in peace, to measure what they use when idle."""
+        self.watching_minds.set()
+        self._tasks: list[asyncio.Task[None]] = []
+        fleet = bus.fleet
+        bus.watch(keys.alive(fleet, "*", "*", "*"), picture.token)
+        bus.subscribe(keys.health(fleet, "*", "*"), Health, picture.heard_health)
+        bus.subscribe(keys.percept(fleet, "*", "*"), Perception, picture.percept)
+        bus.subscribe(keys.status(fleet, "*", "*"), ActionStatus, picture.status)
+
+    def start(self) -> None:
+        """Begin to look at the minds."""
+        self._tasks += [asyncio.create_task(self._watch_mind(agent)) for agent in self.picture.agents]
+
+    async def look_at_percepts(self) -> None:
+        """Take in the percepts that are present already: what was said before anybody listened."""
+        for agent in self.picture.agents:
+            everything = keys.percept(self.bus.fleet, agent, "**")
+            with suppress(BusClosed):
+                async with aclosing(self.bus.query(everything, None, Perception, ANSWER_TIMEOUT)) as replies:
+                    async for reply in replies:
+                        if reply.record is not None:
+                            self.picture.percept(reply.key, reply.record)
+
+    async def look_at_mind(self, agent: str) -> bool:
+        """Ask one agent for its mind. Returns whether it answered."""
+        answered = False
+        with suppress(BusClosed):
+            key = keys.mind(self.bus.fleet, agent)
+            async with aclosing(self.bus.query(key, None, MindView, ANSWER_TIMEOUT)) as replies:
+                async for reply in replies:
+                    if reply.record is not None:
+                        self.picture.mind(reply.record)
+                        answered = True
+        return answered
+
+    async def _watch_mind(self, agent: str) -> None:
+        while True:
+            await self.watching_minds.wait()
+            await self.look_at_mind(agent)
+            await asyncio.sleep(MIND_PERIOD)
+
+    async def stop(self) -> None:
+        """Look no longer."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)

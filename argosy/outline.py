@@ -1,0 +1,61 @@
+"""What a mission file names (programs and manifests), read leniently.
+
+So that a mistake in the mission file does not hide the mistakes in the files that it names: `load_mission` decides
+whether the mission is right, this only says what there is to be read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from schemas.findings import Findings
+from schemas.positions import Positions, read_yaml
+
+
+@dataclass(frozen=True)
+class AgentOutline:
+    """An agent's program and robot."""
+
+    program: str
+    robot: str | None
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What a mission file names."""
+
+    agents: dict[str, AgentOutline]
+    robots: dict[str, str | tuple[str, ...]]
+    """Each robot's manifest."""
+    positions: Positions
+    folder: Path
+    """What paths in the mission are relative to."""
+
+
+def outline(path: Path) -> Outline | None:
+    """Return what a mission file names; None if it is not even YAML."""
+    try:
+        raw, positions = read_yaml(path.read_text(encoding="utf-8"), str(path))
+    except (Findings, OSError, UnicodeDecodeError):
+        return None
+    if not isinstance(raw, dict):
+        return None
+    agents = {
+        name: AgentOutline(values["program"], robot if isinstance(robot := values.get("robot"), str) else None)
+        for name, values in _mapping(raw.get("agents")).items()
+        if isinstance(values, dict) and isinstance(values.get("program"), str)
+    }
+    robots: dict[str, str | tuple[str, ...]] = {}
+    for name, values in _mapping(raw.get("robots")).items():
+        manifest = values.get("manifest") if isinstance(values, dict) else None
+        if isinstance(manifest, str):
+            robots[name] = manifest
+        elif isinstance(manifest, list):
+            robots[name] = tuple(item for item in manifest if isinstance(item, str))
+    return Outline(agents, robots, positions, path.parent)
+
+
+def _mapping(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}

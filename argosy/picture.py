@@ -1,0 +1,233 @@
+"""What an observer on the bus knows of a fleet: made from records alone, so that a recording gives the same picture."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from argosy.journal import Journal
+from argosy.track import Track
+from schemas import keys
+from schemas.mission import Mission
+from schemas.records import ActionStatus, Health, IntentionView, MindView, Perception, State
+from schemas.terms import Atom, Term, to_float
+from schemas.text import write
+
+KEPT_PRINTS = 50
+KEPT_ACTIONS = 2_000
+"""Actions that are remembered for the summary; older ones are only counted."""
+
+
+@dataclass
+class ActionSeen:
+    """An action and what became of it. Times are mission seconds since the start of the run."""
+
+    id: str
+    agent: str
+    text: str
+    """As the agent would write it: `goto(-27.6,-48.5,40)`."""
+    name: str
+    parameters: tuple[Term, ...]
+    began: float
+    state: State
+    reason: str = ""
+    feedback: dict[str, float] = field(default_factory=dict)
+    ended: float | None = None
+
+    def age(self, now: float) -> float:
+        """Return how long it took, or has taken until now."""
+        return (now if self.ended is None else self.ended) - self.began
+
+
+@dataclass
+class AgentSeen:
+    """An agent as it shows itself."""
+
+    name: str
+    robot: str | None
+    intentions: tuple[IntentionView, ...] = ()
+    prints: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT_PRINTS))
+    done: dict[str, bool] = field(default_factory=dict)
+    cycle: int = 0
+    last_prints: tuple[str, ...] = ()
+
+
+@dataclass
+class RobotSeen:
+    """A robot as its percepts show it; None = not known."""
+
+    name: str
+    mode: str = ""
+    connected: bool = False
+    armed: bool = False
+    altitude: float | None = None
+    """Metres above home."""
+    position: tuple[float, float] | None = None
+    """Latitude and longitude in degrees."""
+    home: tuple[float, float] | None = None
+    battery: float | None = None
+    """Percent."""
+    satellites: int | None = None
+    track: Track = field(default_factory=Track)
+
+
+class Picture:
+    """Everything known about the agents and robots of a mission; changes worth a line go to the journal."""
+
+    def __init__(self, mission: Mission, journal: Journal, now: Callable[[], float]) -> None:
+        self.mission, self.journal, self._now = mission, journal, now
+        self.agents = {name: AgentSeen(name, agent.robot) for name, agent in mission.agents.items()}
+        self.robots = {name: RobotSeen(name) for name in mission.robots}
+        self.actions: dict[str, ActionSeen] = {}
+        self.health: dict[tuple[str, str], Health] = {}
+        """By name and daemon."""
+        self.alive: set[tuple[str, str, str]] = set()
+        """Name, daemon and boot of each liveliness token."""
+        self.counts: Counter[str] = Counter()
+        self._eyes = {robot: agents[0] for robot in mission.robots if (agents := mission.agents_of(robot))}
+
+    def is_alive(self, name: str, daemon: str) -> bool:
+        """Whether a daemon for this agent, robot or board is on the bus now."""
+        return any(token[:2] == (name, daemon) for token in self.alive)
+
+    def open_actions(self) -> list[ActionSeen]:
+        """Return the actions that have no final state yet, the oldest first."""
+        return [action for action in self.actions.values() if action.ended is None]
+
+    def flying(self) -> bool:
+        """Whether any vehicle is armed."""
+        return any(robot.armed for robot in self.robots.values())
+
+    def token(self, key: str, alive: bool) -> None:
+        """A liveliness token came or went."""
+        parsed = keys.parse(key)
+        if parsed is None or len(parsed[2]) != 3:
+            return
+        name, (_, daemon, boot) = parsed[1], parsed[2]
+        (self.alive.add if alive else self.alive.discard)((name, daemon, boot))
+
+    def heard_health(self, key: str, health: Health) -> None:
+        """A daemon said how it is."""
+        parsed = keys.parse(key)
+        if parsed is not None and len(parsed[2]) == 2:
+            before = self.health.get((parsed[1], parsed[2][1]))
+            self.health[parsed[1], parsed[2][1]] = health
+            for note in health.notes:
+                if before is None or note not in before.notes:
+                    self.journal.add(parsed[1], note, "warning")
+
+    def percept(self, key: str, percept: Perception) -> None:
+        """An agent perceived something; a robot is seen through the first of its agents."""
+        self.counts["percepts"] += 1
+        parsed = keys.parse(key)
+        agent = self.agents.get(parsed[1]) if parsed else None
+        if agent is None or agent.robot is None or self._eyes.get(agent.robot) != agent.name:
+            return
+        robot = self.robots[agent.robot]
+        if percept.update == "remove":
+            return
+        match percept.name, percept.parameters:
+            case "state", (mode, connected, armed):
+                self._state(robot, mode, _is_true(connected), _is_true(armed))
+            case "altitude", (value,):
+                robot.altitude = to_float(value)
+            case "global_pos", (latitude, longitude):
+                robot.position = _pair(latitude, longitude)
+                if robot.position is not None:
+                    robot.track.moved(self._now(), *robot.position, robot.altitude)
+            case "home_pos", (latitude, longitude):
+                robot.home = robot.track.home = _pair(latitude, longitude)
+            case "battery", (_, _, remaining):
+                robot.battery = to_float(remaining)
+            case "gps", (_, satellites):
+                number = to_float(satellites)
+                robot.satellites = None if number is None else int(number)
+            case "override", (mode,):
+                self.journal.add(robot.name, f"somebody else took control: {_plain(mode)}", "warning")
+            case _:
+                pass
+
+    def _state(self, robot: RobotSeen, mode: Term, connected: bool, armed: bool) -> None:
+        name, now = _plain(mode), self._now()
+        if connected != robot.connected:
+            robot.connected = connected
+            text, level = ("vehicle connected", "info") if connected else ("nothing is heard of the vehicle", "warning")
+            self.journal.add(robot.name, text, level)  # type: ignore[arg-type]
+        if name != robot.mode:
+            robot.mode = name
+            if name:
+                robot.track.changed_mode(now, name)
+                self.journal.add(robot.name, f"mode {name}")
+        if armed != robot.armed:
+            robot.armed = armed
+            robot.track.armed_at.append((now, armed))
+            self.journal.add(robot.name, "armed" if armed else "disarmed")
+
+    def status(self, key: str, status: ActionStatus) -> None:
+        """An action began, went on or ended."""
+        self.counts["statuses"] += 1
+        parsed, now = keys.parse(key), self._now()
+        agent = parsed[1] if parsed else "?"
+        seen = self.actions.get(status.id)
+        if seen is None:
+            text = status.name + (f"({','.join(map(write, status.parameters))})" if status.parameters else "")
+            seen = ActionSeen(status.id, agent, text, status.name, status.parameters, now, status.state)
+            if len(self.actions) >= KEPT_ACTIONS:
+                self.actions.pop(next(iter(self.actions)))
+                self.counts["actions_forgotten"] += 1
+            self.actions[status.id] = seen
+            if not status.final:
+                self.journal.add(agent, text, "action")
+        if seen.ended is not None:
+            return
+        seen.state, seen.reason = status.state, status.reason
+        seen.feedback = dict(status.feedback) or seen.feedback
+        if status.final:
+            seen.ended = now
+            why = f": {status.reason}" if status.reason else ""
+            level = "good" if status.state == "succeeded" else "warning"
+            self.journal.add(agent, f"{seen.text} {status.state} after {seen.age(now):.1f} s{why}", level)  # type: ignore[arg-type]
+
+    def mind(self, view: MindView) -> None:
+        """An agent showed its mind."""
+        self.counts["minds"] += 1
+        agent = self.agents.get(view.agent)
+        if agent is None:
+            return
+        agent.intentions, agent.cycle = view.intentions, view.cycle
+        for formula, holds in view.done.items():
+            if holds and not agent.done.get(formula):
+                self.journal.add(agent.name, f"done: {formula}", "good")
+        agent.done = dict(view.done)
+        for text in _new(agent.last_prints, view.prints):
+            agent.prints.append(text)
+            self.journal.add(agent.name, text, "print")
+        agent.last_prints = view.prints
+
+    def done(self) -> bool:
+        """Whether every `done` formula of the mission holds; a mission without one is never done."""
+        wanted = self.mission.done
+        return bool(wanted) and all(self.agents[one.agent].done.get(one.formula, False) for one in wanted)
+
+
+def _new(before: tuple[str, ...], after: tuple[str, ...]) -> tuple[str, ...]:
+    """Return what a sliding window of lines shows that it did not show before."""
+    for start in range(len(before) + 1):
+        kept = before[start:]
+        if after[: len(kept)] == kept:
+            return after[len(kept) :]
+    return after
+
+
+def _is_true(term: Term) -> bool:
+    return term is True or term == Atom("true") or (isinstance(term, str) and term.lower() == "true")
+
+
+def _plain(term: Term) -> str:
+    return term if isinstance(term, str) else write(term)
+
+
+def _pair(first: Term, second: Term) -> tuple[float, float] | None:
+    one, two = to_float(first), to_float(second)
+    return None if one is None or two is None else (one, two)

@@ -1,0 +1,172 @@
+"""The table of processes that a mission needs on this machine: which kinds there are, for whom, and by which command.
+
+The order of the table is the order of the start; its reverse is the order of the end.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from bridged.drivers.mavlink.address import LinkAddress, LinkAddressError
+from schemas.findings import Finding
+from schemas.mission import THIS_MACHINE, Mission
+
+ALL = "all"
+"""`--real all`: no robot is simulated."""
+_PEERS = {"udpin": "udpout", "udpout": "udpin", "tcpin": "tcp", "tcp": "tcpin"}
+_ANY_ADDRESS = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  we call there, we do not bind
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A mission and how it is to be run now."""
+
+    mission: Mission
+    router: str
+    """Zenoh endpoint of the board's router."""
+    speed: float
+    real: frozenset[str]
+    """Robots that are not simulated."""
+    state: Path
+    """Where daemons keep what must survive their restart within this run."""
+    telling: frozenset[str] = frozenset()
+    """Robots whose manifest has the percept `state(Mode, Connected, Armed)`: the run waits for their vehicle."""
+
+    @property
+    def file(self) -> str:
+        """The mission file, whatever the working directory of a daemon is."""
+        return str(self.mission.path.resolve())
+
+    def simulated(self) -> list[str]:
+        """Return the robots whose simulator is started."""
+        return [name for name in self.mission.robots if name not in self.real]
+
+    def agents_by_board(self) -> dict[str, list[str]]:
+        """Return the agents of each board: those of one board share a daemon."""
+        boards: dict[str, list[str]] = {}
+        for name, agent in self.mission.agents.items():
+            boards.setdefault(agent.board, []).append(name)
+        return boards
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of process."""
+
+    name: str
+    subjects: Callable[[Setup], list[str]]
+    """For whom one is started: a board, a robot, or the agents of a board (separated by spaces)."""
+    command: Callable[[Setup, str], list[str]]
+    """The module to run and its arguments."""
+    orphaned: signal.Signals = signal.SIGKILL
+    """What the kernel sends it when `argosy run` itself is killed."""
+    measured: bool = True
+    """Whether it counts as one of the daemons that a board runs in flight."""
+
+
+def _simulator(setup: Setup, robot: str) -> list[str]:
+    declared = setup.mission.robots[robot]
+    assert declared.simulate is not None
+    home = ",".join(map(repr, declared.simulate.home))
+    link = str(peer_of(LinkAddress.parse(declared.link)))
+    where = ["--link", link, f"--home={home}", "--sysid", str(declared.sysid)]  # `=`: a latitude may be negative
+    return ["bridged", "simulate", declared.simulate.vehicle, *where, *_speed(setup)]
+
+
+def _speed(setup: Setup) -> list[str]:
+    return ["--speed", f"{setup.speed:g}"]
+
+
+def _board(setup: Setup) -> list[str]:
+    return [next(iter(setup.mission.boards), THIS_MACHINE)]
+
+
+KINDS = (
+    Kind("commd", _board, lambda s, board: ["commd", "serve", s.file, "--board", board, "--router", s.router]),
+    Kind("simulator", lambda s: s.simulated(), _simulator, measured=False),
+    Kind(
+        "bridged",
+        lambda s: list(s.mission.robots),
+        lambda s, robot: [
+            *("bridged", "serve", s.file, robot, "--router", s.router, *_speed(s)),
+            *("--state", str(s.state)),
+        ],
+        orphaned=signal.SIGTERM,  # it brings an armed vehicle home before it leaves
+    ),
+    Kind(
+        "agentd",
+        lambda s: [" ".join(agents) for agents in s.agents_by_board().values()],
+        lambda s, agents: ["agentd", "serve", s.file, *agents.split(), "--router", s.router, *_speed(s)],
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Process:
+    """One process to be started."""
+
+    kind: Kind
+    subject: str
+    argv: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """What people call it: `commd`, `bridged uav1`."""
+        return f"{self.kind.name} {self.subject}" if self.kind.name != "commd" else "commd"
+
+
+def plan(setup: Setup) -> list[Process]:
+    """Return every process of the mission on this machine, in the order of the start."""
+    python = (sys.executable, "-P", "-m")  # -P: a user's folder `schemas/` must not come before ours
+    return [
+        Process(kind, subject, (*python, *kind.command(setup, subject)))
+        for kind in KINDS
+        for subject in kind.subjects(setup)
+    ]
+
+
+def peer_of(link: LinkAddress) -> LinkAddress:
+    """Return the other end of a link, on this machine. Raises LinkAddressError for a serial line."""
+    if link.kind == "serial":
+        raise LinkAddressError(str(link), "a simulated robot needs a udpin, udpout, tcp or tcpin link")
+    kind = _PEERS[link.kind]
+    host = _ANY_ADDRESS.get(link.host, link.host) if link.kind.endswith("in") else link.host
+    return LinkAddress.parse(f"{kind}:[{host}]:{link.port}" if ":" in host else f"{kind}:{host}:{link.port}")
+
+
+def real_robots(mission: Mission, named: list[str]) -> tuple[frozenset[str], list[str]]:
+    """Return the robots that are real when `--real` names these, and the names that it does not know.
+
+    A robot may also be named by its agent; a robot without `simulate` is real in any case.
+    """
+    real = {name for name, robot in mission.robots.items() if robot.simulate is None}
+    unknown: list[str] = []
+    for name in named:
+        agent = mission.agents.get(name)
+        if name == ALL:
+            real |= set(mission.robots)
+        elif name in mission.robots:
+            real.add(name)
+        elif agent is not None and agent.robot is not None:
+            real.add(agent.robot)
+        else:
+            unknown.append(name)
+    return frozenset(real), unknown
+
+
+def check_links(mission: Mission, real: frozenset[str] = frozenset()) -> list[Finding]:
+    """Return what is wrong with the link strings, and with those that a simulator would have to answer."""
+    findings: list[Finding] = []
+    for name, robot in mission.robots.items():
+        where = ("robots", name, "link")
+        try:
+            link = LinkAddress.parse(robot.link)
+            if robot.simulate is not None and name not in real:
+                peer_of(link)
+        except LinkAddressError as error:
+            findings.append(mission.positions.finding(where, str(error)))
+    return findings

@@ -1,0 +1,196 @@
+"""`argosy run`: one mission on this machine, from the first process to the summary."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sys
+import tempfile
+from argparse import ArgumentParser, Namespace
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Protocol, Self, TextIO
+
+from argosy.check import check_mission
+from argosy.endpoint import in_use
+from argosy.flight import Ending, Flight
+from argosy.journal import Entry, Journal
+from argosy.measure import Meter
+from argosy.picture import Picture
+from argosy.processes import Setup, check_links, real_robots
+from argosy.report import write_report
+from argosy.status import Status
+from argosy.summary import summary
+from commd.clock import Clock
+from commd.process import EXIT_BAD_INPUT, EXIT_FAILED
+from schemas.manifest import load_manifest
+from schemas.mission import Mission
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy run`."""
+    parser.add_argument("mission", help="mission file")
+    parser.add_argument("--speed", type=_speed, metavar="X", help="run the simulation X times as fast as real time")
+    parser.add_argument("--plain", action="store_true", help="plain lines instead of the live view")
+    parser.add_argument(
+        "--real",
+        action="append",
+        default=[],
+        metavar="ROBOT",
+        help="fly the real ROBOT (or `all`) instead of simulating it",
+    )
+    parser.add_argument("--yes", action="store_true", help="do not ask before a real robot may be armed")
+    parser.add_argument("--report", type=Path, metavar="DIR", help="write track.svg, mission.log and summary.txt there")
+    parser.add_argument("--router", metavar="ENDPOINT", help="the router's endpoint instead of the mission's")
+
+
+def _speed(text: str) -> float:
+    speed = float(text)
+    if not 0 < speed <= 100:
+        raise ValueError
+    return speed
+
+
+_speed.__name__ = "speed (0 < X <= 100)"
+
+
+class Refused(Exception):
+    """The run cannot begin; says why, and how it ends."""
+
+    def __init__(self, message: str, code: int = EXIT_BAD_INPUT) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+def run(args: Namespace) -> int:
+    """Run a mission. Returns the exit code: 0 only if the mission was done."""
+    mission, findings = check_mission(args.mission)
+    for finding in findings:
+        print(finding, file=sys.stderr)
+    if mission is None or any(finding.severity == "error" for finding in findings):
+        return EXIT_BAD_INPUT
+    with ExitStack() as stack:
+        try:
+            setup = _setup(mission, args, Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="argosy-"))))
+            log = _open_log(args.report, stack)
+            if mission.router.external is False and (why := in_use(setup.router)):
+                free = "another one, such as --router tcp/127.0.0.1:7448"
+                raise Refused(f"{setup.router} {why}: is another mission running? Name {free}", EXIT_FAILED)
+            _consent(setup, args)
+        except Refused as refused:
+            print(f"error: {refused}", file=sys.stderr)
+            return refused.code
+        return _fly(setup, args, log)
+
+
+def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
+    real, unknown = real_robots(mission, [name for names in args.real for name in names.split(",")])
+    if unknown:
+        known = ", ".join(mission.robots) or "none"
+        raise Refused(f"--real {unknown[0]}: there is no such robot; the mission has {known}")
+    if findings := check_links(mission, real):
+        raise Refused("\n".join(map(str, findings)))
+    speed = args.speed if args.speed is not None else 1.0 if real else mission.speed
+    if real and speed != 1:
+        raise Refused(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")
+    return Setup(mission, args.router or mission.router.endpoint, speed, real, state, _telling(mission))
+
+
+def _telling(mission: Mission) -> frozenset[str]:
+    manifests = {
+        name: load_manifest(robot.manifest, mission.path.parent)
+        for name, robot in mission.robots.items()
+        if isinstance(robot.manifest, str)
+    }
+    return frozenset(name for name, manifest in manifests.items() if manifest.percept_arities().get("state") == 3)
+
+
+def _open_log(report: Path | None, stack: ExitStack) -> TextIO | None:
+    if report is None:
+        return None
+    try:
+        report.mkdir(parents=True, exist_ok=True)
+        return stack.enter_context((report / "mission.log").open("w", encoding="utf-8"))
+    except OSError as error:
+        raise Refused(f"--report {report}: {error.strerror}") from None
+
+
+def _consent(setup: Setup, args: Namespace) -> None:
+    """Ask once, where there is somebody to ask; who writes `--real` into a script has decided."""
+    if not setup.real or args.yes:
+        return
+    names = ", ".join(sorted(setup.real))
+    if sys.stdin.isatty() and sys.stderr.isatty():
+        print(f"{names}: this will arm and fly the real vehicle. Go on? [y/N] ", end="", file=sys.stderr, flush=True)
+        if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+            raise Refused("nothing was started", EXIT_FAILED)
+    elif not args.real:
+        raise Refused(f"{names} is not simulated: confirm with --real {names}")
+
+
+def _fly(setup: Setup, args: Namespace, log: TextIO | None) -> int:
+    clock = Clock(setup.speed)
+    journal = Journal(clock.now, log)
+    picture = Picture(setup.mission, journal, clock.now)
+    status = Status(setup, picture, journal, Meter(), [], clock.now)
+    _bus_log_to(journal)
+    flight = Flight(status)
+    with _view(status, args.plain) as view:
+        journal.shown = view.show
+        ending = asyncio.run(flight.fly(view.refresh))
+    return _tell(flight, ending, args.report)
+
+
+def _tell(flight: Flight, ending: Ending, report: Path | None) -> int:
+    text = summary(flight.status, ending.text, flight.phases())
+    with suppress(BrokenPipeError):
+        print(f"\n{text}", end="", flush=True)
+    if report is not None:
+        try:
+            write_report(report, flight.status, text, flight.finished or flight.status.now())
+        except OSError as error:
+            print(f"error: --report {report}: {error.strerror}", file=sys.stderr)
+            return ending.code or EXIT_FAILED
+    if ending.code:
+        for line in ending.last_words:
+            print(f"  {line}", file=sys.stderr)
+        print(f"error: {ending.text}", file=sys.stderr)
+    return ending.code
+
+
+class _View(Protocol):
+    """What shows a run while it lasts."""
+
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *_: object) -> None: ...
+    def show(self, entry: Entry) -> None:
+        """Take an entry of the journal."""
+
+    def refresh(self) -> None:
+        """Draw what is known now."""
+
+
+def _view(status: Status, plain: bool) -> _View:
+    if plain or not sys.stdout.isatty():
+        from argosy.plain import PlainView
+
+        return PlainView(sys.stdout)
+    from rich.console import Console
+
+    from argosy.live import LiveView
+
+    return LiveView(status, Console())
+
+
+class _JournalHandler(logging.Handler):
+    def __init__(self, journal: Journal) -> None:
+        super().__init__(logging.WARNING)
+        self._journal = journal
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._journal.add("argosy", record.getMessage(), "warning")
+
+
+def _bus_log_to(journal: Journal) -> None:
+    """What our own bus has to say belongs into the view, not across it."""
+    logging.basicConfig(handlers=[_JournalHandler(journal)], level=logging.WARNING, force=True)

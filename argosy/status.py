@@ -1,0 +1,38 @@
+"""How a run stands: what the views show besides the picture of the fleet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from argosy.journal import Journal
+from argosy.measure import Meter
+from argosy.picture import Picture
+from argosy.processes import Setup
+from argosy.supervise import Child
+
+
+@dataclass
+class Status:
+    """A run as its views see it."""
+
+    setup: Setup
+    picture: Picture
+    journal: Journal
+    meter: Meter
+    children: list[Child]
+    now: Callable[[], float]
+    """Mission seconds since the start."""
+    phase: str = "starting"
+    """starting, flying, idle, ending: in words for people."""
+    waiting_for: str = ""
+    """What the startup waits for now."""
+    up: set[str] = field(default_factory=set)
+    """Names of the processes that have shown themselves on the bus."""
+
+    def serves(self, child: Child) -> bool:
+        """Whether a process has come so far that it does its work."""
+        subjects, kind = child.process.subject.split(), child.process.kind.name
+        if kind == "simulator":
+            return all(self.picture.robots[robot].connected for robot in subjects)
+        return all(self.picture.is_alive(subject, kind) for subject in subjects)

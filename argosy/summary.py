@@ -1,0 +1,83 @@
+"""What there is to say at the end of a run."""
+
+from __future__ import annotations
+
+from argosy.measure import MEGABYTE, Window
+from argosy.picture import ActionSeen, RobotSeen
+from argosy.status import Status
+
+TOGETHER = "commd + bridged + agentd together:"
+Row = tuple[str, str, str, str]
+
+
+def summary(status: Status, ending: str, phases: list[tuple[str, float]]) -> str:
+    """Return the summary as text; `phases` are the stretches besides the actions, in mission seconds."""
+    lines = [f"{status.setup.mission.name}: {ending}", ""]
+    lines += _times(status, phases)
+    for robot in status.picture.robots.values():
+        lines.append(_field(robot.name, _left(robot)))
+    lines += _daemons(status)
+    return "\n".join(lines) + "\n"
+
+
+def _times(status: Status, phases: list[tuple[str, float]]) -> list[str]:
+    speed = status.setup.speed
+    first, *rest = phases
+    rows = [_row(first[0], "", first[1], speed)]
+    rows += [_action(action, status.now(), speed) for action in status.picture.actions.values()]
+    rows += [_row(name, "", seconds, speed) for name, seconds in rest]
+    widths = [max(len(row[column]) for row in [*rows, ("", "", "mission", "wall")]) for column in range(4)]
+    lines = [f"  {'':{widths[0]}}  {'mission':>{widths[2]}}  {'wall':>{widths[3]}}"]
+    for name, state, mission, wall in rows:
+        lines.append(f"  {name:{widths[0]}}  {mission:>{widths[2]}}  {wall:>{widths[3]}}  {state}".rstrip())
+    forgotten = status.picture.counts["actions_forgotten"]
+    return [*lines, *([f"  and {forgotten} earlier actions"] if forgotten else []), ""]
+
+
+def _row(name: str, state: str, seconds: float, speed: float) -> Row:
+    return name, state, f"{seconds:.1f} s", f"{seconds / speed:.1f} s"
+
+
+def _action(action: ActionSeen, now: float, speed: float) -> Row:
+    reason = f": {action.reason}" if action.reason and action.state != "succeeded" else ""
+    state = f"{action.state}{reason}" if action.ended is not None else f"{action.state}, without an outcome"
+    name = f"{action.agent}  {action.text}"
+    return _row(name if len(name) <= 60 else f"{name[:59]}…", state, action.age(now), speed)
+
+
+def _left(robot: RobotSeen) -> str:
+    """Return how a vehicle was left."""
+    if not robot.mode:
+        return "never heard"
+    told = [robot.mode, "armed" if robot.armed else "disarmed"]
+    if robot.altitude is not None:
+        told.append(f"{robot.altitude + 0.0:.1f} m above home")
+    if (highest := robot.track.highest()) is not None:
+        told.append(f"flew {robot.track.length():.0f} m over ground, {highest:.1f} m high at most")
+    return ", ".join(told)
+
+
+def _daemons(status: Status) -> list[str]:
+    counts, health, meter = status.picture.counts, status.picture.health.values(), status.meter
+    mail = sum(int(one.counters.get("delivered", 0)) for one in health)
+    drops, bad = sum(one.drops for one in health), sum(one.bad_input for one in health)
+    heard = f"{counts['percepts']} percepts, {counts['statuses']} action statuses, {mail} letters"
+    lines = [_field("bus", f"{heard}; {drops} dropped, {bad} bad inputs"), "", f"  {TOGETHER}"]
+    if samples := meter.flight_memory:
+        most, mean = max(samples) / MEGABYTE, sum(samples) / len(samples) / MEGABYTE
+        lines.append(_field("memory", f"{most:.1f} MB at most, {mean:.1f} MB mean in flight (PSS)"))
+    lines.append(_field("processor", f"{_share(meter.flight)} of a core in flight"))
+    if meter.idle.share is None:
+        lines.append(_field("idle", "not measured: the mission did not end with every vehicle disarmed"))
+    else:
+        window = f"for {meter.idle.wall:.1f} s after the end, at speed {status.setup.speed:g}"
+        lines.append(_field("idle", f"{_share(meter.idle)} of a core, {window}"))
+    return lines
+
+
+def _share(window: Window) -> str:
+    return "not measured" if window.share is None else f"{window.share * 100:.2f} %"
+
+
+def _field(name: str, text: str) -> str:
+    return f"  {name:<10} {text}"

@@ -1,0 +1,174 @@
+"""Starts, watches and ends the processes of a run. Whatever happens, none is left behind.
+
+Each process leads a group of its own, so that the terminal's ctrl-C reaches only `argosy run`, which ends the others in
+order; the kernel ends them if `argosy run` is killed (`argosy.launch`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from pathlib import Path
+
+from argosy.processes import Process
+
+KEPT_LINES = 50
+"""Last lines of each process that are kept to explain its end."""
+MAX_LINE = 4_000
+"""Bytes of one line that are kept; the rest of it is cut."""
+HURRIED = 1.0
+"""Seconds that processes still have to leave once the user is in a hurry."""
+_LAUNCHER = str(Path(__file__).with_name("launch.py"))
+_READ_BYTES = 65_536
+
+
+class Child:
+    """A process that was started."""
+
+    def __init__(self, process: Process, handle: asyncio.subprocess.Process) -> None:
+        self.process, self.handle = process, handle
+        self.name = process.name
+        self.pid = handle.pid
+        self.lines: deque[str] = deque(maxlen=KEPT_LINES)
+        self.started = time.monotonic()
+        self.told_to_leave = False
+        self.died: float | None = None
+        self.readers: list[asyncio.Task[None]] = []
+        self.waiter: asyncio.Task[None] | None = None
+
+    @property
+    def alive(self) -> bool:
+        """Whether it still runs."""
+        return self.died is None
+
+    @property
+    def dead(self) -> bool:
+        """Whether it ended although nobody told it to."""
+        return self.died is not None and not self.told_to_leave
+
+    def how_it_ended(self) -> str:
+        """Return in words how it ended, with its own last word if it had one."""
+        code = self.handle.returncode
+        if code is None:
+            return "still runs"
+        if code < 0:
+            return f"was killed by {signal.Signals(-code).name}"
+        last = next((line for line in reversed(self.lines) if "error" in line.lower()), "")
+        said = f": {last.strip()}" if last else ""
+        return f"ended by itself with exit code {code}{said}"
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send a signal to the process, if it still runs."""
+        if self.alive:
+            with suppress(ProcessLookupError):
+                os.kill(self.pid, number)
+
+    def kill_group(self) -> None:
+        """Kill whatever is left of the process and of what it started."""
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, signal.SIGKILL)
+
+
+class Supervisor:
+    """The processes of a run."""
+
+    def __init__(self, on_line: Callable[[Child, str], None], on_end: Callable[[Child], None]) -> None:
+        """`on_line` gets each line that a process writes, `on_end` each process that ended for whatever reason."""
+        self.children: list[Child] = []
+        self._on_line, self._on_end = on_line, on_end
+        self.cut_lines = 0
+
+    async def start(self, process: Process) -> Child:
+        """Start a process. Raises OSError if the system has none to give."""
+        launcher = (sys.executable, "-I", "-S", _LAUNCHER, str(int(process.kind.orphaned)), str(os.getpid()))
+        handle = await asyncio.create_subprocess_exec(
+            *launcher,
+            *process.argv,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.PIPE,
+            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            process_group=0,
+        )
+        child = Child(process, handle)
+        self.children.append(child)
+        assert handle.stdout is not None
+        assert handle.stderr is not None
+        child.readers = [asyncio.create_task(self._read(child, stream)) for stream in (handle.stdout, handle.stderr)]
+        child.waiter = asyncio.create_task(self._wait(child))
+        return child
+
+    def dead(self) -> list[Child]:
+        """Return the processes that ended although nobody told them to, the first one first."""
+        return sorted((child for child in self.children if child.dead), key=lambda child: child.died or 0.0)
+
+    def of_kind(self, *names: str) -> list[Child]:
+        """Return the processes of these kinds, in the order of the start."""
+        return [child for child in self.children if child.process.kind.name in names]
+
+    async def leave(self, children: Iterable[Child], patience: float, hurry: asyncio.Event) -> list[Child]:
+        """Tell processes to leave and wait for them, at most `patience` seconds, `HURRIED` once `hurry` is set.
+
+        Kills those that did not, and returns them.
+        """
+        leaving = [child for child in children if child.alive]
+        for child in leaving:
+            child.told_to_leave = True
+            child.signal(signal.SIGTERM)
+        until, hurried = time.monotonic() + patience, False
+        while (late := [child for child in leaving if child.alive]) and time.monotonic() < until:
+            if hurry.is_set() and not hurried:
+                until, hurried = min(until, time.monotonic() + HURRIED), True
+            await asyncio.sleep(0.02)
+        for child in late:
+            child.signal(signal.SIGKILL)
+        await self._gone(late)
+        return late
+
+    async def close(self) -> None:
+        """Kill what still runs, and what the processes themselves may have left."""
+        for child in self.children:
+            child.told_to_leave = True
+            child.kill_group()
+        await self._gone(self.children)
+        for child in self.children:
+            for reader in child.readers:
+                reader.cancel()
+
+    async def _gone(self, children: Iterable[Child]) -> None:
+        waiters = [child.waiter for child in children if child.waiter is not None]
+        if waiters:
+            await asyncio.wait(waiters, timeout=2.0)
+
+    async def _wait(self, child: Child) -> None:
+        await child.handle.wait()
+        child.died = time.monotonic()
+        child.kill_group()
+        await asyncio.wait(child.readers, timeout=0.3)  # its last words
+        self._on_end(child)
+
+    async def _read(self, child: Child, stream: asyncio.StreamReader) -> None:
+        waiting = b""
+        while data := await stream.read(_READ_BYTES):
+            *lines, waiting = (waiting + data).split(b"\n")
+            for line in lines:
+                self._said(child, line)
+            if len(waiting) > MAX_LINE:
+                self._said(child, waiting)
+                waiting = b""
+        if waiting:
+            self._said(child, waiting)
+
+    def _said(self, child: Child, line: bytes) -> None:
+        if len(line) > MAX_LINE:
+            self.cut_lines += 1
+        text = line[:MAX_LINE].decode(errors="replace").rstrip()
+        if text:
+            child.lines.append(text)
+            self._on_line(child, text)

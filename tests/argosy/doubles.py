@@ -1,0 +1,163 @@
+"""Stand-ins for the daemons of a mission: real processes on a real bus that play a short flight.
+
+`python doubles.py run ARGS...` is `argosy run ARGS...` with these in place of simulator, bridge and agent; the router is
+the real one. What goes wrong is chosen by the environment variable FAULT:
+`simulator-dies bridge-mute agent-mute never-done stubborn armed orphan`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from argosy import processes
+from argosy.__main__ import main
+from commd.bus import Bus, Query, open_bus
+from commd.clock import Clock
+from commd.process import report_health
+from schemas import keys
+from schemas.mission import load_mission
+from schemas.records import ActionStatus, IntentionView, MindView, Outcome, Perception, StopOrder
+from schemas.terms import Term
+
+HERE = str(Path(__file__).resolve())
+FAULT = os.environ.get("FAULT", "")
+HOME, AWAY = (-27.604033, -48.518363), (-27.603683, -48.518052)
+
+
+def percept(bus: Bus, name: str, *parameters: Term) -> None:
+    """Tell one percept of the agent `uav`."""
+    bus.put(
+        keys.percept(bus.fleet, "uav", name),
+        Perception(header=bus.header("percepts"), name=name, parameters=parameters),
+    )
+
+
+async def fly(bus: Bus, clock: Clock) -> None:
+    """Arm, fly one leg, come back, disarm: two seconds of wall time at speed 10."""
+    state, steps = "uav:1:", 20
+    percept(bus, "state", "STABILIZE", True, False)
+    percept(bus, "home_pos", *HOME)
+    percept(bus, "battery", 0, 12.6, 99)
+
+    def status(number: int, name: str, what: str, *parameters: Term, reason: str = "") -> None:
+        record = ActionStatus(id=f"{state}{number}", state=what, name=name, parameters=parameters, reason=reason)  # type: ignore[arg-type]
+        bus.put(keys.status(bus.fleet, "uav", name), record)
+
+    status(1, "arm_motors", "failed", True, reason="Arm: Need Position Estimate")
+    status(2, "goto", "running", *AWAY, 40)
+    percept(bus, "state", "GUIDED", True, True)
+    for step in (*range(steps + 1), *range(steps, -1, -1)):
+        share = step / steps
+        place = [home + (away - home) * share for home, away in zip(HOME, AWAY, strict=True)]
+        percept(bus, "altitude", 40 * share)
+        percept(bus, "global_pos", *place)
+        if step == steps:
+            status(2, "goto", "succeeded", *AWAY, 40)
+            percept(bus, "state", "RTL", True, True)
+        await clock.sleep(0.5)
+    if FAULT != "armed":
+        percept(bus, "state", "RTL", True, False)
+
+
+async def bridge(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
+    """Fly, answer the operator, and order `rtl` at the end."""
+
+    async def ordered(query: Query[StopOrder]) -> None:
+        assert query.record is not None
+        query.reply(Outcome(ok=query.record.order != "land", reason=f"told to {query.record.order}"))
+
+    bus.serve(keys.stop(bus.fleet, "uav1"), StopOrder, ordered)
+    if FAULT == "bridge-mute":
+        await stop.wait()
+        return
+    await bus.claim("uav1")
+    await asyncio.sleep(0.5)
+    print("INFO bridged serving uav1", file=sys.stderr)
+    flight = asyncio.create_task(fly(bus, clock))
+    await stop.wait()
+    if FAULT == "stubborn":
+        await asyncio.sleep(60)
+    if not flight.done() or FAULT == "armed":
+        flight.cancel()
+        percept(bus, "state", "RTL", True, True)
+        print("INFO bridged leaving uav1: rtl: the vehicle does it", file=sys.stderr, flush=True)
+        await asyncio.sleep(0.2)
+
+
+async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
+    """Show a mind that is done when the flight is."""
+
+    async def mind(query: Query[MindView]) -> None:
+        done = clock.wall() > 4.5 and FAULT != "never-done"
+        prints = ("taking off to 5 m", "flying to -27.6, -48.5 at 40 m", "mission done")
+        running = IntentionView(
+            id=1, state="waiting", stack=("+!visited(-27.6,-48.5,40)", "+!fly_mission"), at="uav.asl:41"
+        )
+        view = MindView(
+            agent="uav",
+            cycle=int(clock.wall() * 10),
+            intentions=() if done else (running,),
+            prints=prints[: int(clock.wall() / 1.2)],
+            done={"mission_done": done},
+        )
+        query.reply(view)
+
+    bus.serve(keys.mind(bus.fleet, "uav"), MindView, mind)
+    if FAULT != "agent-mute":
+        await bus.claim("uav")
+    await stop.wait()
+
+
+async def daemon(kind: str, mission_file: str, router: str, speed: float) -> None:
+    """Run one stand-in until it is told to stop."""
+    mission, clock, stop = load_mission(mission_file), Clock(speed), asyncio.Event()
+    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop.set)
+    name = {"bridged": "uav1", "agentd": "uav"}[kind]
+    async with open_bus(router, fleet=mission.fleet, name=name, daemon=kind, stamp=time.time_ns, stop=stop) as bus:
+        health = asyncio.create_task(report_health(bus, name, clock))
+        await (bridge if kind == "bridged" else agent)(bus, clock, stop)
+        health.cancel()
+
+
+def simulate() -> None:
+    """Be there; leave a child behind if asked to."""
+    if FAULT == "orphan":
+        subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+    time.sleep(2.5 if FAULT == "simulator-dies" else 600)
+    print("error: simulator: the wind was too strong", file=sys.stderr)
+    sys.exit(3)
+
+
+def run(arguments: list[str]) -> int:
+    """`argosy run` with the stand-ins in the table of processes."""
+
+    def command(kind: str) -> processes.Kind:
+        original = next(one for one in processes.KINDS if one.name == kind)
+        if kind == "commd":
+            return original
+        return replace(
+            original,
+            command=lambda setup, subject: ["doubles", kind, setup.file, setup.router, str(setup.speed)],
+        )
+
+    processes.KINDS = tuple(command(kind.name) for kind in processes.KINDS)
+    sys.path.insert(0, str(Path(HERE).parent))
+    os.environ["PYTHONPATH"] = str(Path(HERE).parent)
+    return main(["run", *arguments])
+
+
+if __name__ == "__main__":
+    match sys.argv[1:]:
+        case ["run", *arguments]:
+            sys.exit(run(arguments))
+        case ["simulator", *_]:
+            simulate()
+        case [kind, mission_file, router, speed]:
+            asyncio.run(daemon(kind, mission_file, router, float(speed)))
