@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Mapping
+from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -25,6 +26,12 @@ TICKS_PER_VEHICLE_SECOND = 4.0
 log = logging.getLogger("mavlink")
 
 
+class Carrier(Protocol):
+    """What carries packets to the vehicle: a `Link`."""
+
+    def send(self, message: dialect.MAVLink_message, sysid: int | None = None) -> bool: ...
+
+
 class MavlinkDriver:
     """A `bridged.drivers.robot.Driver`."""
 
@@ -35,6 +42,7 @@ class MavlinkDriver:
         self._clock = clock
         self._on_step = on_step
         self._link: Link | None = None
+        self._carrier: Carrier | None = None
         self._identity = our_ids(robot.failsafe, robot.sysid)
         self._conversation = Conversation(
             manifest,
@@ -50,20 +58,34 @@ class MavlinkDriver:
         """Carry the vehicle's traffic until cancelled. Raises LinkError if the link cannot be opened."""
         link = self._link = await open_link(
             self._address,
-            lambda message, _peer: self._receive(message),
+            lambda message, _peer: self.receive(message),
             system=self._identity.system,
             component=self._identity.component,
             on_state=lambda up, why: log.info("link %s %s: %s", self._address, "up" if up else "down", why),
         )
+        self.attach(link)
         pause = min(TICK, 1 / (TICKS_PER_VEHICLE_SECOND * self._clock.speed))
         try:
             while True:
-                self._conversation.tick(self._clock.now())
-                self._on_step()
+                self.tick()
                 await asyncio.sleep(pause)
         finally:
             await link.close()
-            self._link = None
+            self._link = self._carrier = None
+
+    def attach(self, carrier: Carrier) -> None:
+        """Send by this carrier from now on."""
+        self._carrier = carrier
+
+    def receive(self, message: dialect.MAVLink_message) -> None:
+        """Take in a message from the carrier."""
+        self._conversation.receive(message, self._clock.now())
+        self._on_step()
+
+    def tick(self) -> None:
+        """Let time pass."""
+        self._conversation.tick(self._clock.now())
+        self._on_step()
 
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         """Begin an action of the manifest."""
@@ -122,10 +144,6 @@ class MavlinkDriver:
         down = [f"link {self._address} is down: {link.why}"] if link is not None and not link.up else []
         return down + self._conversation.notes()
 
-    def _receive(self, message: dialect.MAVLink_message) -> None:
-        self._conversation.receive(message, self._clock.now())
-        self._on_step()
-
     def _send(self, message: dialect.MAVLink_message) -> None:
-        if self._link is not None:
-            self._link.send(message, self._identity.vehicle)
+        if self._carrier is not None:
+            self._carrier.send(message, self._identity.vehicle)

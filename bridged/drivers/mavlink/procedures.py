@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.commands import Command, Parameters
 from bridged.drivers.mavlink.flight import SUCCEEDED, TEXT_WINDOW, Flight, Steps, Task
-from bridged.drivers.mavlink.vehicle import Place
+from bridged.drivers.mavlink.vehicle import OFF_GROUND, Place
 from bridged.drivers.robot import Outcome
 from schemas.manifest import Retry
 
@@ -82,9 +82,11 @@ def take_off(flight: Flight, task: Task, call: Call) -> Steps:
     if (limit := flight.limits.altitude) and wanted > limit:
         return Outcome("refused", f"altitude {wanted:g} m is above the mission's limit of {limit:g} m")
     aloft_before = vehicle.aloft
+    ground = vehicle.position.altitude if vehicle.position is not None else 0.0
 
     def rising() -> bool:
-        return vehicle.aloft and not aloft_before
+        climbed = vehicle.position is not None and vehicle.armed and vehicle.position.altitude > ground + OFF_GROUND
+        return (vehicle.aloft or climbed) and not aloft_before
 
     asked = flight.now
     command = flight.submit(task, call.number, call.parameters, call.retry, may_repeat=lambda: not rising())
@@ -224,11 +226,14 @@ def _enter(flight: Flight, task: Task, call: Call, mode: int) -> Generator[None,
 def _acknowledged(
     flight: Flight, task: Task, command: Command, effect: Callable[[], bool]
 ) -> Generator[None, None, Outcome | None]:
-    """Wait until a command is accepted or its effect shows without that. Returns the refusal or the silence."""
+    """Wait until a command is accepted or its effect shows without that. Returns the refusal or the silence.
+
+    A refusal of a repetition may mean that the first one worked, so the effect is waited for longer then.
+    """
     asked = flight.now
     while not effect() and not command.accepted:
         if command.refused:
-            patience = flight.now + flight.wait(*TEXT_WINDOW)
+            patience = flight.now + flight.wait(*(TEXT_WINDOW if command.sent == 1 else SETTLE))
             while flight.now < patience and not effect():
                 yield
             if effect():

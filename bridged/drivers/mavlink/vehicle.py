@@ -17,6 +17,8 @@ ON_GROUND = dialect.MAV_LANDED_STATE_ON_GROUND
 ALOFT = frozenset({
     dialect.MAV_LANDED_STATE_IN_AIR, dialect.MAV_LANDED_STATE_TAKEOFF, dialect.MAV_LANDED_STATE_LANDING,
 })  # fmt: skip
+OFF_GROUND = 0.5
+"""Metres above home that are no estimation error."""
 REBOOT_MS = 3000
 """`time_boot_ms` that goes back by more than this is a reboot; less is datagrams out of order."""
 
@@ -77,7 +79,9 @@ class Vehicle:
 
     @property
     def aloft(self) -> bool:
-        """Whether it is off the ground, as far as it says."""
+        """Whether it is off the ground: as it says (EXTENDED_SYS_STATE), or by its height if it says nothing."""
+        if self.landed_state == dialect.MAV_LANDED_STATE_UNDEFINED:
+            return self.armed and self.position is not None and self.position.altitude > OFF_GROUND
         return self.armed and self.landed_state in ALOFT
 
     def receive(self, message: dialect.MAVLink_message, now: float) -> None:

@@ -1,0 +1,372 @@
+"""Actions from the request to their one final status, against the simulated copter in virtual time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from schemas.records import Action, ActionStatus
+from tests.bridged.sky import GOAL, MISSION, Sky, is_ack_of, is_command
+
+
+@pytest.fixture
+def sky(tmp_path: Path) -> Sky:
+    return Sky(tmp_path)
+
+
+def test_the_papers_mission_is_flown_action_by_action(sky: Sky) -> None:
+    ends = [
+        sky.do("set_mode", "GUIDED"),
+        sky.do("arm_motors", True),
+        sky.do("takeoff", 5),
+        sky.do("goto", *GOAL),
+        sky.do("return_to_launch"),
+    ]
+    assert [(one.name, one.state, one.result) for one in ends] == [
+        ("set_mode", "succeeded", True),
+        ("arm_motors", "succeeded", True),
+        ("takeoff", "succeeded", True),
+        ("goto", "succeeded", True),
+        ("return_to_launch", "succeeded", True),
+    ]
+    assert sky.belief("state") == ("RTL", True, False)
+
+
+def test_an_action_is_accepted_then_runs_with_feedback_once_a_second_then_ends_once(sky: Sky) -> None:
+    sky.flying()
+    heard = sky.begin("goto", *GOAL)
+    took = sky.forward(lambda: heard[-1].final, "arrival")
+    states = [one.state for one in heard]
+    assert states[0] == "accepted"
+    assert states[-1] == "succeeded"
+    assert set(states[1:-1]) == {"running"}
+    assert len(states) - 2 == pytest.approx(took, abs=2)
+    running = [one for one in heard if one.state == "running" and "distance" in one.feedback]
+    assert running[-1].feedback["distance"] < running[0].feedback["distance"]
+    assert [one for one in sky.statuses if one.id == heard[0].id] == heard, "observers hear the same"
+
+
+def test_a_takeoff_is_not_done_before_the_altitude_percept_says_so(sky: Sky) -> None:
+    sky.flying()
+    altitude = sky.belief("altitude")
+    assert altitude is not None
+    assert abs(float(altitude[0]) - 5) <= 0.3  # type: ignore[arg-type]
+    final = sky.statuses[-1]
+    assert final.after == sky.bridge.board.last_seq("uav")
+
+
+def test_the_status_names_the_last_percept_that_was_published_before_it(sky: Sky) -> None:
+    sky.flying()
+    sky.wait(0.05)
+    final = sky.do("setpoint", *GOAL)
+    told = [one for agent, one in sky.percepts if agent == "uav" and one.header.seq == final.after]
+    assert len(told) == 1
+
+
+def test_a_refused_takeoff_tells_the_vehicles_text(sky: Sky) -> None:
+    def refuse(message: dialect.MAVLink_message) -> bool:
+        if is_command(dialect.MAV_CMD_NAV_TAKEOFF)(message):
+            ack = dialect.MAVLink_command_ack_message(message.command, dialect.MAV_RESULT_FAILED, 0, 0, 1, 191)
+            sky.downlink.append(ack)
+            sky.downlink.append(dialect.MAVLink_statustext_message(4, b"Takeoff: rotors not spooled"))
+            return False
+        return True
+
+    sky.do("set_mode", "GUIDED")
+    sky.do("arm_motors", True)
+    sky.hears_us = refuse
+    final = sky.do("takeoff", 5)
+    assert final.state == "refused"
+    assert final.result is False
+    assert final.reason == "the vehicle refused MAV_CMD_NAV_TAKEOFF (FAILED): Takeoff: rotors not spooled"
+    assert len(sky.commands(dialect.MAV_CMD_NAV_TAKEOFF)) == 1, "a refusal is an answer; nothing is sent again"
+
+
+def test_arming_in_a_mode_that_does_not_arm_is_refused_with_the_vehicles_text(sky: Sky) -> None:
+    sky.do("set_mode", "RTL")
+    final = sky.do("arm_motors", True)
+    assert final.state == "refused"
+    assert "Arm: RTL mode not armable" in final.reason
+
+
+def test_an_acknowledged_mode_without_effect_is_no_success(sky: Sky) -> None:
+    def pretend(message: dialect.MAVLink_message) -> bool:
+        if is_command(dialect.MAV_CMD_DO_SET_MODE)(message):
+            sky.downlink.append(dialect.MAVLink_command_ack_message(message.command, 0, 0, 0, 1, 191))
+            return False
+        return True
+
+    sky.hears_us = pretend
+    final = sky.do("set_mode", "GUIDED")
+    assert final.state == "failed"
+    assert final.reason.startswith("GUIDED was acknowledged, but the vehicle is in STABILIZE")
+
+
+def test_an_acknowledged_takeoff_without_effect_is_no_success(sky: Sky) -> None:
+    def pretend(message: dialect.MAVLink_message) -> bool:
+        if is_command(dialect.MAV_CMD_NAV_TAKEOFF)(message):
+            sky.downlink.append(dialect.MAVLink_command_ack_message(message.command, 0, 0, 0, 1, 191))
+            return False
+        return True
+
+    sky.do("set_mode", "GUIDED")
+    sky.do("arm_motors", True)
+    sky.hears_us = pretend
+    final = sky.do("takeoff", 5)
+    assert final.state == "failed"
+    assert "disarmed before it was up: Disarming motors" in final.reason
+
+
+@pytest.mark.parametrize(
+    ("number", "name", "parameter"),
+    [
+        (dialect.MAV_CMD_DO_SET_MODE, "set_mode", "GUIDED"),
+        (dialect.MAV_CMD_COMPONENT_ARM_DISARM, "arm_motors", True),
+        (dialect.MAV_CMD_NAV_TAKEOFF, "takeoff", 5),
+    ],
+)
+def test_an_effect_without_acknowledgement_is_a_success(sky: Sky, number: int, name: str, parameter: object) -> None:
+    sky.we_hear = lambda message: not is_ack_of(number)(message)
+    finals = {one: sky.do(one, value) for one, value in (("set_mode", "GUIDED"), ("arm_motors", True), ("takeoff", 5))}
+    assert finals[name].state == "succeeded", finals[name].reason
+    assert [one.state for one in finals.values()] == ["succeeded"] * 3
+
+
+def test_a_takeoff_that_has_begun_is_not_sent_again_when_its_acknowledgement_is_lost(sky: Sky) -> None:
+    sky.do("set_mode", "GUIDED")
+    sky.do("arm_motors", True)
+    sky.we_hear = lambda message: not is_ack_of(dialect.MAV_CMD_NAV_TAKEOFF)(message)
+    final = sky.do("takeoff", 20)
+    assert final.state == "succeeded"
+    assert len(sky.commands(dialect.MAV_CMD_NAV_TAKEOFF)) == 1
+
+
+def test_a_command_whose_acknowledgement_is_lost_is_sent_again_with_its_confirmation_counted_up(sky: Sky) -> None:
+    sky.forward(lambda: sky.belief("state"), "the first heartbeat")
+    sky.hears_us = lambda message: not (is_command(dialect.MAV_CMD_DO_SET_MODE)(message) and message.confirmation < 2)
+    assert sky.do("set_mode", "GUIDED").state == "succeeded"
+    assert [one.confirmation for one in sky.commands(dialect.MAV_CMD_DO_SET_MODE)] == [0, 1, 2]
+
+
+def test_a_takeoff_answered_failed_after_its_repetition_is_judged_by_the_altitude(sky: Sky) -> None:
+    """The first one worked and its acknowledgement was lost; the repetition is refused because it flies already."""
+    seen = 0
+
+    def first_ack_lost_second_failed(message: dialect.MAVLink_message) -> bool:
+        nonlocal seen
+        if is_ack_of(dialect.MAV_CMD_NAV_TAKEOFF)(message):
+            seen += 1
+            if seen == 1:
+                return False
+            message.result = dialect.MAV_RESULT_FAILED
+        return seen >= 2 or message.get_type() not in ("EXTENDED_SYS_STATE", "GLOBAL_POSITION_INT")
+
+    sky.do("set_mode", "GUIDED")
+    sky.do("arm_motors", True)
+    sky.we_hear = first_ack_lost_second_failed
+    final = sky.do("takeoff", 5)
+    assert final.state == "succeeded", final.reason
+    assert seen >= 2
+
+
+def test_a_vehicle_that_answers_nothing_fails_the_action_within_seconds(sky: Sky) -> None:
+    sky.forward(lambda: sky.belief("state"), "the first heartbeat")
+    sky.hears_us = lambda message: message.get_type() == "HEARTBEAT"
+    start = sky.clock.time
+    final = sky.do("set_mode", "GUIDED")
+    assert final.state == "failed"
+    assert "no acknowledgement of MAV_CMD_DO_SET_MODE after sending it 4 times" in final.reason
+    assert sky.clock.time - start < 5
+
+
+def test_an_acknowledgement_for_somebody_else_is_not_ours(sky: Sky) -> None:
+    def for_another(message: dialect.MAVLink_message) -> bool:
+        if is_ack_of(dialect.MAV_CMD_DO_SET_MODE)(message):
+            message.target_system = 255
+        return True
+
+    sky.forward(lambda: sky.belief("state"), "the first heartbeat")
+    sky.hears_us = lambda message: not is_command(dialect.MAV_CMD_DO_SET_MODE)(message)
+    sky.downlink.append(dialect.MAVLink_command_ack_message(dialect.MAV_CMD_DO_SET_MODE, 0, 0, 0, 255, 190))
+    final = sky.do("set_mode", "GUIDED")
+    assert "no acknowledgement" in final.reason
+    assert sky.bridge.driver.counters()["acks_unmatched"] >= 1
+
+
+def test_a_duplicated_request_is_executed_once_and_both_askers_hear_the_end(sky: Sky) -> None:
+    sky.flying()
+    first = sky.begin("goto", *GOAL)
+    sky.wait(2)
+    second: list[ActionStatus] = []
+    sky.bridge.desk.ask("uav", "goto", action_of(first, attempt=2), second.append)
+    assert second[0].state in ("accepted", "running")
+    sky.forward(lambda: first[-1].final, "arrival")
+    assert second[-1] == first[-1]
+    late: list[ActionStatus] = []
+    sky.bridge.desk.ask("uav", "goto", action_of(first), late.append)
+    assert late == [first[-1]]
+
+
+def test_an_id_is_not_executed_again_by_the_next_life_of_the_bridge(sky: Sky, tmp_path: Path) -> None:
+    ended = sky.do("set_mode", "GUIDED")
+    begun = sky.begin("arm_motors", True)
+    again = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)
+    for known, expected in ((ended, "succeeded"), (begun[0], "failed")):
+        heard: list[ActionStatus] = []
+        again.bridge.desk.ask("uav", known.name, action_of([known], attempt=2), heard.append)
+        assert [one.state for one in heard] == [expected]
+    assert heard[0].reason == "the bridge restarted while it ran; how it ended is not known"
+    assert not again.commands(dialect.MAV_CMD_COMPONENT_ARM_DISARM)
+
+
+def test_a_retry_of_an_id_that_the_bridge_never_saw_is_refused(sky: Sky) -> None:
+    final = sky.do("set_mode", "GUIDED", attempt=2)
+    assert (final.state, final.reason) == ("refused", "bridge restarted")
+
+
+def test_a_second_motion_is_refused_as_busy(sky: Sky) -> None:
+    sky.flying()
+    sky.begin("goto", *GOAL)
+    assert sky.do("takeoff", 9).reason == "busy: goto is running"
+    assert sky.do("goto", *GOAL, agent="other").reason == "busy: goto is running for uav"
+
+
+def test_landing_supersedes_a_motion(sky: Sky) -> None:
+    sky.flying()
+    going = sky.begin("goto", *GOAL)
+    sky.wait(1)
+    final = sky.do("land")
+    assert (going[-1].state, going[-1].reason) == ("cancelled", "superseded by land of uav")
+    assert final.state == "succeeded", final.reason
+    assert sky.belief("state") == ("LAND", True, False)
+
+
+def test_a_cancelled_motion_leaves_the_vehicle_holding(sky: Sky) -> None:
+    sky.flying()
+    going = sky.begin("goto", *GOAL)
+    sky.wait(4)
+    cancelled = sky.bridge.desk.cancel("uav", going[0].id)
+    assert (cancelled.state, cancelled.reason) == ("cancelled", "cancelled by uav")
+    assert going[-1] == cancelled
+    sky.wait(10)
+    here = sky.belief("global_pos")
+    sky.wait(5)
+    assert sky.belief("global_pos") == pytest.approx(here, abs=2e-6), "20 cm"
+    assert sky.bridge.desk.cancel("uav", going[0].id) == cancelled, "a second cancel hears the same end"
+
+
+def test_an_agent_cannot_cancel_the_action_of_another(sky: Sky) -> None:
+    sky.flying()
+    going = sky.begin("goto", *GOAL)
+    assert sky.bridge.desk.cancel("other", going[0].id).state == "refused"
+    assert not going[-1].final
+
+
+def test_an_action_out_of_time_says_what_it_waited_for(sky: Sky) -> None:
+    sky.flying()
+    final = sky.do("goto", *GOAL, deadline=3.0)
+    assert final.state == "timed_out"
+    assert final.reason.startswith("not done within 3 s; it waited for arrival;")
+
+
+def test_arming_waits_for_readiness_and_says_what_is_missing(sky: Sky) -> None:
+    sky.do("set_mode", "GUIDED")
+    heard = sky.begin("arm_motors", True, deadline=2.0)
+    sky.we_hear = lambda message: message.get_type() not in ("SYS_STATUS", "GPS_RAW_INT")
+    sky.forward(lambda: heard[-1].final, "the end of arming")
+    assert heard[-1].state == "timed_out"
+    assert "pre-arm checks have not passed" in heard[-1].reason
+    assert "no GPS position (fix type 0)" in heard[-1].reason
+    assert not sky.commands(dialect.MAV_CMD_COMPONENT_ARM_DISARM)
+
+
+def test_a_lost_link_fails_the_running_action_and_is_told_once(sky: Sky) -> None:
+    sky.flying()
+    going = sky.begin("goto", *GOAL)
+    sky.wait(2)
+    sky.we_hear = lambda message: False
+    took = sky.forward(lambda: going[-1].final, "the end of goto")
+    assert 4 <= took <= 6
+    assert going[-1].state == "failed"
+    assert going[-1].reason.startswith("link lost: no heartbeat for 5")
+    sky.wait(10)
+    told = [one.parameters for agent, one in sky.percepts if agent == "uav" and one.name == "state"]
+    assert told[-1] == ("", False, False)
+    assert told.count(("", False, False)) == 1
+    assert sky.belief("altitude") is None, "what a silent vehicle said has aged"
+    sky.we_hear = lambda message: True
+    sky.forward(lambda: sky.belief("altitude"), "the altitude after the link is back", 10)
+    sky.wait(1)
+    assert sky.belief("state") == ("GUIDED", True, True)
+
+
+def test_a_pilots_mode_change_fails_the_motion_and_is_a_percept_until_the_agent_takes_control(sky: Sky) -> None:
+    sky.flying()
+    going = sky.begin("goto", *GOAL)
+    sky.wait(1)
+    sky.downlink.extend(sky.vehicle.receive(dialect.MAVLink_set_mode_message(1, 1, 5)))
+    sky.forward(lambda: going[-1].final, "the end of goto", 3)
+    assert going[-1].state == "failed"
+    assert "the mode became LOITER, which nobody here asked for" in going[-1].reason
+    assert sky.belief("override") == ("LOITER",)
+    assert sky.do("set_mode", "GUIDED").state == "succeeded"
+    assert sky.belief("override") is None
+
+
+def test_a_target_outside_the_missions_limits_is_refused(tmp_path: Path) -> None:
+    limited = MISSION.replace("    link:", "    limits: {altitude: 30, radius: 100}\n    link:")
+    sky = Sky(tmp_path, mission=limited).flying()
+    assert sky.do("goto", *GOAL).reason == "altitude 40 m is above the mission's limit of 30 m"
+    assert sky.do("goto", -27.7, -48.5, 20).reason.endswith("m from home is outside the mission's limit of 100 m")
+    assert sky.do("land").state == "succeeded"
+    assert sky.do("set_mode", "GUIDED").state == "succeeded"
+    assert sky.do("arm_motors", True).state == "succeeded"
+    assert sky.do("takeoff", 31).reason == "altitude 31 m is above the mission's limit of 30 m"
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "reason"),
+    [
+        ("takeoff", (500,), "takeoff: expected altitude: float 1..120 m, got 500"),
+        ("takeoff", ("high",), 'takeoff: expected altitude: float 1..120 m, got "high"'),
+        ("takeoff", (), "takeoff(altitude: float 1..120 m) takes 1 arguments, got 0"),
+        ("arm_motors", ("True",), 'arm_motors: expected arm: boolean, got "True"'),
+        ("set_mode", (4.5,), "set_mode: expected mode: string or int, got 4.5"),
+        ("setpoint", (95.0, 0.0, 5.0), "setpoint: expected latitude: float -90..90 deg, got 95"),
+    ],
+)
+def test_a_bad_argument_is_refused_with_what_was_expected(
+    sky: Sky, name: str, parameters: tuple[object, ...], reason: str
+) -> None:
+    final = sky.do(name, *parameters)  # type: ignore[arg-type]
+    assert (final.state, final.reason) == ("refused", reason)
+
+
+def test_a_mode_that_the_vehicle_does_not_have_is_refused_with_those_it_has(sky: Sky) -> None:
+    final = sky.do("set_mode", "HOVER")
+    assert final.state == "refused"
+    assert final.reason.startswith("no mode 'HOVER'; this vehicle has STABILIZE, ACRO")
+
+
+def test_an_action_that_the_robot_does_not_have_is_refused_with_those_it_has(sky: Sky) -> None:
+    final = sky.do("fly", 3)
+    assert final.state == "refused"
+    assert final.reason.startswith("uav1 has no action fly; it has set_mode/1, arm_motors/1")
+
+
+def test_deadlines_scale_with_speed_but_the_wait_for_an_acknowledgement_does_not(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, speed=10)
+    sky.forward(lambda: sky.belief("state"), "the first heartbeat")
+    sky.hears_us = lambda message: message.get_type() == "HEARTBEAT"
+    start = sky.clock.wall()
+    final = sky.do("set_mode", "GUIDED", deadline=1000.0)
+    assert final.state == "failed"
+    assert sky.clock.wall() - start == pytest.approx(4 * 0.7, abs=0.2)
+    beats = [one for one in sky.sent if one.get_type() == "HEARTBEAT"]
+    assert len(beats) == pytest.approx(sky.clock.now(), abs=3), "heartbeats follow the vehicle's clock"
+
+
+def action_of(heard: list[ActionStatus], attempt: int = 1) -> Action:
+    return Action(id=heard[0].id, parameters=heard[0].parameters, attempt=attempt)
