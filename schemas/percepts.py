@@ -94,8 +94,8 @@ class PerceptSet:
     def restore(self, snapshot: Iterable[Perception]) -> list[Perception] | None:
         """Become the set that a repair query was answered with.
 
-        Returns the perceptions that turn the old set into the new one, removals first, so that a mind hears only of
-        what differs. Returns None, and changes nothing, if a newer perception came meanwhile: ask again.
+        Returns the perceptions that turn the old set into the new one, removals first and then additions, so that a
+        mind hears only of what differs. Returns None, and changes nothing, if a newer perception came meanwhile: ask again.
         """
         told = list(snapshot)
         boot = told[0].header.boot if told else self.boot
@@ -105,7 +105,7 @@ class PerceptSet:
         old = {_identity(one): one for one in self.present()}
         new = {_identity(one): one for one in told}
         gone = [_removal(one) for at, one in old.items() if at not in new]
-        come = [one for at, one in new.items() if at not in old]
+        come = [replace(one, update="add") for at, one in new.items() if at not in old]
         self._families.clear()
         for identity, one in new.items():
             self._families.setdefault((one.name, len(one.parameters)), {})[identity] = one

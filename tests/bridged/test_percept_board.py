@@ -1,0 +1,305 @@
+"""What agents perceive: only changes, at most so often, aged by their source, and the same on both ends of the bus."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bridged.board import MAX_BELIEFS, PerceptBoard
+from bridged.drivers.robot import Reading
+from schemas.manifest import Manifest, read_manifest
+from schemas.percepts import PerceptSet
+from schemas.records import Header, Perception
+
+MANIFEST = """
+[robot]
+driver = "mavlink"
+vehicle = "arducopter"
+[percepts.altitude]
+source = "POSITION"
+args = [{field = "alt", scale = 0.001}]
+rate = 10
+ttl = "3s"
+deadband = 0.01
+[percepts.battery]
+source = "BATTERY"
+args = ["id", {field = "volts.0", scale = 0.001, absent = 65535}]
+key = [0]
+ttl = "10s"
+[percepts.event]
+source = "EVENT"
+args = ["text"]
+buf = "add"
+[percepts.mode]
+source = "MODE"
+args = ["name", "armed"]
+"""
+
+
+class Board:
+    """A percept board with its time and what it has told."""
+
+    def __init__(self, manifest: Manifest | None = None, speed: float = 1.0) -> None:
+        self.now = 0.0
+        self.told: list[Perception] = []
+        self.board = PerceptBoard(
+            manifest or read_manifest(MANIFEST, "m.toml"),
+            ["uav", "ground"],
+            lambda agent, one: self.told.append(one) if agent == "uav" else None,
+            robot="r",
+            boot="b1",
+            stamp=lambda: 7,
+            speed=speed,
+        )
+
+    def hear(self, source: str, **fields: object) -> None:
+        self.board.take(Reading(source, fields), self.now)
+
+    def wait(self, seconds: float) -> None:
+        for _ in range(round(seconds * 10)):
+            self.now += 0.1
+            self.board.tick(self.now)
+
+    def taken(self) -> list[tuple[str, str, tuple[Any, ...]]]:
+        told, self.told[:] = [(one.update, one.name, one.parameters) for one in self.told], []
+        return told
+
+
+@pytest.fixture
+def board() -> Board:
+    return Board()
+
+
+def test_an_unchanged_value_is_told_once(board: Board) -> None:
+    for _ in range(5):
+        board.hear("MODE", name="GUIDED", armed=False)
+        board.wait(1)
+    assert board.taken() == [("replace", "mode", ("GUIDED", False))]
+
+
+def test_a_number_within_its_deadband_is_no_change_but_creeping_is(board: Board) -> None:
+    board.hear("POSITION", alt=5000)
+    for millimetres in (5004, 5008, 5011):
+        board.wait(1)
+        board.hear("POSITION", alt=millimetres)
+    assert board.taken() == [("replace", "altitude", (5.0,)), ("replace", "altitude", (5.011,))]
+
+
+def test_the_rate_bounds_what_is_told_and_the_newest_value_is_never_left_out(board: Board) -> None:
+    for step in range(50):
+        board.hear("POSITION", alt=step * 100)
+        board.now += 0.02
+        board.board.tick(board.now)
+    board.wait(0.2)
+    told = board.taken()
+    assert 10 <= len(told) <= 13
+    assert told[-1] == ("replace", "altitude", (4.9,))
+
+
+def test_a_percept_ages_only_when_its_source_falls_silent(board: Board) -> None:
+    for _ in range(20):
+        board.hear("POSITION", alt=5000)
+        board.wait(1)
+    assert board.taken() == [("replace", "altitude", (5.0,))]
+    board.wait(4)
+    assert board.taken() == [("remove", "altitude", (5.0,))]
+    assert board.board.expired == 1
+    board.hear("POSITION", alt=5000)
+    assert board.taken() == [("replace", "altitude", (5.0,))], "the same value is news again"
+
+
+def test_at_speed_percepts_do_not_age_faster_than_the_wall_clock(board: Board) -> None:
+    fast = Board(speed=20)
+    fast.hear("POSITION", alt=5000)
+    fast.wait(59)
+    assert fast.taken() == [("replace", "altitude", (5.0,))]
+    fast.wait(2)
+    assert fast.taken() == [("remove", "altitude", (5.0,))]
+
+
+def test_keyed_beliefs_stand_beside_each_other_and_age_alone(board: Board) -> None:
+    board.hear("BATTERY", id=0, volts=[12600, 0])
+    board.hear("BATTERY", id=1, volts=[11100, 0])
+    board.wait(6)
+    board.hear("BATTERY", id=1, volts=[11000, 0])
+    assert board.taken() == [
+        ("replace", "battery", (0, 12.6)),
+        ("replace", "battery", (1, 11.1)),
+        ("replace", "battery", (1, 11.0)),
+    ]
+    board.wait(6)
+    assert board.taken() == [("remove", "battery", (0, 12.6))]
+    assert [one.parameters for one in board.board.sets["uav"].present()] == [(1, 11.0)]
+
+
+def test_a_value_that_the_robot_does_not_know_is_no_percept(board: Board) -> None:
+    board.hear("BATTERY", id=0, volts=[65535])
+    board.hear("BATTERY", id=0, volts=[])
+    board.hear("BATTERY", id=0)
+    assert board.taken() == []
+    assert board.board.translator.unreadable == 2
+
+
+def test_events_are_all_told_even_when_they_are_equal(board: Board) -> None:
+    for _ in range(3):
+        board.hear("EVENT", text="bump")
+    assert board.taken() == [("add", "event", ("bump",))] * 3
+
+
+def test_a_source_that_says_it_is_over_removes_its_percepts(board: Board) -> None:
+    board.hear("MODE", name="RTL", armed=True)
+    board.board.take(Reading("MODE", None), board.now)
+    assert board.taken()[-1] == ("remove", "mode", ("RTL", True))
+
+
+def test_what_is_held_back_by_the_rate_is_told_before_a_status_refers_to_it(board: Board) -> None:
+    board.hear("POSITION", alt=1000)
+    board.now += 0.01
+    board.hear("POSITION", alt=2000)
+    assert board.taken() == [("replace", "altitude", (1.0,))]
+    board.board.flush(board.now)
+    assert board.taken() == [("replace", "altitude", (2.0,))]
+    assert board.board.last_seq("uav") == 2
+
+
+def test_a_flood_of_different_events_stays_bounded(board: Board) -> None:
+    for number in range(MAX_BELIEFS + 50):
+        board.hear("EVENT", text=f"event {number}")
+    assert len(board.board.sets["uav"]) == MAX_BELIEFS
+    assert board.board.dropped == 50
+
+
+# ---- the copy of the set at the agent
+
+
+def test_an_agents_copy_follows_and_its_digest_agrees(board: Board) -> None:
+    copy = PerceptSet()
+    board.hear("MODE", name="GUIDED", armed=False)
+    board.hear("BATTERY", id=0, volts=[12600])
+    board.hear("POSITION", alt=1000)
+    board.wait(5)
+    assert all(copy.apply(one) for one in board.told)
+    assert not copy.needs_repair(board.board.sets["uav"].digest())
+    assert copy.digest() == board.board.sets["uav"].digest()
+
+
+def test_a_lost_percept_is_noticed_by_the_gap_and_repaired(board: Board) -> None:
+    copy = PerceptSet()
+    board.hear("MODE", name="GUIDED", armed=False)
+    board.hear("BATTERY", id=0, volts=[12600])
+    board.hear("POSITION", alt=1000)
+    lost = board.told.pop(1)
+    for one in board.told:
+        copy.apply(one)
+    assert copy.missed == 1
+    assert copy.needs_repair()
+    changes = copy.restore(board.board.sets["uav"].snapshot())
+    assert changes is not None
+    assert [(one.update, one.name, one.parameters) for one in changes] == [("add", lost.name, lost.parameters)]
+    assert not copy.needs_repair(board.board.sets["uav"].digest())
+
+
+def test_the_loss_of_the_last_percept_is_noticed_by_the_digest(board: Board) -> None:
+    copy = PerceptSet()
+    board.hear("MODE", name="GUIDED", armed=False)
+    copy.apply(board.told[0])
+    before = board.board.sets["uav"].digest()
+    board.hear("MODE", name="RTL", armed=True)
+    assert not copy.needs_repair(before)
+    assert copy.needs_repair(board.board.sets["uav"].digest())
+    changes = copy.restore(board.board.sets["uav"].snapshot())
+    assert changes is not None
+    assert [(one.update, one.parameters) for one in changes] == [
+        ("remove", ("GUIDED", False)),
+        ("add", ("RTL", True)),
+    ]
+
+
+def test_an_older_digest_proves_nothing(board: Board) -> None:
+    copy = PerceptSet()
+    board.hear("MODE", name="GUIDED", armed=False)
+    old = board.board.sets["uav"].digest()
+    board.hear("MODE", name="RTL", armed=True)
+    for one in board.told:
+        copy.apply(one)
+    assert not copy.needs_repair(old)
+
+
+def test_a_snapshot_older_than_what_came_meanwhile_is_not_taken(board: Board) -> None:
+    copy = PerceptSet()
+    board.hear("MODE", name="GUIDED", armed=False)
+    snapshot = board.board.sets["uav"].snapshot()
+    board.hear("MODE", name="RTL", armed=True)
+    for one in board.told:
+        copy.apply(one)
+    assert copy.restore(snapshot) is None
+    assert [one.parameters for one in copy.present()] == [("RTL", True)]
+
+
+def test_another_life_of_the_bridge_puts_the_old_set_in_doubt(board: Board) -> None:
+    copy = PerceptSet()
+    board.hear("MODE", name="GUIDED", armed=False)
+    board.hear("BATTERY", id=0, volts=[12600])
+    for one in board.told:
+        copy.apply(one)
+    header = Header(seq=1, boot="b2", source="r")
+    fresh = Perception(header=header, name="mode", parameters=("STABILIZE", False))
+    assert copy.apply(fresh)
+    assert copy.needs_repair()
+    changes = copy.restore([fresh])
+    assert changes is not None
+    assert [(one.update, one.name) for one in changes] == [("remove", "battery")]
+    assert copy.boot == "b2"
+
+
+def test_forgetting_tells_what_is_gone(board: Board) -> None:
+    copy = PerceptSet()
+    board.hear("MODE", name="GUIDED", armed=False)
+    copy.apply(board.told[0])
+    assert [(one.update, one.name, one.key) for one in copy.clear()] == [("remove", "mode", (0, 1))]
+    assert len(copy) == 0
+
+
+changes = st.builds(
+    lambda name, value, update, keyed: (name, value, update, keyed),
+    st.sampled_from(["a", "b"]),
+    st.tuples(st.integers(0, 2), st.integers(0, 2)),
+    st.sampled_from(["replace", "add", "remove"]),
+    st.booleans(),
+)
+
+
+@given(st.lists(changes, max_size=30), st.sets(st.integers(0, 29)))
+def test_whatever_is_lost_a_repair_makes_both_ends_equal_and_the_mind_with_them(
+    sequence: list[Any], lost: set[int]
+) -> None:
+    theirs, ours, mind = PerceptSet(), PerceptSet(), set[tuple[str, tuple[int, int]]]()
+    for index, (name, value, update, keyed) in enumerate(sequence):
+        header = Header(seq=index + 1, boot="b")
+        one = Perception(header=header, name=name, parameters=value, update=update, key=(0,) if keyed else ())
+        theirs.apply(one)
+        if index not in lost:
+            ours.apply(one)
+            revise(mind, one)
+    if ours.needs_repair(theirs.digest()):
+        for one in ours.restore(theirs.snapshot()) or ():
+            revise(mind, one)
+    assert contents(ours) == contents(theirs) == mind
+    assert ours.digest().rpartition(":")[2] == theirs.digest().rpartition(":")[2]
+
+
+def revise(mind: set[tuple[str, Any]], one: Perception) -> None:
+    """What a belief base does with a perception, written down once more and simply."""
+    if one.update != "add":
+        for name, value in list(mind):
+            if name == one.name and all(value[at] == one.parameters[at] for at in one.key):
+                mind.discard((name, value))
+    if one.update != "remove":
+        mind.add((one.name, one.parameters))
+
+
+def contents(percepts: PerceptSet) -> set[tuple[str, Any]]:
+    return {(one.name, one.parameters) for one in percepts.present()}
