@@ -1,7 +1,6 @@
 """MAVLink packets in a stream of bytes: cutting them out, checking them, and packing our own."""
 
 import struct
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -37,12 +36,12 @@ class Framer:
         self._decoder = dialect.MAVLink(None)
         self._pending = bytearray()
 
-    def feed(self, data: bytes) -> Iterator[dialect.MAVLink_message]:
+    def feed(self, data: bytes) -> list[dialect.MAVLink_message]:
         """Bytes of a stream (TCP, serial): packets may be cut anywhere."""
         self._pending += data
         return self._packets(ends_here=False)
 
-    def feed_datagram(self, data: bytes) -> Iterator[dialect.MAVLink_message]:
+    def feed_datagram(self, data: bytes) -> list[dialect.MAVLink_message]:
         """One datagram. Packets cut by a datagram's border are joined, but noise at its end never delays the next."""
         if self._pending and _starts_whole(data):
             self.counters.skipped_bytes += len(self._pending)
@@ -50,9 +49,8 @@ class Framer:
         self._pending += data
         return self._packets(ends_here=True)
 
-    def _packets(self, *, ends_here: bool) -> Iterator[dialect.MAVLink_message]:
-        pending = self._pending
-        at = 0
+    def _packets(self, *, ends_here: bool) -> list[dialect.MAVLink_message]:
+        pending, messages, at = self._pending, [], 0
         while at < len(pending):
             if pending[at] not in _MAGIC:
                 at += 1
@@ -70,8 +68,9 @@ class Framer:
                 message, used = None, self._pass_over(length, pending[at + length : at + length + 1])
             at += used
             if message is not None:
-                yield message
+                messages.append(message)
         del pending[:at]
+        return messages
 
     def _pass_over(self, length: int, following: bytearray) -> int:
         """How much to skip of what cannot be checked: it is one packet only if another one, or nothing, follows it."""

@@ -1,0 +1,86 @@
+"""What a vehicle goes through after it is switched on: when it knows what, and what it says meanwhile."""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Literal
+
+BootKind = Literal["quick", "real"]
+"""`real` takes the 40 seconds that a real ArduCopter took in the recordings, `quick` about 3, in the same order."""
+
+FIRST_HEARTBEAT_S = 1.02
+"""Seconds after power on; every time below counts from here."""
+
+
+class Milestone(Enum):
+    """Points in the start of an autopilot, with their recorded time in seconds and the one of a quick start."""
+
+    BAROMETER = (0.90, 0.1)
+    READY = (1.436, 0.2)  # the arming checks run
+    MODE_SWITCH = (1.63, 0.3)  # the pilot's mode switch is read: STABILIZE, whatever was set before
+    AUX_SWITCH = (1.733, 0.3)
+    EKF_STARTED = (3.436, 0.5)
+    EKF_TILT = (4.784, 0.6)
+    EKF_YAW = (4.883, 0.7)
+    GPS_PROBE = (8.789, 0.8)
+    GPS_FIX = (8.813, 0.9)
+    ACCELS_AGREE = (14.0, 1.0)
+    HOME = (19.006, 1.4)
+    GYROS_AGREE = (22.9, 1.8)
+    PREARM_GOOD = (23.0, 1.9)  # the pre-arm bit of SYS_STATUS
+    POSITION = (40.602, 2.6)  # the EKF uses GPS: GUIDED can be armed
+
+
+_TEXTS: dict[Milestone, tuple[str, ...]] = {
+    Milestone.BAROMETER: ("Barometer 1 calibration complete", "Barometer 2 calibration complete"),
+    Milestone.READY: ("ArduPilot Ready", "AHRS: DCM active"),
+    Milestone.AUX_SWITCH: ("RC7: SaveWaypoint LOW",),
+    Milestone.EKF_STARTED: ("EKF3 IMU0 initialised", "EKF3 IMU1 initialised", "AHRS: EKF3 active"),
+    Milestone.EKF_TILT: ("EKF3 IMU0 tilt alignment complete", "EKF3 IMU1 tilt alignment complete"),
+    Milestone.EKF_YAW: (
+        "EKF3 IMU0 MAG0 initial yaw alignment complete",
+        "EKF3 IMU1 MAG0 initial yaw alignment complete",
+    ),
+    Milestone.GPS_PROBE: ("GPS 1: probing for u-blox at 230400 baud",),
+    Milestone.GPS_FIX: ("GPS 1: detected u-blox",),
+    Milestone.HOME: ("EKF3 IMU0 origin set", "Field Elevation Set: {elevation:.0f}m", "EKF3 IMU1 origin set"),
+    Milestone.POSITION: ("EKF3 IMU0 is using GPS", "EKF3 IMU1 is using GPS"),
+}
+
+_EKF_UNINITIALISED = 1024
+_EKF_ALIGNED = 167  # attitude, velocities, vertical position, constant position mode
+_EKF_POSITION = 831  # everything: attitude, velocities, positions relative and absolute, predictions
+
+
+@dataclass(slots=True)
+class Boot:
+    """The start of one vehicle. `passed` tells what is behind it."""
+
+    kind: BootKind
+    elevation: float
+    _next: int = 0
+
+    def passed(self, milestone: Milestone, now: float) -> bool:
+        """Whether the milestone is behind us `now` seconds after power on."""
+        return now - FIRST_HEARTBEAT_S >= milestone.value[self.kind == "quick"]
+
+    def advance(self, now: float) -> list[tuple[Milestone, tuple[str, ...]]]:
+        """The milestones that were passed since the last call, with what the vehicle says at each."""
+        reached = []
+        milestones = _ORDER
+        while self._next < len(milestones) and self.passed(milestones[self._next], now):
+            milestone = milestones[self._next]
+            self._next += 1
+            texts = tuple(text.format(elevation=self.elevation) for text in _TEXTS.get(milestone, ()))
+            reached.append((milestone, texts))
+        return reached
+
+    def ekf_flags(self, now: float) -> int:
+        """EKF_STATUS_REPORT.flags"""
+        if self.passed(Milestone.POSITION, now):
+            return _EKF_POSITION
+        if self.passed(Milestone.EKF_YAW, now):
+            return _EKF_ALIGNED
+        return 0 if self.passed(Milestone.EKF_STARTED, now) else _EKF_UNINITIALISED
+
+
+_ORDER = tuple(Milestone)

@@ -1,0 +1,321 @@
+"""The simulated copter without its MAVLink face: what it knows, what it refuses, what it does by itself."""
+
+import math
+from enum import IntEnum
+
+from bridged.simulation.battery import Battery
+from bridged.simulation.boot import FIRST_HEARTBEAT_S, Boot, BootKind, Milestone
+from bridged.simulation.events import (
+    Event,
+    HomeChanged,
+    ItemReached,
+    ModeChanged,
+    ParameterChanged,
+    Severity,
+    Text,
+)
+from bridged.simulation.flight import (
+    TOUCHDOWN_TO_DISARM_S,
+    Drift,
+    Flight,
+    GoTo,
+    Land,
+    Return,
+    Stop,
+    TakeOff,
+    Task,
+)
+from bridged.simulation.geo import FlatMap, Place
+from bridged.simulation.guards import Fence, StationLink, StationWatch
+from bridged.simulation.mission import NAMES, Item, Mission, task_of
+from bridged.simulation.modes import Mode
+from bridged.simulation.motion import Motion, Vector
+from bridged.simulation.parameters import Parameters
+
+_GUARD_PERIOD_S = 0.2
+_YAW_ALIGNMENT_HEIGHT = 1.9
+"""m above the ground at which the compass is checked in flight (recorded text)."""
+
+
+class Result(IntEnum):
+    """result of COMMAND_ACK (MAV_RESULT)."""
+
+    ACCEPTED = 0
+    TEMPORARILY_REJECTED = 1
+    DENIED = 2
+    UNSUPPORTED = 3
+    FAILED = 4
+
+
+class Copter:
+    """One vehicle from power on. Time passes only in `step`; what it wants to tell gathers in `events`."""
+
+    def __init__(
+        self, start: Place, *, heading: float = 0.0, boot: BootKind = "quick", parameters: Parameters | None = None
+    ) -> None:
+        self.now = FIRST_HEARTBEAT_S
+        self.chart = FlatMap(start)
+        self.parameters = parameters or Parameters()
+        self.boot = Boot(boot, start.alt)
+        self.motion = Motion(heading)
+        self.flight = Flight(self.motion, self.parameters)
+        self.battery = Battery(self.parameters)
+        self.fence = Fence(self.parameters)
+        self.station = StationWatch(self.parameters)
+        self.mission = Mission()
+        self.mode = Mode.STABILIZE
+        self.home: Place | None = None
+        self.events: list[Event] = []
+        self._next_guard = 0.0
+        self._compass_checked = False
+        self._fence_breached = False
+
+    @property
+    def armed(self) -> bool:
+        """Whether the motors turn."""
+        return self.flight.armed
+
+    @property
+    def place(self) -> Place:
+        """Where the copter is."""
+        return self.chart.place(self.motion.position)
+
+    @property
+    def home_on_chart(self) -> Vector:
+        """Home on the map; the place of power on before home is set."""
+        return self.chart.vector(self.home) if self.home is not None else Vector()
+
+    def passed(self, milestone: Milestone) -> bool:
+        """Whether the start of the vehicle has come so far."""
+        return self.boot.passed(milestone, self.now)
+
+    def say(self, text: str, severity: Severity = Severity.INFO) -> None:
+        """A line for people."""
+        self.events.append(Text(severity, text))
+
+    def set_mode(self, number: int) -> Result:
+        """Changes the flight mode; texts tell why not. Position is needed only with motors on, as in ArduCopter."""
+        try:
+            mode = Mode(number)
+        except ValueError:
+            self.say(f"No such mode {number}", Severity.WARNING)
+            return Result.FAILED
+        if mode is self.mode:
+            return Result.ACCEPTED
+        problem = self._problem_with(mode)
+        if problem is not None:
+            self.say(f"Mode change to {mode.name} failed: {problem}", Severity.WARNING)
+            return Result.FAILED
+        self.mode = mode
+        self.events.append(ModeChanged())
+        match mode:
+            case Mode.RTL:
+                self.flight.begin(Return(self.home_on_chart))
+            case Mode.LAND:
+                self.flight.begin(Land())
+            case Mode.AUTO:
+                self._fly_item(self.mission.next_flyable(max(0, self.mission.current - 1)))
+            case _:
+                self.flight.begin(Stop(hard=mode is Mode.BRAKE))
+        return Result.ACCEPTED
+
+    def _problem_with(self, mode: Mode) -> str | None:
+        if not mode.simulated:
+            return "not simulated"
+        if self.armed and mode.needs_position and not self.passed(Milestone.POSITION):
+            return "requires position"
+        if mode is Mode.AUTO and self.mission.next_flyable(0) is None:
+            return "init failed"
+        return None
+
+    def arming_problems(self) -> list[str]:
+        """Why the motors cannot be armed now, in the vehicle's words; none if they can."""
+        if not self.passed(Milestone.READY):
+            return ["System not initialised"]
+        if not self.passed(Milestone.EKF_YAW):
+            return ["Need Alt Estimate"]
+        if not self.passed(Milestone.ACCELS_AGREE):
+            return ["Accels inconsistent"]
+        problems = []
+        if not self.passed(Milestone.HOME):
+            problems.append("AHRS: waiting for home")
+        if not self.passed(Milestone.GYROS_AGREE):
+            problems.append("Gyros inconsistent")
+        if not self.mode.armable:
+            problems.append(f"{self.mode.name} mode not armable")
+        elif self.mode.needs_position and not self.passed(Milestone.POSITION):
+            problems.append("Need Position Estimate")
+        if self.home is not None and self.fence.breach(self.motion.position, self.home_on_chart):
+            problems.append("vehicle outside fence")
+        return problems
+
+    def arm(self, *, force: bool = False) -> Result:
+        """Starts the motors and sets home here."""
+        if self.armed:
+            return Result.ACCEPTED
+        problems = self.arming_problems()
+        if problems and not (force and self.passed(Milestone.READY)):
+            for problem in problems:
+                self.say(f"Arm: {problem}", Severity.CRITICAL)
+            return Result.FAILED
+        self.flight.arm()
+        if self.passed(Milestone.HOME):
+            self.set_home(self.place)
+        self.say("Arming motors")
+        return Result.ACCEPTED
+
+    def disarm(self, *, force: bool = False) -> Result:
+        """Stops the motors; refused in the air unless forced."""
+        if not self.armed:
+            return Result.ACCEPTED
+        if self.flight.airborne and not force:
+            return Result.FAILED
+        self.flight.disarm()
+        if self.mode is Mode.AUTO and self.mission.current:
+            self.events.append(ItemReached(self.mission.current))
+            self.mission.current, self.mission.complete = 0, True
+        self.say("Disarming motors")
+        self.events.append(ParameterChanged("MOT_THST_HOVER"))
+        return Result.ACCEPTED
+
+    def set_home(self, place: Place) -> None:
+        """Home is here from now on."""
+        self.home = place
+        self.events.append(HomeChanged())
+        if isinstance(self.flight.task, Return):
+            self.flight.begin(Return(self.home_on_chart))
+
+    def take_off(self, altitude: float) -> Result:
+        """Goes straight up to `altitude` metres above home; only in GUIDED, armed and on the ground."""
+        if self.mode is not Mode.GUIDED or not self.armed or self.flight.airborne or not 0 < altitude <= 10_000:
+            return Result.FAILED
+        self.flight.begin(TakeOff(self.home_on_chart.up + altitude))
+        return Result.ACCEPTED
+
+    def allows(self, goal: Vector) -> bool:
+        """Whether the fence allows a goal."""
+        return self.fence.breach(goal, self.home_on_chart) is None
+
+    def guide(self, task: GoTo | Drift) -> bool:
+        """A goal or a velocity from outside; False if it is dropped: not in GUIDED, or outside the fence."""
+        if self.mode is not Mode.GUIDED or (isinstance(task, GoTo) and not self.allows(task.goal)):
+            return False
+        if isinstance(task, GoTo) and isinstance(self.flight.task, GoTo):
+            self.flight.task, self.flight.reached = task, False
+        else:
+            self.flight.begin(task)
+        return True
+
+    def step(self, dt: float) -> None:
+        """Lets `dt` seconds pass (0.05 at most for exact motion)."""
+        self.now += dt
+        for milestone, texts in self.boot.advance(self.now):
+            self._reach(milestone, texts)
+        if self.armed or self.flight.airborne or self.flight.touchdown_at is not None:
+            self._fly(dt)
+        if self.now >= self._next_guard:
+            self._next_guard = self.now + _GUARD_PERIOD_S
+            self._guard()
+
+    def _reach(self, milestone: Milestone, texts: tuple[str, ...]) -> None:
+        if milestone is Milestone.HOME:
+            self.set_home(self.place)
+        for text in texts:
+            self.say(text)
+        if milestone is Milestone.MODE_SWITCH and self.mode is not Mode.STABILIZE and not self.armed:
+            self.set_mode(Mode.STABILIZE)
+
+    def _fly(self, dt: float) -> None:
+        flight = self.flight
+        was_airborne = flight.airborne
+        flight.step(self.now, dt)
+        self.battery.step(dt, flying=flight.airborne and flight.armed)
+        if was_airborne and not flight.airborne:
+            self.say(f"SIM Hit ground at {flight.touchdown_speed:f} m/s")
+        if flight.airborne and not self._compass_checked and flight.height > _YAW_ALIGNMENT_HEIGHT:
+            self._compass_checked = True
+            for unit in (0, 1):
+                self.say(f"EKF3 IMU{unit} MAG0 in-flight yaw alignment complete")
+        elif not flight.airborne:
+            self._compass_checked = False
+        if self.mode is Mode.AUTO and flight.armed:
+            self._follow_mission()
+        self._disarm_when_idle()
+
+    def _disarm_when_idle(self) -> None:
+        flight, idle_since = self.flight, self.flight.idle_since
+        if idle_since is None:
+            return
+        landing = flight.touchdown_at is not None and isinstance(flight.task, Land | Return)
+        delay = TOUCHDOWN_TO_DISARM_S if landing else self.parameters["DISARM_DELAY"]
+        if delay > 0 and self.now - idle_since >= delay:
+            self.disarm()
+
+    def _guard(self) -> None:
+        change = self.station.check(self.now, armed=self.armed)
+        if change is StationLink.LOST:
+            if self.flight.airborne:
+                self._bring_home()
+            self.say(change.value, Severity.WARNING)
+        elif change is StationLink.FOUND:
+            self.say(change.value, Severity.WARNING)
+        breach = self.fence.breach(self.motion.position, self.home_on_chart) if self.flight.airborne else None
+        if breach is not None and not self._fence_breached:
+            self.say(breach, Severity.WARNING)
+            if self.parameters["FENCE_ACTION"] >= 1:
+                self._bring_home()
+        self._fence_breached = breach is not None
+
+    def _bring_home(self) -> None:
+        if self.mode not in (Mode.RTL, Mode.LAND) and self.set_mode(Mode.RTL) is not Result.ACCEPTED:
+            self.set_mode(Mode.LAND)
+
+    def start_mission(self) -> Result:
+        """MAV_CMD_MISSION_START: AUTO from its first item."""
+        if self.mission.next_flyable(0) is None:
+            return Result.FAILED
+        if self.mode is not Mode.AUTO:
+            return self.set_mode(Mode.AUTO)
+        if self.armed and not self.flight.airborne:
+            self._begin_item(self.mission.item(self.mission.current))
+        return Result.ACCEPTED
+
+    def jump_to(self, item: Item) -> None:
+        """MISSION_SET_CURRENT: AUTO goes on, or will begin, with this item."""
+        self.mission.complete = False
+        if self.mode is Mode.AUTO:
+            self._fly_item(self.mission.next_flyable(item.seq - 1))
+        else:
+            self.mission.current = item.seq
+
+    def _fly_item(self, item: Item | None) -> None:
+        if item is None:
+            self.mission.complete = True
+            self.set_mode(Mode.LOITER)
+            return
+        self.mission.start(item, self.now)
+        self.say(f"Mission: {item.seq} {NAMES[item.command]}")
+        if self.flight.airborne:
+            self._begin_item(item)
+        else:
+            self.flight.begin(Stop())  # on the ground AUTO waits for MISSION_START
+
+    def _begin_item(self, item: Item | None) -> None:
+        task: Task = Stop()
+        if item is not None:
+            task = task_of(item, self.flight, self.chart, self.home or self.chart.origin)
+        self.flight.begin(task)
+
+    def _follow_mission(self) -> None:
+        item = self.mission.item(self.mission.current)
+        if item is None or not self.flight.airborne or not self.mission.done(item, self.flight, self.now):
+            return
+        self.events.append(ItemReached(item.seq))
+        if NAMES[item.command] == "WP":
+            self.say(f"Reached command #{item.seq}")
+        self._fly_item(self.mission.next_flyable(item.seq))
+
+
+def bearing(heading: float) -> float:
+    """Degrees from 0 to 360 of a heading in radians."""
+    return math.degrees(heading) % 360.0

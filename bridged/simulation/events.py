@@ -1,0 +1,47 @@
+"""What a simulated copter tells without being asked."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Severity(IntEnum):
+    """severity of STATUSTEXT (MAV_SEVERITY)."""
+
+    CRITICAL = 2
+    WARNING = 4
+    INFO = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A line for people: STATUSTEXT."""
+
+    severity: Severity
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class ModeChanged:
+    """Another flight mode: a HEARTBEAT goes out at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class HomeChanged:
+    """Home was set: GPS_GLOBAL_ORIGIN and HOME_POSITION."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterChanged:
+    """The vehicle itself changed a parameter: PARAM_VALUE."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class ItemReached:
+    """A mission item is done: MISSION_ITEM_REACHED."""
+
+    seq: int
+
+
+Event = Text | ModeChanged | HomeChanged | ParameterChanged | ItemReached

@@ -1,0 +1,70 @@
+"""Flight modes of the simulated copter (ArduCopter's numbers)."""
+
+from enum import IntEnum
+
+
+class Mode(IntEnum):
+    """custom_mode of HEARTBEAT and parameter 2 of MAV_CMD_DO_SET_MODE."""
+
+    STABILIZE = 0
+    ACRO = 1
+    ALT_HOLD = 2
+    AUTO = 3
+    GUIDED = 4
+    LOITER = 5
+    RTL = 6
+    CIRCLE = 7
+    LAND = 9
+    DRIFT = 11
+    SPORT = 13
+    FLIP = 14
+    AUTOTUNE = 15
+    POSHOLD = 16
+    BRAKE = 17
+    THROW = 18
+    AVOID_ADSB = 19
+    GUIDED_NOGPS = 20
+    SMART_RTL = 21
+    FLOWHOLD = 22
+    FOLLOW = 23
+    ZIGZAG = 24
+    SYSTEMID = 25
+    AUTOROTATE = 26
+    AUTO_RTL = 27
+    TURTLE = 28
+
+    @property
+    def simulated(self) -> bool:
+        """Whether this simulation can fly the mode."""
+        return self in _SIMULATED
+
+    @property
+    def needs_position(self) -> bool:
+        """Whether the vehicle must know where it is to fly the mode."""
+        return self not in (Mode.STABILIZE, Mode.ACRO, Mode.ALT_HOLD, Mode.LAND)
+
+    @property
+    def armable(self) -> bool:
+        """Whether the motors can be armed in the mode."""
+        return self in _ARMABLE
+
+    @property
+    def autonomous(self) -> bool:
+        """Whether no pilot steers: the guided bit of HEARTBEAT's base_mode."""
+        return self in (Mode.AUTO, Mode.GUIDED, Mode.RTL, Mode.LAND, Mode.BRAKE, Mode.LOITER, Mode.POSHOLD)
+
+
+_SIMULATED = frozenset(
+    (
+        Mode.STABILIZE,
+        Mode.ALT_HOLD,
+        Mode.AUTO,
+        Mode.GUIDED,
+        Mode.LOITER,
+        Mode.RTL,
+        Mode.LAND,
+        Mode.POSHOLD,
+        Mode.BRAKE,
+    )
+)
+_ARMABLE = frozenset((Mode.STABILIZE, Mode.ALT_HOLD, Mode.GUIDED, Mode.LOITER, Mode.POSHOLD))

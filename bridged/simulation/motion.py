@@ -1,0 +1,207 @@
+"""How the simulated copter moves: a point mass that follows a shaped target.
+
+Two layers, as in a real autopilot. The *target* runs to the goal within limits of speed, acceleration and jerk. The
+*copter* follows the target by position and velocity feedback through the lag of tilting and against air drag; the
+integral that holds it against the drag is what makes it overshoot a goal by some decimetres after a fast leg.
+The constants are fitted to recorded flights (tests/data/dynamics.json, tests/bridged/test_copter_dynamics.py).
+
+Positions are metres north, east and up of the place where the vehicle was switched on.
+"""
+
+import math
+from dataclasses import dataclass
+
+GRAVITY = 9.81
+"""m/s²"""
+
+_RESPONSE_S = 0.15
+"""Time in which a wrong target speed is corrected, within the limits of acceleration and jerk."""
+
+_POSITION_GAIN = 0.5  # 1/s: metres off the target to m/s
+_VELOCITY_GAIN = 1.1  # 1/s: m/s off to m/s²
+_INTEGRAL_GAIN = 1.3  # 1/s²
+_DRAG = 0.27  # 1/s: m/s² of drag per m/s
+_TILT_LAG_S = 0.1
+
+_TURN_RATE = math.radians(62.0)
+"""rad/s"""
+
+_TURN_ACCEL = math.radians(120.0)
+"""rad/s²"""
+
+
+@dataclass(slots=True)
+class Vector:
+    """Metres, m/s or m/s² in the directions north, east and up."""
+
+    north: float = 0.0
+    east: float = 0.0
+    up: float = 0.0
+
+    def flat(self) -> float:
+        """Length of the horizontal part."""
+        return math.hypot(self.north, self.east)
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a flight mode allows; m/s, m/s², m/s³."""
+
+    speed: float = 10.0
+    climb: float = 2.5
+    descent: float = 1.5
+    accel: float = 2.24
+    brake: float = 1.47  # deceleration that a stop at the goal is planned with
+    jerk: float = 10.0
+    settle: float = 2.5  # 1/s: speed per metre in the last decimetres
+    climb_accel: float = 1.1
+    climb_brake: float = 0.58
+
+
+@dataclass(slots=True)
+class Axis:
+    """One direction: where the copter is, and where its target is."""
+
+    position: float = 0.0
+    velocity: float = 0.0
+    accel: float = 0.0
+    target: float = 0.0
+    target_velocity: float = 0.0
+    target_accel: float = 0.0
+    integral: float = 0.0
+    aimed: float = 0.0  # acceleration that the tilt gives now
+
+    def rest(self) -> None:
+        """Nothing moves, and the target is here."""
+        self.velocity = self.accel = self.integral = self.aimed = 0.0
+        self.target, self.target_velocity, self.target_accel = self.position, 0.0, 0.0
+
+    def retarget(self) -> None:
+        """The target starts from where the copter is and how fast it moves."""
+        self.target, self.target_velocity, self.target_accel = self.position, self.velocity, 0.0
+
+    def plan(self, accel: float, dt: float) -> None:
+        """Moves the target."""
+        self.target_accel = accel
+        self.target_velocity += accel * dt
+        self.target += self.target_velocity * dt
+
+    def follow(self, dt: float) -> None:
+        """Moves the copter after the target: feedback, tilt lag, drag."""
+        off = self.target_velocity + _POSITION_GAIN * (self.target - self.position) - self.velocity
+        self.integral += _INTEGRAL_GAIN * off * dt
+        demand = self.target_accel + _VELOCITY_GAIN * off + self.integral
+        self.aimed += (demand - self.aimed) * min(1.0, dt / _TILT_LAG_S)
+        self.accel = self.aimed - _DRAG * self.velocity
+        self.velocity += self.accel * dt
+        self.position += self.velocity * dt
+
+    def track(self) -> None:
+        """Puts the copter where the target is: thrust answers faster than tilt."""
+        self.position, self.velocity, self.accel = self.target, self.target_velocity, self.target_accel
+
+
+class Motion:
+    """The body of the copter, moved step by step. Deterministic: no noise, no wind."""
+
+    def __init__(self, heading: float = 0.0) -> None:
+        self.north, self.east, self.up = Axis(), Axis(), Axis()
+        self.heading = heading  # radians clockwise from north
+        self.turn_rate = 0.0  # rad/s
+
+    @property
+    def position(self) -> Vector:
+        """m"""
+        return Vector(self.north.position, self.east.position, self.up.position)
+
+    @property
+    def velocity(self) -> Vector:
+        """m/s"""
+        return Vector(self.north.velocity, self.east.velocity, self.up.velocity)
+
+    @property
+    def course(self) -> tuple[float, float]:
+        """Horizontal speed of the target in m/s and its direction in radians."""
+        north, east = self.north.target_velocity, self.east.target_velocity
+        return math.hypot(north, east), math.atan2(east, north)
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """Roll and pitch in radians that give the present horizontal acceleration."""
+        north, east = self.north.aimed, self.east.aimed
+        forward = north * math.cos(self.heading) + east * math.sin(self.heading)
+        right = -north * math.sin(self.heading) + east * math.cos(self.heading)
+        return math.atan2(right, GRAVITY), math.atan2(-forward, GRAVITY)
+
+    def rest(self) -> None:
+        """On the ground: nothing moves."""
+        for axis in (self.north, self.east, self.up):
+            axis.rest()
+        self.turn_rate = 0.0
+
+    def retarget(self) -> None:
+        """Another flight mode took over: it begins with the present motion."""
+        for axis in (self.north, self.east, self.up):
+            axis.retarget()
+
+    def go(self, goal: Vector, limits: Limits, dt: float) -> None:
+        """One step on the straight line to `goal`, braking in time to stop there."""
+        north, east = goal.north - self.north.target, goal.east - self.east.target
+        up = goal.up - self.up.target
+        flat = math.hypot(north, east)
+        speed = min(limits.speed, _braking_speed(flat, limits.brake, limits.settle))
+        climb = limits.climb if up > 0 else limits.descent
+        if flat > 0.5 and abs(up) > 0.5:
+            # The line is kept: the slower of the two directions sets the pace.
+            pace = min(limits.speed / flat, climb / abs(up))
+            speed, climb = min(speed, pace * flat), min(climb, pace * abs(up))
+        climb = math.copysign(min(climb, _braking_speed(abs(up), limits.climb_brake, 1.5)), up)
+        scale = speed / flat if flat > 1e-6 else 0.0
+        self.fly(Vector(north * scale, east * scale, climb), limits, dt)
+
+    def fly(self, velocity: Vector, limits: Limits, dt: float) -> None:
+        """One step with this velocity as the wish."""
+        north = (velocity.north - self.north.target_velocity) / _RESPONSE_S
+        east = (velocity.east - self.east.target_velocity) / _RESPONSE_S
+        north, east = _clip(north, east, limits.accel)
+        more_north, more_east = _clip(north - self.north.target_accel, east - self.east.target_accel, limits.jerk * dt)
+        up = (velocity.up - self.up.target_velocity) / _RESPONSE_S
+        up = max(-limits.climb_accel, min(limits.climb_accel, up))
+        more_up = max(-limits.jerk * dt, min(limits.jerk * dt, up - self.up.target_accel))
+        self.north.plan(self.north.target_accel + more_north, dt)
+        self.east.plan(self.east.target_accel + more_east, dt)
+        self.up.plan(self.up.target_accel + more_up, dt)
+        self.north.follow(dt)
+        self.east.follow(dt)
+        self.up.track()
+
+    def fall(self, dt: float) -> None:
+        """One step with the motors off in the air."""
+        self.up.accel = -GRAVITY
+        self.up.velocity -= GRAVITY * dt
+        for axis in (self.north, self.east, self.up):
+            axis.position += axis.velocity * dt
+            axis.retarget()
+
+    def turn(self, heading: float, dt: float) -> None:
+        """One step of turning to `heading` (radians) the short way."""
+        off = math.remainder(heading - self.heading, 2 * math.pi)
+        wish = math.copysign(min(_TURN_RATE, math.sqrt(1.5 * _TURN_ACCEL * abs(off)), 4.0 * abs(off)), off)
+        most = _TURN_ACCEL * dt
+        self.turn_rate += max(-most, min(most, wish - self.turn_rate))
+        self.heading = (self.heading + self.turn_rate * dt) % (2 * math.pi)
+
+
+def _clip(north: float, east: float, longest: float) -> tuple[float, float]:
+    length = math.hypot(north, east)
+    if length <= longest:
+        return north, east
+    return north * longest / length, east * longest / length
+
+
+def _braking_speed(distance: float, brake: float, settle: float) -> float:
+    """The speed from which a copter that is `distance` away stops there: a root, and a line in the last metres."""
+    near = brake / (settle * settle)
+    if distance < near:
+        return settle * distance
+    return math.sqrt(2 * brake * (distance - near / 2))

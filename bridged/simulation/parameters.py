@@ -1,0 +1,130 @@
+"""Parameters of the simulated copter: ArduCopter's names and defaults for what the simulation or a client uses."""
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Kind(IntEnum):
+    """param_type of PARAM_VALUE (MAV_PARAM_TYPE)."""
+
+    INT8 = 2
+    INT16 = 4
+    INT32 = 6
+    REAL32 = 9
+
+
+_RANGES = {Kind.INT8: (-128, 127), Kind.INT16: (-32768, 32767), Kind.INT32: (-(2**31), 2**31 - 1)}
+
+_TABLE: tuple[tuple[str, float, Kind], ...] = (
+    ("FORMAT_VERSION", 120, Kind.INT16),
+    ("MAV_SYSID", 1, Kind.INT16),
+    ("MAV_GCS_SYSID", 255, Kind.INT16),
+    ("PILOT_THR_FILT", 0, Kind.REAL32),
+    ("PILOT_TKOFF_ALT", 0, Kind.REAL32),
+    ("PILOT_SPEED_UP", 250, Kind.INT16),
+    ("PILOT_SPEED_DN", 0, Kind.INT16),
+    ("FS_GCS_ENABLE", 0, Kind.INT8),
+    ("FS_GCS_TIMEOUT", 5, Kind.REAL32),
+    ("FS_THR_ENABLE", 1, Kind.INT8),
+    ("FS_EKF_ACTION", 1, Kind.INT8),
+    ("FS_OPTIONS", 16, Kind.INT32),
+    ("RTL_ALT", 1500, Kind.INT32),
+    ("RTL_ALT_FINAL", 0, Kind.INT16),
+    ("RTL_CLIMB_MIN", 0, Kind.INT16),
+    ("RTL_CONE_SLOPE", 3, Kind.REAL32),
+    ("RTL_LOIT_TIME", 5000, Kind.INT32),
+    ("RTL_SPEED", 0, Kind.INT16),
+    ("WPNAV_SPEED", 1000, Kind.REAL32),
+    ("WPNAV_RADIUS", 200, Kind.REAL32),
+    ("WPNAV_SPEED_UP", 250, Kind.REAL32),
+    ("WPNAV_SPEED_DN", 150, Kind.REAL32),
+    ("WPNAV_ACCEL", 250, Kind.REAL32),
+    ("WPNAV_ACCEL_Z", 100, Kind.REAL32),
+    ("LAND_SPEED", 50, Kind.INT16),
+    ("LAND_SPEED_HIGH", 0, Kind.INT16),
+    ("LAND_ALT_LOW", 1000, Kind.INT16),
+    ("GUID_TIMEOUT", 3, Kind.REAL32),
+    ("GUID_OPTIONS", 0, Kind.INT32),
+    ("DISARM_DELAY", 10, Kind.INT8),
+    ("ARMING_CHECK", 1, Kind.INT32),
+    ("FENCE_ENABLE", 0, Kind.INT8),
+    ("FENCE_TYPE", 7, Kind.INT8),
+    ("FENCE_ACTION", 1, Kind.REAL32),
+    ("FENCE_ALT_MAX", 100, Kind.REAL32),
+    ("FENCE_RADIUS", 300, Kind.REAL32),
+    ("FENCE_MARGIN", 2, Kind.REAL32),
+    ("FENCE_TOTAL", 0, Kind.INT8),
+    ("BATT_MONITOR", 4, Kind.INT8),
+    ("BATT_CAPACITY", 3300, Kind.INT32),
+    ("BATT_LOW_VOLT", 0, Kind.REAL32),
+    ("BATT_FS_LOW_ACT", 0, Kind.INT8),
+    ("FLTMODE_CH", 5, Kind.INT8),
+    ("FLTMODE1", 7, Kind.INT8),
+    ("FLTMODE2", 9, Kind.INT8),
+    ("FLTMODE3", 6, Kind.INT8),
+    ("FLTMODE4", 3, Kind.INT8),
+    ("FLTMODE5", 5, Kind.INT8),
+    ("FLTMODE6", 0, Kind.INT8),
+    ("FRAME_CLASS", 1, Kind.INT8),
+    ("FRAME_TYPE", 0, Kind.INT8),
+    ("MIS_TOTAL", 0, Kind.INT16),
+    ("MIS_RESTART", 0, Kind.INT8),
+    ("MOT_THST_HOVER", 0.39, Kind.REAL32),
+    ("RCMAP_ROLL", 1, Kind.INT8),
+    ("RCMAP_PITCH", 2, Kind.INT8),
+    ("RCMAP_THROTTLE", 3, Kind.INT8),
+    ("RCMAP_YAW", 4, Kind.INT8),
+    ("SERIAL0_PROTOCOL", 2, Kind.INT8),
+    ("STAT_RUNTIME", 0, Kind.INT32),
+    ("STAT_FLTTIME", 0, Kind.INT32),
+    ("WP_YAW_BEHAVIOR", 2, Kind.INT8),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One parameter as PARAM_VALUE tells it."""
+
+    name: str
+    value: float
+    kind: Kind
+    index: int
+
+
+class Parameters:
+    """All parameters of one vehicle. They survive a reboot."""
+
+    def __init__(self, system: int = 1) -> None:
+        self._values = {name: float(default) for name, default, _ in _TABLE}
+        self._kinds = {name: kind for name, _, kind in _TABLE}
+        self._names = [name for name, _, _ in _TABLE]
+        self._values["MAV_SYSID"] = float(system)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __getitem__(self, name: str) -> float:
+        return self._values[name]
+
+    def find(self, name: str) -> Parameter | None:
+        """The parameter of this name, None if there is none."""
+        if name not in self._values:
+            return None
+        return Parameter(name, self._values[name], self._kinds[name], self._names.index(name))
+
+    def at(self, index: int) -> Parameter | None:
+        """The parameter of this index in the list."""
+        return self.find(self._names[index]) if 0 <= index < len(self._names) else None
+
+    def set(self, name: str, value: float) -> Parameter | None:
+        """Stores the value as the parameter's type can hold it, and returns what it is now."""
+        kind = self._kinds.get(name)
+        if kind is None:
+            return None
+        if math.isfinite(value):
+            if kind in _RANGES:
+                low, high = _RANGES[kind]
+                value = float(max(low, min(high, round(value))))
+            self._values[name] = value
+        return self.find(name)
