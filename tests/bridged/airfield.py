@@ -1,0 +1,155 @@
+"""The bridge daemon on real Zenoh with a simulated copter on real UDP, all in one process and one event loop."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import time
+from argparse import Namespace
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from bridged.daemon import serve
+from bridged.drivers.mavlink.address import LinkAddress
+from bridged.drivers.mavlink.link import open_link
+from bridged.simulation.vehicle import Vehicle
+from commd.bus import Bus, Reply, open_bus
+from schemas import keys
+from schemas.mission import Mission, read_mission
+from schemas.records import Action, ActionStatus, Perception
+from schemas.terms import Term
+from tests.bridged.sky import HOME, MISSION
+from tests.support.buses import until
+
+SPEED = 10.0
+STEP_WALL = 0.005
+
+
+def free_udp_port() -> int:
+    """A loopback port that nobody uses now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class Airfield:
+    """What a test of the daemon has at hand."""
+
+    def __init__(self, endpoint: str, state: Path, mission: str = MISSION, speed: float = SPEED) -> None:
+        self.endpoint, self.state, self.speed = endpoint, state, speed
+        self.link = f"udpin:127.0.0.1:{free_udp_port()}"
+        self.mission: Mission = read_mission(mission, Path("test.yaml"))
+        self.vehicle = Vehicle(HOME)
+        self.stop = asyncio.Event()
+        self.silent = False
+        self._ids = 0
+
+    def arguments(self) -> Namespace:
+        """What the command line would say."""
+        return Namespace(robot="uav1", router=self.endpoint, speed=self.speed, state=self.state, link=self.link)
+
+    def start(self) -> asyncio.Task[int]:
+        """Start the bridge daemon."""
+        return asyncio.create_task(serve(self.mission, self.arguments(), self.stop))
+
+    @asynccontextmanager
+    async def router(self) -> AsyncIterator[Bus]:
+        """A router at the endpoint, as commd is."""
+        async with self._bus("board", "commd", mode="router") as bus:
+            yield bus
+
+    @asynccontextmanager
+    async def client(self, name: str = "uav") -> AsyncIterator[Bus]:
+        """A client of the bus, as an agent is."""
+        async with self._bus(name, "agentd") as bus:
+            yield bus
+
+    def _bus(self, name: str, daemon: str, mode: str = "client"):  # type: ignore[no-untyped-def]
+        return open_bus(
+            self.endpoint,
+            fleet="test",
+            name=name,
+            daemon=daemon,
+            stamp=time.time_ns,
+            mode="router" if mode == "router" else "client",
+        )
+
+    async def fly(self) -> None:
+        """Be the simulated copter until cancelled."""
+        address = LinkAddress.parse(self.link.replace("udpin", "udpout"))
+
+        def hear(message: object, peer: object) -> None:
+            if not self.silent:
+                for answer in self.vehicle.receive(message):
+                    link.send(answer)
+
+        link = await open_link(address, hear, system=1, component=1)
+        before = time.monotonic()
+        try:
+            while True:
+                now = time.monotonic()
+                for message in self.vehicle.advance((now - before) * self.speed):
+                    if not self.silent:
+                        link.send(message)
+                before = now
+                await asyncio.sleep(STEP_WALL)
+        finally:
+            await link.close()
+
+    async def ask(
+        self, bus: Bus, name: str, *parameters: Term, id: str = "", attempt: int = 1, timeout: float = 60
+    ) -> list[ActionStatus]:
+        """Perform an action as an agent does; returns its statuses. Fails on anything that is not one."""
+        self._ids += 1
+        action = Action(id=id or f"uav:t:{self._ids}", parameters=parameters, attempt=attempt)
+        key, heard = keys.action("test", "uav", name), list[ActionStatus]()
+        async for reply in bus.query(key, action, ActionStatus, timeout):
+            assert reply.record is not None, reply.error
+            heard.append(reply.record)
+        return heard
+
+    async def do(self, bus: Bus, name: str, *parameters: Term) -> ActionStatus:
+        """Perform an action and return its final status."""
+        heard = await self.ask(bus, name, *parameters)
+        assert heard, "nobody serves the action"
+        assert heard[-1].final
+        return heard[-1]
+
+    async def take_off(self, bus: Bus, altitude: float = 10) -> None:
+        """Ready, armed and at an altitude."""
+        for name, argument in (("set_mode", "GUIDED"), ("arm_motors", True), ("takeoff", altitude)):
+            status = await self.do(bus, name, argument)
+            assert status.state == "succeeded", status.reason
+
+
+async def present(bus: Bus, agent: str = "uav") -> list[Reply[Perception]]:
+    """What a repair query answers."""
+    return [one async for one in bus.query(keys.percept("test", agent, "**"), None, Perception, 5)]
+
+
+def on_the_airfield(
+    endpoint: str,
+    state: Path,
+    body: Callable[[Airfield], object],
+    *,
+    mission: str = MISSION,
+    speed: float = SPEED,
+    seconds: float = 90,
+) -> None:
+    """Run `body(airfield)` with the copter switched on; bounded in wall seconds."""
+
+    async def everything() -> None:
+        field = Airfield(endpoint, state, mission, speed)
+        flying = asyncio.create_task(field.fly())
+        try:
+            async with asyncio.timeout(seconds):
+                await body(field)  # type: ignore[misc]
+        finally:
+            flying.cancel()
+            await asyncio.gather(flying, return_exceptions=True)
+
+    asyncio.run(everything())
+
+
+__all__ = ["Airfield", "free_udp_port", "on_the_airfield", "present", "until"]

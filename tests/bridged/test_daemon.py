@@ -1,0 +1,351 @@
+"""The bridge daemon on real Zenoh, with a simulated copter on real UDP."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+import signal
+import socket
+from pathlib import Path
+
+import pytest
+
+from bridged.daemon import serve
+from commd.bus import AlreadyRunning, Bus
+from schemas import keys
+from schemas.manifest import ActionDescription
+from schemas.percepts import PerceptSet
+from schemas.records import ActionStatus, Cancel, Health, Outcome, Perception, StopOrder
+from tests.bridged.airfield import Airfield, on_the_airfield, present, until
+from tests.bridged.sky import MISSION
+from tests.support.processes import Daemon
+
+GOAL = (-27.6039, -48.5182, 12)
+FAR = (-27.600, -48.515, 20)
+"""500 m away: 50 s and more of mission time."""
+
+
+async def until_served(bus: Bus) -> None:
+    """The bridge is on the bus and hears its vehicle."""
+    async with asyncio.timeout(20):
+        while not await present(bus):
+            await asyncio.sleep(0.05)
+
+
+async def beginning(
+    field: Airfield, bus: Bus, name: str, *parameters: float
+) -> tuple[asyncio.Task[list[ActionStatus]], str]:
+    """Ask for a long action and wait until it runs; returns the asker and the action's id."""
+    statuses: list[ActionStatus] = []
+    bus.subscribe(keys.status("test", "uav", name), ActionStatus, lambda _key, status: statuses.append(status))
+    asker = asyncio.create_task(field.ask(bus, name, *parameters))
+    await until(lambda: any(one.state == "running" for one in statuses), f"{name} runs")
+    return asker, statuses[-1].id
+
+
+def test_an_agent_flies_over_zenoh_and_every_action_ends_once(endpoint: str, tmp_path: Path) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as bus:
+            daemon = field.start()
+            await until_served(bus)
+            await field.take_off(bus)
+            heard = await field.ask(bus, "goto", *GOAL)
+            assert [one.state for one in heard if one.final] == ["succeeded"], heard[-1].reason
+            assert heard[0].state == "accepted"
+            assert heard[-1].after is not None
+            assert (await field.do(bus, "land")).state == "succeeded"
+            field.stop.set()
+            started = asyncio.get_running_loop().time()
+            assert await daemon == 0
+            assert asyncio.get_running_loop().time() - started < 1, "what is not armed leaves within 1 s"
+
+    on_the_airfield(endpoint, tmp_path, body)
+
+
+def test_a_late_agent_sees_every_present_percept_and_keeps_up(endpoint: str, tmp_path: Path) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as first:
+            daemon = field.start()
+            await until_served(first)
+            names = ("altitude", "global_pos", "gps", "home_pos", "state")
+            async with asyncio.timeout(20):
+                while {one.record.name for one in await present(first) if one.record} < set(names):
+                    await asyncio.sleep(0.05)
+            async with field.client() as late:
+                copy, digests = PerceptSet(), list[str]()
+                late.subscribe(keys.percept("test", "uav", "**"), Perception, lambda _key, one: void(copy.apply(one)))
+                late.subscribe(
+                    keys.health("test", "uav1", "bridged"),
+                    Health,
+                    lambda _key, one: digests.append(one.percepts["uav"]),
+                )
+                async with asyncio.timeout(1):
+                    while copy.restore([one.record for one in await present(late) if one.record]) is None:
+                        await asyncio.sleep(0.02)
+                assert {one.name for one in copy.present()} >= set(names)
+                await field.take_off(late)
+                await until(lambda: len(digests) > 2, "health at 1 Hz")
+                assert not copy.needs_repair(digests[-1])
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body)
+
+
+def test_a_percept_lost_on_the_bus_is_noticed_by_the_digest_and_repaired(endpoint: str, tmp_path: Path) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as bus:
+            copy, digests, losing = PerceptSet(), list[str](), True
+
+            def hear(key: str, one: Perception) -> None:
+                if not (losing and one.name == "state"):
+                    copy.apply(one)
+
+            bus.subscribe(keys.percept("test", "uav", "**"), Perception, hear)
+            bus.subscribe(
+                keys.health("test", "uav1", "bridged"), Health, lambda _key, one: digests.append(one.percepts["uav"])
+            )
+            daemon = field.start()
+            await until_served(bus)
+            await until(lambda: bool(digests) and not digests[-1].startswith(":0:"), "health with percepts")
+            assert not [one for one in copy.present() if one.name == "state"]
+            assert copy.needs_repair(digests[-1])
+            losing = False
+            async with asyncio.timeout(5):
+                while copy.restore([one.record for one in await present(bus) if one.record]) is None:
+                    await asyncio.sleep(0.02)
+            assert [one.parameters for one in copy.present() if one.name == "state"] == [("STABILIZE", True, False)]
+            assert not copy.needs_repair()
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body)
+
+
+def test_leaving_in_flight_carries_out_on_shutdown_and_fails_the_running_action(endpoint: str, tmp_path: Path) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as bus:
+            daemon = field.start()
+            await until_served(bus)
+            await field.take_off(bus)
+            asker, _ = await beginning(field, bus, "goto", *FAR)
+            field.stop.set()
+            assert await daemon == 0
+            heard = await asker
+            assert (heard[-1].state, heard[-1].reason) == ("failed", "the bridge stops: rtl")
+        assert field.vehicle.copter.mode.name == "RTL"
+
+    on_the_airfield(endpoint, tmp_path, body)
+
+
+def test_a_second_bridge_of_the_same_robot_refuses_to_start_and_says_which(endpoint: str, tmp_path: Path) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as bus:
+            daemon = field.start()
+            await until_served(bus)
+            with pytest.raises(AlreadyRunning, match="another bridged serves `uav1`"):
+                await serve(field.mission, field.arguments(), asyncio.Event())
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body)
+
+
+def test_the_operator_stops_the_robot_above_the_agent_until_it_is_released(endpoint: str, tmp_path: Path) -> None:
+    async def order(bus: Bus, what: str) -> Outcome:
+        ask = StopOrder(order=what)  # type: ignore[arg-type]
+        [reply] = [one async for one in bus.query(keys.stop("test", "uav1"), ask, Outcome, 20)]
+        assert reply.record is not None, reply.error
+        return reply.record
+
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as bus:
+            daemon = field.start()
+            await until_served(bus)
+            await field.take_off(bus)
+            asker, _ = await beginning(field, bus, "goto", *FAR)
+            outcome = await order(bus, "hold")
+            assert outcome.ok, outcome.reason
+            assert field.vehicle.copter.mode.name == "BRAKE"
+            heard = await asker
+            assert (heard[-1].state, heard[-1].reason) == ("failed", "operator: hold")
+            refused = await field.do(bus, "set_mode", "GUIDED")
+            assert (refused.state, refused.reason) == ("refused", "operator: hold")
+            assert (await order(bus, "release")).ok
+            assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body)
+
+
+def test_a_dead_agents_robot_holds_and_then_returns(endpoint: str, tmp_path: Path) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client("watcher") as watcher:
+            daemon = field.start()
+            await until_served(watcher)
+            async with field.client() as agent:
+                await agent.claim("uav")
+                await field.take_off(agent)
+            await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold")
+            await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl after it")
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body)
+
+
+def test_an_agent_that_comes_back_while_the_robot_holds_decides_itself(endpoint: str, tmp_path: Path) -> None:
+    patient = MISSION.replace("    link:", "    on_agent_loss: [hold 30s, rtl]\n    link:")
+
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client("watcher") as watcher:
+            daemon = field.start()
+            await until_served(watcher)
+            async with field.client() as agent:
+                await agent.claim("uav")
+                await field.take_off(agent)
+            await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold")
+            async with field.client() as agent:
+                await agent.claim("uav")
+                await asyncio.sleep(0.3)
+                assert (await field.do(agent, "set_mode", "GUIDED")).state == "succeeded"
+                await asyncio.sleep(4)
+                assert field.vehicle.copter.mode.name == "GUIDED", "the steps that were to come are called off"
+                field.stop.set()
+                await daemon
+
+    on_the_airfield(endpoint, tmp_path, body, mission=patient)
+
+
+def test_a_router_that_is_killed_and_back_within_3_s_does_not_fail_the_flight(endpoint: str, tmp_path: Path) -> None:
+    file = tmp_path / "mission.yaml"
+    (tmp_path / "uav.asl").write_text("")
+    file.write_text(MISSION)
+
+    async def body(field: Airfield) -> None:
+        router = Daemon("commd", "serve", str(file), "--router", endpoint)
+        try:
+            async with field.client() as bus:
+                await bus.claim("uav")
+                daemon = field.start()
+                await until_served(bus)
+                await field.take_off(bus)
+                asker, action = await beginning(field, bus, "goto", -27.6030, -48.5175, 20)
+                router.kill()
+                heard = await asker
+                assert not heard[-1].final, "the query ended without a final status"
+                await asyncio.sleep(2)
+                router = Daemon("commd", "serve", str(file), "--router", endpoint)
+                await until(lambda: bus.router_up, "the router is back")
+                async with asyncio.timeout(30):
+                    while True:
+                        heard = await field.ask(bus, "goto", id=action, attempt=2)
+                        if heard and heard[-1].final:
+                            break
+                        await asyncio.sleep(0.1)
+                assert heard[-1].state == "succeeded", heard[-1].reason
+                field.stop.set()
+                assert await daemon == 0
+        finally:
+            router.kill()
+
+    on_the_airfield(endpoint, tmp_path, body)
+
+
+def test_a_query_that_is_no_request_is_answered_with_what_the_action_is(endpoint: str, tmp_path: Path) -> None:
+    async def described(bus: Bus, name: str) -> list[ActionDescription]:
+        replies = [one async for one in bus.query(keys.action("test", "uav", name), None, ActionDescription, 5)]
+        return [one.record for one in replies if one.record]
+
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as bus:
+            daemon = field.start()
+            await until_served(bus)
+            [one] = await described(bus, "takeoff")
+            assert one.signature == "takeoff(altitude: float 1..120 m)"
+            assert {each.name for each in await described(bus, "*")} >= {"takeoff", "land", "goto"}
+            wild = keys.action("test", "uav", "*")
+            request = bus.query(wild, Cancel(id="x"), ActionDescription, 5)
+            bad = [reply.record async for reply in request if reply.record]
+            assert "expected a Action, got a Cancel" in bad[0].problem
+            assert not field.vehicle.copter.armed
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body)
+
+
+def test_an_action_is_cancelled_over_the_bus(endpoint: str, tmp_path: Path) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as bus:
+            daemon = field.start()
+            await until_served(bus)
+            await field.take_off(bus)
+            asker, action = await beginning(field, bus, "goto", *FAR)
+            query = bus.query(keys.cancel("test", "uav"), Cancel(id=action), ActionStatus, 5)
+            [reply] = [one async for one in query]
+            assert reply.record is not None
+            assert reply.record.state == "cancelled"
+            assert (await asker)[-1].state == "cancelled"
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body)
+
+
+def test_noise_on_the_link_is_counted_and_nothing_else(
+    endpoint: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as bus:
+            daemon = field.start()
+            await until_served(bus)
+            port, chance = int(field.link.rsplit(":", 1)[1]), random.Random(7)
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as noise:
+                for _ in range(2000):
+                    head = chance.choice((b"\xfd", b"\xfe", b"", b"\xfd\x00\x00\x00\x00\x01\x01"))
+                    noise.sendto(head + chance.randbytes(chance.randrange(300)), ("127.0.0.1", port))
+                    if chance.random() < 0.02:
+                        await asyncio.sleep(0.001)
+            assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
+            field.stop.set()
+            assert await daemon == 0
+
+    on_the_airfield(endpoint, tmp_path, body)
+    assert not [record for record in caplog.records if record.exc_info]
+
+
+def test_sigterm_in_flight_leaves_the_vehicle_returning_and_says_so(endpoint: str, tmp_path: Path) -> None:
+    file = tmp_path / "mission.yaml"
+    (tmp_path / "uav.asl").write_text("")
+    file.write_text(MISSION)
+
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as bus:
+            options = [
+                "--router",
+                endpoint,
+                "--speed",
+                str(field.speed),
+                "--link",
+                field.link,
+                "--state",
+                str(tmp_path),
+            ]
+            daemon = Daemon("bridged", "serve", str(file), "uav1", *options)
+            try:
+                await until_served(bus)
+                await field.take_off(bus)
+                daemon.signal(signal.SIGTERM)
+                assert await asyncio.to_thread(daemon.ends) == 0
+                assert "leaving uav1: rtl: the vehicle is in RTL" in daemon.text
+                assert field.vehicle.copter.mode.name == "RTL"
+            finally:
+                daemon.kill()
+
+    on_the_airfield(endpoint, tmp_path, body)
+
+
+def void(_: object) -> None:
+    """A handler's result that nobody wants."""
