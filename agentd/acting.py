@@ -55,7 +55,7 @@ class Acting:
         while True:
             attempt += self._bus.router_up or attempt > 0  # what a lost router cannot have carried was not asked
             action = Action(
-                header=self._bus.header("action"),
+                header=self._bus.header("action", self._agent),
                 id=identity,
                 agent=self._agent,
                 name=name,

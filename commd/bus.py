@@ -96,7 +96,7 @@ class Bus:
         self._session = session
         self._stamp = stamp
         self._loop = asyncio.get_running_loop()
-        self._seq: Counter[str] = Counter()
+        self._seq: Counter[tuple[str, str]] = Counter()
         self._tasks: set[asyncio.Task[None]] = set()
         self._held: list[zenoh.LivelinessToken] = []
         self._routers: set[str] = set()
@@ -112,10 +112,11 @@ class Bus:
         """Call `handler(up)` whenever the connection to the router comes or goes."""
         self._on_router.append(handler)
 
-    def header(self, stream: str) -> Header:
-        """Return the next header of one stream of records (counted from 1 per stream)."""
-        self._seq[stream] += 1
-        return Header(seq=self._seq[stream], stamp=self._stamp(), source=self.name, boot=self.boot)
+    def header(self, stream: str, source: str = "") -> Header:
+        """Return the next header of one stream of records of `source` (this daemon by default), counted from 1."""
+        source = source or self.name
+        self._seq[source, stream] += 1
+        return Header(seq=self._seq[source, stream], stamp=self._stamp(), source=source, boot=self.boot)
 
     def put(self, key: str, record: Record) -> None:
         """Publish a record; lost without a word if the router is away, so only for what is repaired or repeated."""

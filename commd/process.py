@@ -42,6 +42,12 @@ def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> in
     except (AlreadyRunning, BusClosed) as error:
         print(f"error: {name}: {error}", file=sys.stderr)
         return EXIT_FAILED
+    except Exception as error:
+        if os.environ.get("ARGOSY_DEBUG"):
+            raise
+        what = f"{type(error).__name__}: {error}"
+        print(f"error: {name}: defect in argosy: {what}; ARGOSY_DEBUG=1 shows where", file=sys.stderr)
+        return EXIT_FAILED
 
 
 async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[], Health] = Health) -> None:
@@ -52,7 +58,7 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
         bus.put(
             keys.health(bus.fleet, name, bus.daemon),
             Health(
-                header=bus.header("health"),
+                header=bus.header("health", name),
                 daemon=bus.daemon,
                 pid=os.getpid(),
                 uptime=round(clock.wall(), 1),
