@@ -15,10 +15,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     serve = commands.add_parser("serve", help="bind a robot of a mission to its agents")
     simulate = commands.add_parser("simulate", help="be a simulated robot")
     if argv[:1] == ["simulate"]:
-        from bridged.simulation import command
+        import bridged.simulation.command as simulation
 
-        command.add_arguments(simulate)
-        return command.run(parser.parse_args(argv))
+        simulation.add_arguments(simulate)
+        return simulation.run(parser.parse_args(argv))
     from bridged import daemon
 
     daemon.add_arguments(serve)

@@ -95,7 +95,8 @@ class PerceptSet:
         """Become the set that a repair query was answered with.
 
         Returns the perceptions that turn the old set into the new one, removals first and then additions, so that a
-        mind hears only of what differs. Returns None, and changes nothing, if a newer perception came meanwhile: ask again.
+        mind hears only of what differs. Returns None, and changes nothing, if a newer perception came meanwhile: ask
+        again.
         """
         told = list(snapshot)
         boot = told[0].header.boot if told else self.boot
