@@ -209,6 +209,7 @@ class Copter:
     def step(self, dt: float) -> None:
         """Lets `dt` seconds pass (0.05 at most for exact motion)."""
         self.now += dt
+        self.flight.now = self.now
         for milestone, texts in self.boot.advance(self.now):
             self._reach(milestone, texts)
         if self.armed or self.flight.airborne or self.flight.touchdown_at is not None:
@@ -228,7 +229,7 @@ class Copter:
     def _fly(self, dt: float) -> None:
         flight = self.flight
         was_airborne = flight.airborne
-        flight.step(self.now, dt)
+        flight.step(dt)
         self.battery.step(dt, flying=flight.airborne and flight.armed)
         if was_airborne and not flight.airborne:
             self.say(f"SIM Hit ground at {flight.touchdown_speed:f} m/s")

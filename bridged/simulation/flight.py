@@ -110,7 +110,7 @@ class Flight:
         self._armed_at = 0.0
         self._lift_at: float | None = None
         self._ahead: float | None = None  # direction in which the copter goes
-        self._now = 0.0
+        self.now = 0.0  # vehicle seconds, set by the copter before each step
 
     @property
     def height(self) -> float:
@@ -134,7 +134,7 @@ class Flight:
 
     def arm(self) -> None:
         """Starts the motors."""
-        self.armed, self._armed_at, self._lift_at = True, self._now, None
+        self.armed, self._armed_at, self._lift_at = True, self.now, None
         self.touchdown_at = None
 
     def disarm(self) -> None:
@@ -159,12 +159,11 @@ class Flight:
         self.task, self.reached = task, False
         self.heading_wish = self._ahead = None
         if isinstance(task, TakeOff) and self.armed and not self.airborne:
-            self._lift_at = max(self._armed_at + SPOOL_UP_S, self._now + LIFT_DELAY_S)
+            self._lift_at = max(self._armed_at + SPOOL_UP_S, self.now + LIFT_DELAY_S)
             self.touchdown_at = None
 
-    def step(self, now: float, dt: float) -> None:
+    def step(self, dt: float) -> None:
         """One step of `dt` seconds that ends at `now`."""
-        self._now = now
         if not self.armed:
             if self.airborne:
                 self.motion.fall(dt)
@@ -179,7 +178,7 @@ class Flight:
         self._meet_ground()
 
     def _on_ground(self) -> None:
-        if self._lift_at is not None and self._now >= self._lift_at:
+        if self._lift_at is not None and self.now >= self._lift_at:
             self._lift_at = None
             self.airborne, self.landed = True, Landed.TAKEOFF
             self.motion.rest()
@@ -187,13 +186,15 @@ class Flight:
             self._settle()
 
     def _settle(self) -> None:
-        if self.touchdown_at is not None and self._now - self.touchdown_at >= TOUCHDOWN_TO_LANDED_S:
+        if self.touchdown_at is not None and self.now - self.touchdown_at >= TOUCHDOWN_TO_LANDED_S:
             self.landed = Landed.ON_GROUND
+            if not self.armed:
+                self.touchdown_at = None
 
     def _meet_ground(self) -> None:
         up = self.motion.up
         if up.position <= 0.0 and up.velocity <= 0.0:
-            self.touchdown_speed, self.touchdown_at = -up.velocity, self._now
+            self.touchdown_speed, self.touchdown_at = -up.velocity, self.now
             self.airborne, up.position = False, 0.0
             self.motion.rest()
 
@@ -218,7 +219,7 @@ class Flight:
         speed = self.cruise_speed or max(0.2, values["WPNAV_SPEED"] / 100)
         climb, descent = max(0.1, values["WPNAV_SPEED_UP"] / 100), max(0.1, values["WPNAV_SPEED_DN"] / 100)
         if smooth:
-            return Limits(speed, climb, descent, 2.1, 1.9, 1.0, 1.2, climb_accel=1.0, climb_brake=0.9)
+            return Limits(speed, climb, descent, 1.45, 1.45, 1.0, 0.9, climb_accel=1.0, climb_brake=0.9)
         return Limits(speed, climb, descent)
 
     def _take_off(self, goal: float, dt: float) -> None:
@@ -248,7 +249,7 @@ class Flight:
         self._turn(next((wish for wish in wishes if wish is not None), None), dt)
 
     def _drift(self, drift: Drift, dt: float) -> None:
-        if self._now >= drift.expires:
+        if self.now >= drift.expires:
             self.begin(Stop())
             return
         self.motion.fly(drift.velocity, Limits(accel=2.5), dt)
@@ -262,12 +263,12 @@ class Flight:
         if back.over is None:
             cone = self.parameters["RTL_CONE_SLOPE"] * away if self.parameters["RTL_CONE_SLOPE"] > 0 else math.inf
             height = max(here.up, home.up + min(self.parameters["RTL_ALT"] / 100, cone))
-            back.over, back.since = Vector(home.north, home.east, height), self._now
+            back.over, back.since = Vector(home.north, home.east, height), self.now
         limits = self._limits(smooth=True)
         match back.stage:
             case Stage.CLIMB:
                 self.motion.go(Vector(self.motion.north.target, self.motion.east.target, back.over.up), limits, dt)
-                if back.over.up - here.up < 0.7 and self._now - back.since >= 0.4:
+                if back.over.up - here.up < 0.7 and self.now - back.since >= 0.7:
                     self._enter(back, Stage.CRUISE)
             case Stage.CRUISE:
                 self.motion.go(back.over, limits, dt)
@@ -275,13 +276,13 @@ class Flight:
                     self._enter(back, Stage.WAIT)
             case Stage.WAIT:
                 self.motion.go(back.over, limits, dt)
-                if self._now - back.since >= RETURN_PAUSE_S + self.parameters["RTL_LOIT_TIME"] / 1000:
+                if self.now - back.since >= RETURN_PAUSE_S + self.parameters["RTL_LOIT_TIME"] / 1000:
                     self._enter(back, Stage.DESCEND)
             case Stage.DESCEND:
                 self._descend(dt)
 
     def _enter(self, back: Return, stage: Stage) -> None:
-        back.stage, back.since = stage, self._now
+        back.stage, back.since = stage, self.now
 
     def _descend(self, dt: float) -> None:
         self.landed = Landed.LANDING

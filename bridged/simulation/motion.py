@@ -23,6 +23,9 @@ _INTEGRAL_GAIN = 1.3  # 1/s²
 _DRAG = 0.27  # 1/s: m/s² of drag per m/s
 _TILT_LAG_S = 0.1
 
+_BRAKE_JERK = 10.0
+"""m/s³ while slowing down, whatever the mode allows for speeding up: a plan to stop must hold."""
+
 _TURN_RATE = math.radians(62.0)
 """rad/s"""
 
@@ -164,7 +167,9 @@ class Motion:
         north = (velocity.north - self.north.target_velocity) / _RESPONSE_S
         east = (velocity.east - self.east.target_velocity) / _RESPONSE_S
         north, east = _clip(north, east, limits.accel)
-        more_north, more_east = _clip(north - self.north.target_accel, east - self.east.target_accel, limits.jerk * dt)
+        speeding_up = north * self.north.target_velocity + east * self.east.target_velocity >= 0
+        most = (limits.jerk if speeding_up else _BRAKE_JERK) * dt
+        more_north, more_east = _clip(north - self.north.target_accel, east - self.east.target_accel, most)
         up = (velocity.up - self.up.target_velocity) / _RESPONSE_S
         up = max(-limits.climb_accel, min(limits.climb_accel, up))
         more_up = max(-limits.jerk * dt, min(limits.jerk * dt, up - self.up.target_accel))
