@@ -18,6 +18,7 @@ from agentd.language.lexer import BROKEN, END_OF_TEXT, Lexicon, Tokens, lexicon,
 from agentd.language.source import Source, read_source
 from agentd.language.syntax import Formula, Plan, Program, Structure, Term, Trigger
 from agentd.language.tables import load
+from schemas.findings import Finding
 
 MOST_PROBLEMS = 20
 """More problems than this are seldom read; parsing stops there."""
@@ -29,8 +30,16 @@ def parse_program(text: str, file: str) -> Program:
 
 
 def parse_file(path: str | Path) -> Program:
-    """`parse_program` of a file. Raises OSError as ``open`` does, ValueError (of which `SyntaxErrors`) for its text."""
-    return _program(read_source(path))
+    """`parse_program` of a file. Raises OSError as ``open`` does, `SyntaxErrors` also when it is not UTF-8 text."""
+    try:
+        source = read_source(path)
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        message = (
+            f"byte {error.start} of the file ({error.object[error.start]:#04x}) is not UTF-8 text; save it as UTF-8"
+        )
+        raise SyntaxErrors([Problem(Finding(str(path), line, 0, message), "", 0)]) from None
+    return _program(source)
 
 
 def parse_term(text: str, file: str = "<term>") -> Term:

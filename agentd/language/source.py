@@ -47,13 +47,5 @@ class Source:
 
 
 def read_source(path: str | Path) -> Source:
-    """Read a file of AgentSpeak. Raises OSError as ``open`` does, and ValueError when it is not UTF-8 text."""
-    data = Path(path).read_bytes()
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise ValueError(
-            f"{path}:{line}: error: byte {error.start} is not UTF-8 text; save the file as UTF-8"
-        ) from None
-    return Source(text, str(path))
+    """Read a file of AgentSpeak. Raises OSError as ``open`` does, and UnicodeDecodeError when it is not UTF-8 text."""
+    return Source(Path(path).read_bytes().decode("utf-8-sig"), str(path))

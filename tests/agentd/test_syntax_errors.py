@@ -135,7 +135,7 @@ def test_after_an_include_any_structure_may_be_a_function() -> None:
 def test_a_file_that_is_not_utf8_is_refused_with_its_line(tmp_path: Path) -> None:
     path = tmp_path / "latin.asl"
     path.write_bytes(b'b(1).\nc("caf\xe9").\n')
-    with pytest.raises(ValueError, match=r"latin.asl:2: error: .* not UTF-8"):
+    with pytest.raises(SyntaxErrors, match=r"latin.asl:2: error: byte 12 of the file \(0xe9\) is not UTF-8"):
         parse_file(path)
 
 

@@ -1,0 +1,1 @@
+"""Static analysis of programs: what can be told to be wrong before an agent runs."""

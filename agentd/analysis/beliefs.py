@@ -1,0 +1,79 @@
+"""Beliefs that are tested and that nobody ever adds, and percepts tested with another number of arguments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from agentd.analysis.calls import Arities, arguments, finding, near, takes
+from agentd.analysis.survey import Mention, Survey
+from schemas.findings import Finding
+
+_TRUTH = {("true", 0), ("false", 0)}
+
+
+def beliefs_never_added(
+    survey: Survey, percepts: Arities | None, beliefs: Iterable[tuple[str, int]] = ()
+) -> Iterator[Finding]:
+    """Tests of beliefs that are no percept and that no line adds.
+
+    Beliefs that another agent may tell look the same, so these are warnings; a percept with another number of arguments
+    is an error, since no agent tells those. Without known percepts only what looks misspelt is told.
+    """
+    held = _held(survey, beliefs)
+    by_name: dict[str, set[int]] = {}
+    for name, arity in held:
+        by_name.setdefault(name, set()).add(arity)
+    for test, tested_as_goal in [*((m, False) for m in survey.tested), *((m, True) for m in survey.asked)]:
+        if test.indicator in held or test.from_others or test.indicator in _TRUTH:
+            continue
+        perceived = percepts.get(test.name) if percepts is not None else None
+        if perceived is not None:
+            if not takes(perceived, test.arity):
+                text = f"the percept {test.name} has {arguments(perceived)}, not {test.arity}"
+                yield finding(test.position, f"{text}: {_consequence(test, tested_as_goal)}")
+            continue
+        if survey.open_beliefs:
+            continue
+        hint = _hint(test, by_name, percepts)
+        if percepts is not None or hint:
+            text = f"nothing adds the belief {test.name}/{test.arity}"
+            if percepts is not None:
+                text += ", and no percept has its name: unless an agent tells it, "
+            else:
+                text += ": unless it is a percept or told, "
+            yield finding(test.position, f"{text}{_consequence(test, tested_as_goal)}{hint}", warning=True)
+
+
+def events_never_perceived(survey: Survey, percepts: Arities) -> Iterator[Finding]:
+    """Plans for a percept with a number of arguments that it does not have."""
+    added = {mention.indicator for mention in survey.added}
+    for placed in survey.plans:
+        if placed.event not in ("+", "-") or placed.name is None or (placed.name, placed.arity) in added:
+            continue
+        arities = percepts.get(placed.name)
+        if arities is not None and not takes(arities, placed.arity):
+            text = f"the percept {placed.name} has {arguments(arities)}, not {placed.arity}: this plan never runs"
+            yield finding(placed.plan.trigger.position, text)
+
+
+def _held(survey: Survey, beliefs: Iterable[tuple[str, int]]) -> set[tuple[str, int]]:
+    """What may come to be believed, as far as the program shows; a plan +b means that b is expected from somewhere."""
+    held = {mention.indicator for mention in survey.added} | set(beliefs)
+    for placed in survey.plans:
+        if placed.event in ("+", "+?") and placed.name is not None:
+            held.add((placed.name, placed.arity))
+    return held
+
+
+def _consequence(test: Mention, tested_as_goal: bool) -> str:
+    arguments_written = f"({','.join('_' * test.arity)})" if test.arity else ""
+    literal = f"{test.name}{arguments_written}"
+    if tested_as_goal:
+        return f"?{literal} always fails"
+    return f"not {literal} is always true" if test.inverted else f"{literal} is always false"
+
+
+def _hint(test: Mention, by_name: dict[str, set[int]], percepts: Arities | None) -> str:
+    if test.name in by_name:
+        return f"; there is {test.name} with {arguments(by_name[test.name])}"
+    return near(test.name, {*by_name, *(percepts or ())})

@@ -1,0 +1,301 @@
+"""What `agentd check` tells about a program before it runs."""
+
+from __future__ import annotations
+
+import json
+from argparse import ArgumentParser
+from pathlib import Path
+
+import pytest
+
+from agentd.analysis.calls import Arities
+from agentd.check import add_arguments, check_program, run
+from agentd.language.parser import parse_file, parse_program
+from schemas.findings import Finding
+
+ACTIONS: Arities = {"set_mode": 1, "takeoff": {1}, "land": 0, "goto": {2, 3}}
+PERCEPTS: Arities = {"state": {3}, "altitude": 1}
+INTERNAL: Arities = {
+    ".print": range(100),
+    ".wait": {1, 2, 3},
+    ".send": {3, 4, 5},
+    ".findall": {3},
+    ".add_plan": {1, 2, 3},
+}
+FUNCTIONS: Arities = {"math.abs": {1}, "math.max": {1, 2}, "math.pi": 0, ".count": {1}}
+
+
+def findings_of(text: str) -> list[Finding]:
+    return check_program(parse_program(text, "a.asl"), ACTIONS, PERCEPTS, internal=INTERNAL, functions=FUNCTIONS)
+
+
+def test_a_program_without_mistakes_has_no_findings() -> None:
+    text = """
+    target(1, 2). reachable(X) :- target(X, _).
+    !fly.
+    +!fly : state("GUIDED", true, _) & target(X, Y) <- takeoff(5); goto(X, Y); !report(math.max(X, 2)).
+    -!fly[error(E)] <- .print("failed ", E); land.
+    +!report(X) : not altitude(X) & reachable(_) <- +reported(X); ?reported(Z); .print(Z, " #{X}").
+    +state(_, _, false) <- .wait(100).
+    """
+    assert findings_of(text) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("+!g <- take_off(5).", "there is no action take_off/1; did you mean takeoff?"),
+        ("+!g <- fly(5).", "there is no action fly/1"),
+        ("+!g <- h. +!h.", "there is no action h/0; did you mean the goal !h?"),
+        ("+!g <- takeoff.", "the action takeoff takes 1 argument, not 0"),
+        ("+!g <- land(1).", "the action land takes no arguments, not 1"),
+        ("+!g <- goto(1).", "the action goto takes 2 or 3 arguments, not 1"),
+        ("+!g <- if (state(_,_,_)) { for (altitude(_)) { takeoff } }.", "the action takeoff takes 1 argument, not 0"),
+        ("+!g <- .send(a, achieve, { takeoff }).", "the action takeoff takes 1 argument, not 0"),
+        ("+!g <- .prnt(1).", "there is no internal action .prnt/1: it fails where it is reached; did you mean .print?"),
+        ("+!g <- .wait.", ".wait takes 1, 2 or 3 arguments, not 0"),
+        ("+!g : .findall(x, altitude(_)) <- land.", ".findall takes 3 arguments, not 2"),
+        (
+            "+!g <- .print(maths.abs(1)).",
+            "there is no function or internal action maths.abs/1: it stays a term without a value; "
+            "did you mean math.abs?",
+        ),
+        ("+!g <- .print(math.abs(1, 2)).", "math.abs takes 1 argument, not 2"),
+        ("+!g <- my.act(1).", "there is no function or internal action my.act/1: it fails where it is reached"),
+        (
+            "+!g : state(_,_,_,_) <- land.",
+            "the percept state has 3 arguments, not 4: state(_,_,_,_) is always false",
+        ),
+        (
+            "+!g : not state(_,_,_,_) <- land.",
+            "the percept state has 3 arguments, not 4: not state(_,_,_,_) is always true",
+        ),
+        ("+!g : not (not altitude) <- land.", "the percept altitude has 1 argument, not 0: altitude is always false"),
+        ("r :- altitude(_,_).", "the percept altitude has 1 argument, not 2: altitude(_,_) is always false"),
+        ("+!g <- ?altitude(_,_).", "the percept altitude has 1 argument, not 2: ?altitude(_,_) always fails"),
+        ("+!g <- while (altitude) { land }.", "the percept altitude has 1 argument, not 0: altitude is always false"),
+        ("+!g <- .wait(altitude).", "the percept altitude has 1 argument, not 0: altitude is always false"),
+        ("+altitude(_,_) <- land.", "the percept altitude has 1 argument, not 2: this plan never runs"),
+        ("+!g <- !h.", "there is no plan for the goal !h/0"),
+        ("!go.", "there is no plan for the goal !go/0"),
+        ("+!g <- !!h(1). +!h.", "there is no plan for the goal !h/1; there are plans for h with no arguments"),
+        ("+!goal(_) <- !gaol(1).", "there is no plan for the goal !gaol/1; did you mean goal?"),
+        ("{ begin namespace(n) } +!h. { end } +!g <- !h.", "there is no plan for the goal !h/0; did you mean n::h?"),
+        ("{ begin namespace(n) } +!h <- lnd. { end }", "there is no action lnd/0; did you mean land?"),
+    ],
+)
+def test_a_mistake_is_an_error(text: str, message: str) -> None:
+    (finding,) = findings_of(text)
+    assert (finding.severity, finding.message) == ("error", message)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "+!g : ready <- land.",
+            "nothing adds the belief ready/0, and no percept has its name: unless an agent tells it, "
+            "ready is always false",
+        ),
+        (
+            "area(1). +!g : not arae(_) <- land.",
+            "nothing adds the belief arae/1, and no percept has its name: unless an agent tells it, "
+            "not arae(_) is always true; did you mean area?",
+        ),
+        (
+            "b(1). +!g <- ?b(_,_).",
+            "nothing adds the belief b/2, and no percept has its name: unless an agent tells it, "
+            "?b(_,_) always fails; there is b with 1 argument",
+        ),
+        (
+            "+!g <- !h; .add_plan(x).",
+            "there is no plan for the goal !h/0; it fails unless a plan for it is added in time",
+        ),
+        (
+            "+!g(Altitude) <- land.",
+            "the variable Altitude stands only once; is it misspelt? if not, write _ or _Altitude",
+        ),
+        ("r(X) :- altitude(Y) & Y > 1.", "the variable X stands only once; is it misspelt? if not, write _ or _X"),
+        (
+            "+!g <- .send(bob, askOne, t(_), A); .print(A).",
+            "this ask has no time limit and may never end; give one in ms as fifth argument of .send",
+        ),
+        (
+            "+!g(_) <- land. +!g(1) <- takeoff(1).",
+            "this plan is never used: the plan of line 1 takes every +!g/1 before it",
+        ),
+        (
+            "+!g <- not altitude(_).",
+            "a logical formula in a body is performed as an action, and fails; test it: ?(...)",
+        ),
+        ("+!g <- land; true.", "true in a body is performed as an action, and fails; only a first true is skipped"),
+        (
+            "+!g <- land\n takeoff(5).",
+            "no ';' before the formula on line 2: read as if it stood at the end of the action before it",
+        ),
+    ],
+)
+def test_what_may_be_a_mistake_is_a_warning(text: str, message: str) -> None:
+    (finding,) = findings_of(text)
+    assert (finding.severity, finding.message) == ("warning", message)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "+!g : b(1)[source(boss)] <- land.",
+        "+b(_). +!g : b(1) <- land.",
+        "+!g <- +b(1); ?b(_).",
+        "+!g : b <- +{ b :- altitude(_) }.",
+        "+!g : b <- -+b.",
+        "+!g : b(_,_) <- for (altitude(X)) { +X }.",
+        "+!g <- !h. -!h <- land.",
+        "+!g <- !h. +!X <- !X.",
+        "+!g <- .send(bob, achieve, h).",
+        "+!g <- { +!h } = _; ?true; ?false.",
+        "n::b. +!g : n::b <- land.",
+        "{ begin namespace(n) } b. +!h : b <- land. { end } +!g : n::b <- !n::h.",
+        "+!g : N::b(N) <- land.",
+        '{ register_function("my.twice", 1, "twice") } +!g <- .print(my.twice(2)).',
+        '{ register_function("my.twice") } +!g <- .print(my.twice(2, 3)).',
+        "+!g(X, X). +!g(_, _).",
+        "+!g[source(a)]. +!g.",
+        "@l +!g : altitude(_). +!g. -!g. +?g. +g.",
+        "+!g(X) <- .print(X). { +!h : altitude(_) <- .print(1). +!h <- .print(2). } +!k <- !h.",
+    ],
+)
+def test_what_is_fine_is_not_told(text: str) -> None:
+    assert findings_of(text) == []
+
+
+def test_without_a_manifest_actions_and_percepts_are_taken_as_known() -> None:
+    program = parse_program("+!g : altitude(A) & A > 1 <- fly(A).", "a.asl")
+    assert check_program(program, internal=INTERNAL, functions=FUNCTIONS) == []
+
+
+def test_without_a_manifest_a_belief_that_looks_misspelt_is_told() -> None:
+    program = parse_program("waypoint(1). +!g : waypont(A) <- fly(A).", "a.asl")
+    (finding,) = check_program(program, internal=INTERNAL, functions=FUNCTIONS)
+    assert finding.message.endswith("did you mean waypoint?")
+
+
+def test_beliefs_of_the_mission_count_as_added() -> None:
+    program = parse_program("+!g : rescuers(_) <- land.", "a.asl")
+    findings = check_program(
+        program, ACTIONS, PERCEPTS, beliefs=[("rescuers", 1)], internal=INTERNAL, functions=FUNCTIONS
+    )
+    assert findings == []
+
+
+def test_all_findings_come_in_one_run_in_the_order_of_the_file() -> None:
+    text = """!go.
++!g : state(_,_,_,_)
+   <- take_off(5);
+      .pint("x");
+      !h(X).
+"""
+    assert [str(finding) for finding in findings_of(text)] == [
+        "a.asl:1:2: error: there is no plan for the goal !go/0; did you mean g?",
+        "a.asl:2:7: error: the percept state has 3 arguments, not 4: state(_,_,_,_) is always false",
+        "a.asl:3:7: error: there is no action take_off/1; did you mean takeoff?",
+        "a.asl:4:7: error: there is no internal action .pint/1: it fails where it is reached; did you mean .print?",
+        "a.asl:5:8: error: there is no plan for the goal !h/1",
+        "a.asl:5:10: warning: the variable X stands only once; is it misspelt? if not, write _ or _X",
+    ]
+
+
+def test_included_files_are_checked_with_the_program(tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "common.asl").write_text('{ include("more.asl") }\n+!help <- tke_off(1).\n')
+    (tmp_path / "parts" / "more.asl").write_text('+!more <- land.\n{ include("common.asl") }\n')
+    main = tmp_path / "main.asl"
+    main.write_text(
+        '{ include("parts/common.asl") } { include("parts/common.asl", n) }\n!help. !more. !n::more. !lost.\n'
+    )
+    findings = check_program(parse_file(main), ACTIONS, PERCEPTS, internal=INTERNAL, functions=FUNCTIONS)
+    assert [(Path(f.file).name, f.line, f.message.split(";")[0]) for f in findings] == [
+        ("main.asl", 2, "there is no plan for the goal !lost/0"),
+        ("common.asl", 2, "there is no action tke_off/1"),
+    ]
+
+
+def test_an_include_of_a_missing_or_wrong_file_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "wrong.asl").write_text("+!g <- a b.\n")
+    main = tmp_path / "main.asl"
+    main.write_text('{ include("missing.asl") }\n{ include("wrong.asl") }\n{ include }\n')
+    findings = check_program(parse_file(main), internal=INTERNAL, functions=FUNCTIONS)
+    assert [(Path(f.file).name, f.line) for f in findings] == [("main.asl", 1), ("main.asl", 3), ("wrong.asl", 1)]
+    assert "cannot include missing.asl: No such file" in findings[0].message
+
+
+def test_the_depth_of_a_program_is_no_problem() -> None:
+    deep = 10_000
+    for text in (
+        "+!g : " + "not (" * deep + "altitude(_)" + ")" * deep + ".",
+        "+!g <- " + "if (altitude(_)) {" * deep + "land" + "}" * deep + ".",
+        "b(" + "[" * deep + "]" * deep + ").",
+        "+!g : altitude(_)" + " & altitude(_)" * deep + ".",
+        "+!g. " + "{ +!g. " * deep + "}" * deep,
+    ):
+        findings_of(text)
+
+
+# --- the command -----------------------------------------------------------------------------------------------------
+
+
+def check(*args: str) -> int:
+    parser = ArgumentParser()
+    add_arguments(parser)
+    return run(parser.parse_args(args))
+
+
+def test_the_command_ends_with_0_when_there_are_only_warnings(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "a.asl"
+    path.write_text("!go.\n+!go : X > 1.\n")
+    assert check(str(path)) == 0
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith(f"{path}:2:8: warning: the variable X")
+
+
+def test_the_command_ends_with_2_and_tells_the_errors_of_all_files(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.asl").write_text("!go.\n")
+    (tmp_path / "b.asl").write_text("+!g <- a b.\n")
+    (tmp_path / "c.asl").write_bytes(b"\xff")
+    files = [str(tmp_path / name) for name in ("a.asl", "b.asl", "c.asl", "d.asl")]
+    assert check(*files) == 2
+    err = capsys.readouterr().err
+    assert f"{files[0]}:1:2: error: there is no plan for the goal !go/0\n" in err
+    assert f"{files[1]}:1:10: error: a ; is missing before 'b'\n    +!g <- a b.\n             ^\n" in err
+    assert f"{files[2]}:1: error: byte 0 of the file (0xff) is not UTF-8" in err
+    assert f"{files[3]}: error: cannot be read: No such file or directory" in err
+
+
+def test_the_command_prints_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.asl"
+    path.write_text("!go.\n")
+    assert check("--json", str(path)) == 2
+    assert json.loads(capsys.readouterr().out) == [
+        {
+            "file": str(path),
+            "line": 1,
+            "column": 2,
+            "severity": "error",
+            "message": "there is no plan for the goal !go/0",
+        }
+    ]
+
+
+def test_the_command_checks_against_a_shipped_manifest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.asl"
+    path.write_text("+!g : state(_,_,_,_) <- take_off(5).\n")
+    assert check("--manifest", "arducopter", str(path)) == 2
+    err = capsys.readouterr().err
+    assert "the percept state has 3 arguments, not 4" in err
+    assert "did you mean takeoff?" in err
+    assert check("--manifest", "no_such_robot", str(path)) == 2
+    assert "no_such_robot" in capsys.readouterr().err
