@@ -8,7 +8,6 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from agentd.check import check_program
-
 from agentd.compose import compose, done_formulas
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file
@@ -22,6 +21,9 @@ from schemas.findings import Finding, Findings
 from schemas.manifest import Manifest, load_manifest
 from schemas.mission import Mission, load_mission
 from schemas.positions import Steps, did_you_mean
+
+OF_THE_DAEMONS = {"bridge": 1, "override": 1, "restarted": 1}
+"""Beliefs that no manifest declares: `bridge(up)`, `override(Mode)`, `restarted(N)` (design sections 5 and 9)."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -76,7 +78,8 @@ def check_mission(path: str | Path) -> tuple[Mission | None, list[Finding]]:
         robot = named.agents[agent].robot
         manifest = manifests.get(robot) if robot is not None else None
         if program is not None and (robot is None or manifest is not None):  # against nothing, all would be unknown
-            findings += _against(program, manifest)
+            others = [mentioned(one) for name, one in programs.items() if name != agent and one is not None]
+            findings += _against(program, manifest, set().union(*others))
     if mission is not None:
         findings += _done(mission, programs, manifests)
     return mission, sorted(set(findings))
@@ -129,11 +132,11 @@ def _unreadable(named: Outline, agent: str, error: OSError | ValueError) -> Find
     return Finding(file, int(line) if line.isdigit() else 0, 0, message.removeprefix(" error: "))
 
 
-def _against(program: Program, manifest: Manifest | None) -> list[Finding]:
-    """Check a program against what its robot can do and tell."""
+def _against(program: Program, manifest: Manifest | None, told: set[tuple[str, int]]) -> list[Finding]:
+    """Check a program against what its robot can do and tell, and what other agents may tell."""
     actions = manifest.action_arities() if manifest is not None else {}
     percepts = manifest.percept_arities() if manifest is not None else {}
-    return list(check_program(program, actions, percepts))
+    return check_program(program, actions, {**percepts, **OF_THE_DAEMONS}, beliefs=told)
 
 
 def _done(

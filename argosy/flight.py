@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import signal
 import time
 from collections.abc import Callable
@@ -42,6 +43,10 @@ class Ending:
     code: int
     text: str
     last_words: tuple[str, ...] = ()
+
+
+_PRINTED = re.compile(r"\[([^\]\s]+)\] (.*)")
+"""How agentd writes what a program prints."""
 
 
 class StartupFailed(Exception):
@@ -260,8 +265,14 @@ class Flight:
         self._wake.set()
 
     def _wrote(self, child: Child, line: str) -> None:
+        printed = _PRINTED.fullmatch(line)
+        if printed and printed[1] in child.process.subject.split() and child.process.kind.name == "agentd":
+            self._picture.printed(printed[1], printed[2])
+            return
         level: Level = "output"
-        if line.startswith(("ERROR", "error:", "CRITICAL")):
+        if line.startswith("INFO") and self.finished is None:
+            level = "detail"
+        elif line.startswith(("ERROR", "error:", "CRITICAL")):
             level = "error"
         elif line.startswith("WARNING"):
             level = "warning"

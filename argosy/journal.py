@@ -12,8 +12,8 @@ KEPT = 500
 MAX_LOGGED = 200_000
 """Lines written to the log file at most, so that a chattering process cannot fill the disk."""
 
-Level = Literal["info", "print", "action", "good", "warning", "error", "output"]
-"""What kind of entry it is; `output` is what a process wrote."""
+Level = Literal["info", "print", "action", "good", "warning", "error", "output", "detail"]
+"""What kind of entry it is; `output` is what a process wrote, `detail` what only the log file needs."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,10 @@ class Journal:
     def add(self, who: str, text: str, level: Level = "info") -> None:
         """Note that something happened just now."""
         entry = Entry(self._now(), who, printable(text), level)
-        self.entries.append(entry)
-        if self.shown is not None:
-            self.shown(entry)
+        if level != "detail":
+            self.entries.append(entry)
+            if self.shown is not None:
+                self.shown(entry)
         if self._log is not None and self._logged <= MAX_LOGGED:
             self._logged += 1
             last = f"the log ends here: {MAX_LOGGED} lines\n"

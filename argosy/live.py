@@ -23,6 +23,7 @@ STYLES: dict[Level, str] = {
     "warning": "yellow",
     "error": "bold red",
     "output": "dim",
+    "detail": "dim",
 }
 AIRY = 30
 """Lines of a terminal from which on there is room for blank ones."""

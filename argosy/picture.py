@@ -50,7 +50,6 @@ class AgentSeen:
     prints: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT_PRINTS))
     done: dict[str, bool] = field(default_factory=dict)
     cycle: int = 0
-    last_prints: tuple[str, ...] = ()
 
 
 @dataclass
@@ -200,24 +199,16 @@ class Picture:
             if holds and not agent.done.get(formula):
                 self.journal.add(agent.name, f"done: {formula}", "good")
         agent.done = dict(view.done)
-        for text in _new(agent.last_prints, view.prints):
-            agent.prints.append(text)
-            self.journal.add(agent.name, text, "print")
-        agent.last_prints = view.prints
+
+    def printed(self, agent: str, text: str) -> None:
+        """An agent's program printed a line."""
+        self.agents[agent].prints.append(text)
+        self.journal.add(agent, text, "print")
 
     def done(self) -> bool:
         """Whether every `done` formula of the mission holds; a mission without one is never done."""
         wanted = self.mission.done
         return bool(wanted) and all(self.agents[one.agent].done.get(one.formula, False) for one in wanted)
-
-
-def _new(before: tuple[str, ...], after: tuple[str, ...]) -> tuple[str, ...]:
-    """Return what a sliding window of lines shows that it did not show before."""
-    for start in range(len(before) + 1):
-        kept = before[start:]
-        if after[: len(kept)] == kept:
-            return after[len(kept) :]
-    return after
 
 
 def _is_true(term: Term) -> bool:

@@ -85,7 +85,7 @@ def _board(setup: Setup) -> list[str]:
     return [next(iter(setup.mission.boards), THIS_MACHINE)]
 
 
-KINDS = (
+KINDS: tuple[Kind, ...] = (
     Kind("commd", _board, lambda s, board: ["commd", "serve", s.file, "--board", board, "--router", s.router]),
     Kind("simulator", lambda s: s.simulated(), _simulator, measured=False),
     Kind(

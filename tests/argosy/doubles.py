@@ -1,8 +1,7 @@
 """Stand-ins for the daemons of a mission: real processes on a real bus that play a short flight.
 
-`python doubles.py run ARGS...` is `argosy run ARGS...` with these in place of simulator, bridge and agent; the router is
-the real one. What goes wrong is chosen by the environment variable FAULT:
-`simulator-dies bridge-mute agent-mute never-done stubborn armed orphan`.
+`python doubles.py run ARGS...` is `argosy run ARGS...` with these in place of simulator, bridge and agent; the router
+is the real one. The environment variable FAULT chooses what goes wrong.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from argosy import processes
+from argosy import flight, processes
 from argosy.__main__ import main
 from commd.bus import Bus, Query, open_bus
 from commd.clock import Clock
@@ -40,7 +39,7 @@ def percept(bus: Bus, name: str, *parameters: Term) -> None:
 
 
 async def fly(bus: Bus, clock: Clock) -> None:
-    """Arm, fly one leg, come back, disarm: two seconds of wall time at speed 10."""
+    """Arm, fly one leg, come back, disarm: 20 s of mission time."""
     state, steps = "uav:1:", 20
     percept(bus, "state", "STABILIZE", True, False)
     percept(bus, "home_pos", *HOME)
@@ -80,12 +79,12 @@ async def bridge(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
     await bus.claim("uav1")
     await asyncio.sleep(0.5)
     print("INFO bridged serving uav1", file=sys.stderr)
-    flight = asyncio.create_task(fly(bus, clock))
+    flying = asyncio.create_task(fly(bus, clock))
     await stop.wait()
     if FAULT == "stubborn":
         await asyncio.sleep(60)
-    if not flight.done() or FAULT == "armed":
-        flight.cancel()
+    if not flying.done() or FAULT == "armed":
+        flying.cancel()
         percept(bus, "state", "RTL", True, True)
         print("INFO bridged leaving uav1: rtl: the vehicle does it", file=sys.stderr, flush=True)
         await asyncio.sleep(0.2)
@@ -96,7 +95,6 @@ async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
 
     async def mind(query: Query[MindView]) -> None:
         done = clock.wall() > 4.5 and FAULT != "never-done"
-        prints = ("taking off to 5 m", "flying to -27.6, -48.5 at 40 m", "mission done")
         running = IntentionView(
             id=1, state="waiting", stack=("+!visited(-27.6,-48.5,40)", "+!fly_mission"), at="uav.asl:41"
         )
@@ -104,7 +102,6 @@ async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
             agent="uav",
             cycle=int(clock.wall() * 10),
             intentions=() if done else (running,),
-            prints=prints[: int(clock.wall() / 1.2)],
             done={"mission_done": done},
         )
         query.reply(view)
@@ -112,6 +109,9 @@ async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
     bus.serve(keys.mind(bus.fleet, "uav"), MindView, mind)
     if FAULT != "agent-mute":
         await bus.claim("uav")
+    for text in ("taking off to 5 m", "flying to -27.6, -48.5 at 40 m", "mission done"):
+        await asyncio.sleep(0.8)
+        print(f"[uav] {text}", flush=True)
     await stop.wait()
 
 
@@ -147,6 +147,7 @@ def run(arguments: list[str]) -> int:
             command=lambda setup, subject: ["doubles", kind, setup.file, setup.router, str(setup.speed)],
         )
 
+    flight.STARTUP_PATIENCE = float(os.environ.get("STARTUP_PATIENCE", flight.STARTUP_PATIENCE))
     processes.KINDS = tuple(command(kind.name) for kind in processes.KINDS)
     sys.path.insert(0, str(Path(HERE).parent))
     os.environ["PYTHONPATH"] = str(Path(HERE).parent)

@@ -1,0 +1,123 @@
+"""Running `argosy` as a user does: a process of its own, with or without a terminal."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import psutil
+import pytest
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+DOUBLES = Path(__file__).with_name("doubles.py")
+
+
+class Running:
+    """An `argosy run` under way. Reads what it prints into files, so that it never waits for the test."""
+
+    def __init__(self, command: list[str], folder: Path, environment: dict[str, str]) -> None:
+        self._out, self._err = folder / "stdout", folder / "stderr"
+        with self._out.open("wb") as out, self._err.open("wb") as err:
+            self.process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=err,
+                env={**os.environ, **environment},
+                start_new_session=True,
+            )
+        self.family: dict[str, psutil.Process] = {}
+
+    @property
+    def stdout(self) -> str:
+        """What it printed so far."""
+        return self._out.read_text()
+
+    @property
+    def stderr(self) -> str:
+        """What it complained about so far."""
+        return self._err.read_text()
+
+    def until(self, text: str, seconds: float = 60) -> None:
+        """Wait until it has printed a text, and remember the processes that it has then."""
+        end = time.monotonic() + seconds
+        while text not in self.stdout:
+            assert time.monotonic() < end, f"no {text!r} in {self.stdout}{self.stderr}"
+            assert self.process.poll() is None, f"ended before {text!r}: {self.stdout}{self.stderr}"
+            time.sleep(0.05)
+        self.remember()
+
+    def remember(self) -> None:
+        """Note the processes that it has now, by kind."""
+        with suppress(psutil.Error):
+            for child in psutil.Process(self.process.pid).children(recursive=True):
+                with suppress(psutil.Error):  # it may end while we look
+                    self._note(child, " ".join(child.cmdline()))
+
+    def _note(self, child: psutil.Process, line: str) -> None:
+        for kind in ("commd serve", "bridged simulate", "bridged serve", "agentd serve"):
+            if kind in line:
+                self.family[kind] = child
+        for word, kind in {"simulator": "simulate", "bridged": "serve"}.items():
+            if f"-m doubles {word}" in line:
+                self.family[f"bridged {kind}"] = child
+        if "-m doubles agentd" in line:
+            self.family["agentd serve"] = child
+        self.family.setdefault(line, child)
+
+    def wait(self, seconds: float = 120) -> int:
+        """Wait for its end. Returns the exit code."""
+        return self.process.wait(seconds)
+
+    def left_running(self, patience: float = 3.0) -> list[str]:
+        """Return the command lines of remembered processes that are still there."""
+        _, alive = psutil.wait_procs(list(self.family.values()), timeout=patience)
+        return [" ".join(one.cmdline()) for one in alive if one.is_running() and one.status() != psutil.STATUS_ZOMBIE]
+
+    def end(self) -> None:
+        """Kill whatever is left."""
+        if self.process.poll() is None:
+            self.remember()
+            self.process.send_signal(signal.SIGKILL)
+            self.process.wait(10)
+        for one in self.family.values():
+            if one.is_running():
+                one.kill()
+
+
+Start = Callable[..., Running]
+
+
+@pytest.fixture
+def start(tmp_path: Path, endpoint: str) -> Iterator[Start]:
+    """Return a function that starts `argosy run ARGS...`, with stand-ins for the daemons unless `real_daemons`."""
+    started: list[Running] = []
+
+    def begin(mission: Path, *arguments: str, fault: str = "", real_daemons: bool = False) -> Running:
+        program = ["-m", "argosy", "run"] if real_daemons else [str(DOUBLES), "run"]
+        folder = tmp_path / f"run{len(started)}"
+        folder.mkdir()
+        command = [sys.executable, *program, str(mission), "--router", endpoint, *arguments]
+        started.append(Running(command, folder, {"FAULT": fault}))
+        return started[-1]
+
+    yield begin
+    for running in started:
+        running.end()
+
+
+@pytest.fixture
+def single_uav(tmp_path: Path, free_port: Callable[[], int]) -> Path:
+    """Return a copy of the first mission whose vehicle has a link port of its own."""
+    text = (MISSIONS / "single_uav.yaml").read_text()
+    text = text.replace("udpin:127.0.0.1:14550", f"udpin:127.0.0.1:{free_port()}")
+    text = text.replace("single_uav/uav.asl", str(MISSIONS / "single_uav" / "uav.asl"))
+    path = tmp_path / "single_uav.yaml"
+    path.write_text(text)
+    return path

@@ -1,0 +1,77 @@
+"""A short recorded flight as an observer sees it, to be played into a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from argosy.journal import Journal
+from argosy.measure import Meter
+from argosy.picture import Picture
+from argosy.processes import Setup
+from argosy.status import Status
+from schemas import keys
+from schemas.mission import load_mission
+from schemas.records import ActionStatus, Health, IntentionView, MindView, Perception, State
+from schemas.terms import Term
+
+MISSION = Path(__file__).parents[2] / "missions" / "single_uav.yaml"
+HOME, AWAY = (-27.604033, -48.518363), (-27.603683, -48.518052)
+
+
+class Recording:
+    """Plays records into a picture at mission times of its own."""
+
+    def __init__(self, speed: float = 5.0) -> None:
+        self.at = 0.0
+        mission = load_mission(MISSION)
+        journal = Journal(lambda: self.at)
+        self.picture = Picture(mission, journal, lambda: self.at)
+        setup = Setup(mission, "tcp/127.0.0.1:7447", speed, frozenset(), Path("/nowhere"))
+        self.status = Status(setup, self.picture, journal, Meter(), [], lambda: self.at, phase="flying")
+
+    def percept(self, name: str, *parameters: Term) -> None:
+        """Play a percept of the agent."""
+        self.picture.percept(keys.percept("single-uav", "uav", name), Perception(name=name, parameters=parameters))
+
+    def action(self, number: int, name: str, state: State, *parameters: Term, reason: str = "") -> None:
+        """Play the status of an action."""
+        status = ActionStatus(id=f"uav:1:{number}", state=state, name=name, parameters=parameters, reason=reason)
+        self.picture.status(keys.status("single-uav", "uav", name), status)
+
+    def mind(self, *stack: str, done: bool = False) -> None:
+        """Play a look into the mind."""
+        running = (IntentionView(id=1, state="waiting", stack=stack, at="uav.asl:41"),) if stack else ()
+        self.picture.mind(MindView(agent="uav", intentions=running, done={"mission_done": done}))
+
+    def health(self, name: str, daemon: str, **fields: object) -> None:
+        """Play the health of a daemon."""
+        self.picture.heard_health(keys.health("single-uav", name, daemon), Health(daemon=daemon, **fields))  # type: ignore[arg-type]
+
+    @property
+    def lines(self) -> list[str]:
+        """The journal as lines, without the times."""
+        return [f"{entry.who}: {entry.text}" for entry in self.status.journal.entries]
+
+
+def flight() -> Recording:
+    """A flight to the waypoint at 40 m and back, 61 s long, with an arming that failed first."""
+    recording = Recording()
+    recording.percept("state", "GUIDED", True, False)
+    recording.percept("home_pos", *HOME)
+    recording.action(1, "arm_motors", "failed", True, reason="Arm: Need Position Estimate")
+    recording.at = 2.0
+    recording.action(2, "goto", "accepted", *AWAY, 40)
+    recording.percept("state", "GUIDED", True, True)
+    for second in range(2, 61):
+        recording.at = float(second)
+        share = min(1.0, (second - 2) / 20) if second < 40 else (60 - second) / 20
+        recording.percept("altitude", 40 * share)
+        recording.percept("global_pos", *(a + (b - a) * share for a, b in zip(HOME, AWAY, strict=True)))
+        if second == 22:
+            recording.action(2, "goto", "succeeded", *AWAY, 40)
+        if second == 40:
+            recording.percept("state", "RTL", True, True)
+            recording.action(3, "return_to_launch", "running")
+    recording.at = 61.0
+    recording.percept("state", "RTL", True, False)
+    return recording

@@ -1,0 +1,119 @@
+"""The live view: its content at several sizes, and drawn in a real terminal."""
+
+from __future__ import annotations
+
+import io
+import os
+import pty
+import re
+import select
+import signal
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from argosy.live import Screen
+from tests.argosy.conftest import DOUBLES
+from tests.argosy.recorded import Recording, flight
+
+_ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|\x1b[=>]")
+
+
+def screen(recording: Recording, width: int = 80, height: int = 24) -> list[str]:
+    """Return the lines of the view on a terminal of this size."""
+    console = Console(width=width, height=height, file=io.StringIO(), legacy_windows=False)
+    options = console.options.update(width=width, height=height)
+    segments = list(console.render(Screen(recording.status), options))
+    return "".join(segment.text for segment in segments).splitlines()
+
+
+def in_flight() -> Recording:
+    """A recording that stops in the middle of the way."""
+    recording = Recording()
+    recording.percept("state", "GUIDED", True, True)
+    recording.percept("home_pos", -27.604033, -48.518363)
+    recording.percept("altitude", 38.24)
+    recording.percept("global_pos", -27.6037, -48.5181)
+    recording.action(1, "goto", "running", -27.603683, -48.518052, 40)
+    recording.at = 12.0
+    recording.mind("+!visited(-27.603683,-48.518052,40)", "+!fly_mission")
+    recording.picture.printed("uav", "flying to the waypoint")
+    return recording
+
+
+def test_the_view_shows_vehicle_intentions_actions_prints_and_progress() -> None:
+    text = "\n".join(screen(in_flight()))
+    assert "uav1  GUIDED  armed   38.2 m up    45 m off home  -27.603700 -48.518100" in text
+    assert "uav  +!visited(-27.603683,-48.518052,40) ‹ +!fly_mission  uav.asl:41" in text
+    assert "▸ goto(-27.603683,-48.518052,40)  running 12 s" in text
+    assert "“flying to the waypoint”" in text
+    assert "done when  ○ uav: mission_done   0 of 1" in text
+    assert "12 s of mission, 2 s here, x5" in text
+
+
+@pytest.mark.parametrize(("width", "height"), [(80, 24), (40, 10), (132, 50), (200, 12)])
+def test_the_view_fits_its_terminal(width: int, height: int) -> None:
+    recording = in_flight()
+    for number in range(100):
+        recording.status.journal.add("commd", f"line {number} of many that are all quite long " * 3)
+    lines = screen(recording, width, height)
+    assert len(lines) < height
+    assert max(map(len, lines)) <= width
+    if height > 12:
+        assert "line 99" in lines[-1]
+
+
+def test_what_was_done_shows_as_done() -> None:
+    recording = flight()
+    recording.mind(done=True)
+    text = "\n".join(screen(recording))
+    assert "● uav: mission_done   1 of 1" in text
+    assert "no intentions" in text or "not there yet" in text
+
+
+def test_text_from_outside_cannot_command_the_terminal() -> None:
+    recording = in_flight()
+    recording.picture.printed("uav", "\x1b[2J[bold]boo[/bold]")
+    recording.action(2, "say", "running", "\x1b]0;title\x07")
+    recording.mind("\x1b[31m+!g")
+    text = "\n".join(screen(recording))
+    assert "\x1b" not in text
+    assert "\x07" not in text
+    assert "[bold]boo[/bold]" in text
+
+
+def test_in_a_real_terminal_the_view_is_drawn_and_the_summary_stays(single_uav: Path, endpoint: str) -> None:
+    pid, terminal = pty.fork()
+    if pid == 0:
+        environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30"}
+        arguments = [sys.executable, str(DOUBLES), "run", str(single_uav), "--router", endpoint, "--speed", "10"]
+        os.execve(sys.executable, arguments, environment)
+    output, until = b"", time.monotonic() + 60
+    try:
+        while time.monotonic() < until:
+            readable, _, _ = select.select([terminal], [], [], 1.0)
+            if readable:
+                try:
+                    data = os.read(terminal, 65_536)
+                except OSError:
+                    break
+                if not data:
+                    break
+                output += data
+        _, status = os.waitpid(pid, 0)
+    finally:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+        os.close(terminal)
+    assert os.waitstatus_to_exitcode(status) == 0
+    drawn, _, rest = output.decode().rpartition("\x1b[?1049l")  # the other screen closes here
+    text = _ESCAPES.sub("", drawn)
+    assert "\x1b[?1049h" in drawn
+    assert "▸ goto(-27.603683,-48.518052,40)" in text
+    assert "● bridged uav1" in text
+    assert "single-uav: done" in rest
+    assert "single-uav: done" not in text

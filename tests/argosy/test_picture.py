@@ -1,0 +1,102 @@
+"""The observer's picture and journal, from records alone."""
+
+from __future__ import annotations
+
+import io
+
+from argosy.journal import MAX_LOGGED, Journal, printable
+from tests.argosy.recorded import Recording, flight
+
+
+def test_what_changes_is_told_once_and_in_order() -> None:
+    recording = Recording()
+    for _ in range(3):
+        recording.percept("state", "GUIDED", True, True)
+    assert recording.lines == ["uav1: vehicle connected", "uav1: mode GUIDED", "uav1: armed"]
+
+
+def test_an_action_is_told_at_its_start_and_at_its_end_with_duration_and_reason() -> None:
+    recording = Recording()
+    recording.action(1, "takeoff", "accepted", 5)
+    recording.at = 6.25
+    recording.action(1, "takeoff", "running", 5)
+    assert [action.age(recording.at) for action in recording.picture.open_actions()] == [6.25]
+    recording.action(1, "takeoff", "failed", 5, reason="fence breached")
+    recording.action(1, "takeoff", "running", 5)  # a late one changes nothing
+    assert recording.lines == ["uav: takeoff(5)", "uav: takeoff(5) failed after 6.2 s: fence breached"]
+    assert recording.picture.open_actions() == []
+
+
+def test_a_refused_action_is_one_line() -> None:
+    recording = Recording()
+    recording.action(1, "land", "refused", reason="held by scout")
+    assert recording.lines == ["uav: land refused after 0.0 s: held by scout"]
+
+
+def test_the_mission_is_done_when_every_formula_holds() -> None:
+    recording = Recording()
+    recording.mind("+!fly_mission")
+    assert not recording.picture.done()
+    recording.mind(done=True)
+    assert recording.picture.done()
+    assert recording.lines == ["uav: done: mission_done"]
+
+
+def test_a_vehicle_that_falls_silent_is_told() -> None:
+    recording = Recording()
+    recording.percept("state", "GUIDED", True, False)
+    recording.percept("state", "", False, False)
+    assert recording.lines[-1] == "uav1: nothing is heard of the vehicle"
+    assert not recording.picture.robots["uav1"].connected
+
+
+def test_a_warning_of_a_daemon_is_told_while_it_is_new() -> None:
+    recording = Recording()
+    for notes in (("no failsafe is on",), ("no failsafe is on",), ()):
+        recording.health("uav1", "bridged", notes=notes)
+    assert recording.lines == ["uav1: no failsafe is on"]
+
+
+def test_records_of_strangers_and_of_odd_shapes_change_nothing() -> None:
+    recording = Recording()
+    recording.percept("state", "GUIDED")
+    recording.percept("altitude", "high")
+    recording.percept("global_pos", "here", "there")
+    recording.picture.token("argosy/single-uav/uav1", True)
+    recording.picture.token("elsewhere", True)
+    assert recording.lines == []
+    assert recording.picture.robots["uav1"].altitude is None
+
+
+def test_the_track_knows_length_height_and_when_the_vehicle_was_armed() -> None:
+    track = flight().picture.robots["uav1"].track
+    assert track.highest() == 40
+    assert 98 < track.length() < 101  # there and back over 49.6 m
+    assert (track.armed(1.0), track.armed(30.0), track.armed(61.0)) == (False, True, False)
+
+
+def test_a_long_track_is_thinned_and_keeps_its_ends() -> None:
+    recording = Recording()
+    for second in range(50_000):
+        recording.at = float(second)
+        recording.percept("global_pos", -27.6 + second * 1e-7, -48.5)
+    points = recording.picture.robots["uav1"].track.points
+    assert 5_000 < len(points) <= 20_001
+    assert points[0].at == 0
+    assert points[-1].at > 49_000
+
+
+def test_what_comes_from_outside_cannot_command_the_terminal() -> None:
+    assert printable("\x1b[2Jgone\a\nhere") == " [2Jgone  here"
+
+
+def test_the_log_has_every_line_up_to_a_bound() -> None:
+    log = io.StringIO()
+    journal = Journal(lambda: 1.5, log)
+    for number in range(MAX_LOGGED + 10):
+        journal.add("commd", f"line {number}")
+    lines = log.getvalue().splitlines()
+    assert lines[0] == "     1.5 s  commd: line 0"
+    assert lines[-1] == f"the log ends here: {MAX_LOGGED} lines"
+    assert len(lines) == MAX_LOGGED + 1
+    assert len(journal.entries) == 500

@@ -1,0 +1,183 @@
+"""`argosy run` from outside: its ends, its exit codes, and that it leaves nothing behind."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import time
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+from tests.argosy.conftest import Running, Start
+
+
+def ended(running: Running, seconds: float = 60) -> tuple[int, str, str]:
+    """Wait for the end. Returns exit code, stdout, stderr."""
+    running.remember()
+    code = running.wait(seconds)
+    assert running.left_running() == []
+    return code, running.stdout, running.stderr
+
+
+def test_a_mission_that_is_done_ends_with_0_a_summary_and_a_report(
+    start: Start, single_uav: Path, tmp_path: Path
+) -> None:
+    running = start(single_uav, "--speed", "10", "--report", str(tmp_path / "report"))
+    running.until("agentd uav: up")
+    code, out, err = ended(running)
+    assert code == 0, out + err
+    assert "uav1: mode GUIDED" in out
+    assert "uav: taking off to 5 m" in out
+    assert "uav: arm_motors(true) failed after 0.0 s: Arm: Need Position Estimate" in out
+    assert "uav: goto(-27.603683,-48.518052,40) succeeded after" in out
+    assert "single-uav: done" in out
+    assert "MB at most" in out
+    assert "of a core, for 3.0 s after the end" in out
+    assert err == ""
+    ElementTree.parse(tmp_path / "report" / "track.svg")
+    assert "uav1: mode RTL" in (tmp_path / "report" / "mission.log").read_text()
+    assert "single-uav: done" in (tmp_path / "report" / "summary.txt").read_text()
+
+
+def test_every_process_is_started_in_order_each_when_the_one_before_is_there(start: Start, single_uav: Path) -> None:
+    running = start(single_uav, "--speed", "10")
+    running.until("agentd uav: up")
+    lines = running.stdout.splitlines()
+    wanted = ["commd: started", "commd: up", "simulator uav1: started", "bridged uav1: started", "bridged uav1: up"]
+    places = [next(i for i, line in enumerate(lines) if text in line) for text in [*wanted, "agentd uav: started"]]
+    assert places == sorted(places)
+
+
+@pytest.mark.parametrize("victim", ["commd serve", "bridged simulate", "bridged serve", "agentd serve"])
+def test_any_process_killed_in_flight_ends_the_run_within_5_s_and_is_named(
+    start: Start, single_uav: Path, victim: str
+) -> None:
+    running = start(single_uav, "--speed", "2")
+    running.until("uav1: armed")
+    running.family[victim].kill()
+    killed = time.monotonic()
+    code, out, err = ended(running)
+    assert time.monotonic() - killed < 5.0 + 3.0  # the second figure is for two busy cores
+    name = {"bridged simulate": "simulator uav1", "bridged serve": "bridged uav1", "agentd serve": "agentd uav"}
+    assert code == 1
+    assert f"error: failed: {name.get(victim, 'commd')} was killed by SIGKILL" in err, out + err
+
+
+def test_a_process_that_ends_by_itself_is_named_with_its_last_words(start: Start, single_uav: Path) -> None:
+    running = start(single_uav, "--speed", "2", fault="simulator-dies")
+    running.until("agentd uav: up")
+    code, _, err = ended(running)
+    assert code == 1
+    assert "simulator uav1 ended by itself with exit code 3: error: simulator: the wind was too strong" in err
+
+
+def test_nothing_is_left_when_argosy_itself_is_killed(start: Start, single_uav: Path) -> None:
+    running = start(single_uav, "--speed", "2")
+    running.until("uav1: armed")
+    running.process.send_signal(signal.SIGKILL)
+    running.process.wait(10)
+    assert len(running.family) >= 4
+    assert running.left_running(patience=10.0) == []
+
+
+def test_what_a_process_started_is_not_left_behind(start: Start, single_uav: Path) -> None:
+    running = start(single_uav, "--speed", "10", fault="orphan")
+    running.until("uav1: armed")
+    assert any("time.sleep(600)" in line for line in running.family)
+    running.process.send_signal(signal.SIGTERM)
+    assert running.wait(30) == 128 + signal.SIGTERM
+    assert running.left_running() == []
+
+
+def test_ctrl_c_in_flight_brings_the_vehicle_home_and_ends_with_130(start: Start, single_uav: Path) -> None:
+    running = start(single_uav, "--speed", "2")
+    running.until("uav1: armed")
+    running.process.send_signal(signal.SIGINT)
+    code, out, err = ended(running, 20)
+    assert code == 130
+    assert "uav1: is armed: its bridge orders rtl (on_shutdown)" in out
+    assert "bridged uav1: INFO bridged leaving uav1: rtl" in out
+    assert "error: stopped by ctrl-C" in err
+
+
+def test_a_bridge_that_does_not_leave_is_killed_after_a_bound(start: Start, single_uav: Path) -> None:
+    running = start(single_uav, "--speed", "2", fault="stubborn")
+    running.until("uav1: armed")
+    running.process.send_signal(signal.SIGINT)
+    code, out, _ = ended(running, 20)
+    assert code == 130
+    assert "bridged uav1: did not leave within 3 s and was killed" in out
+
+
+def test_a_second_ctrl_c_hurries(start: Start, single_uav: Path) -> None:
+    running = start(single_uav, "--speed", "2", fault="stubborn")
+    running.until("uav1: armed")
+    running.process.send_signal(signal.SIGINT)
+    running.until("its bridge orders rtl")
+    running.process.send_signal(signal.SIGINT)
+    code, out, _ = ended(running, 20)
+    assert code == 130
+    assert "argosy: hurrying" in out
+
+
+def test_a_mission_that_is_not_done_in_time_fails_and_says_what_was_missing(start: Start, single_uav: Path) -> None:
+    single_uav.write_text(single_uav.read_text().replace("timeout: 10min", "timeout: 30s"))
+    code, _, err = ended(start(single_uav, "--speed", "10", fault="never-done"))
+    assert code == 1
+    assert "error: failed: not done within 30s of mission time (3 s here); expected uav: mission_done" in err
+
+
+def test_a_port_that_is_in_use_is_told_with_the_option_that_names_another(
+    start: Start, single_uav: Path, endpoint: str
+) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", int(endpoint.rpartition(":")[2])))
+        other.listen()
+        code, out, err = ended(start(single_uav))
+    assert code == 1
+    assert f"error: {endpoint} is in use: is another mission running? Name another one, such as --router" in err
+    assert out == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--real", "uav1", "--speed", "5"), "--speed 5: uav1 is real, and real time runs at speed 1"),
+        (("--real", "uav2"), "--real uav2: there is no such robot; the mission has uav1"),
+        (("--speed", "0"), "argument --speed: invalid speed (0 < X <= 100) value: '0'"),
+        (("--report", "/proc/nowhere"), "--report /proc/nowhere: No such file or directory"),
+    ],
+)
+def test_options_that_cannot_be_are_refused_before_anything_starts(
+    start: Start, single_uav: Path, arguments: tuple[str, ...], message: str
+) -> None:
+    code, out, err = ended(start(single_uav, *arguments))
+    assert code == 2
+    assert message in err
+    assert out == ""
+
+
+def test_a_mission_that_does_not_check_does_not_start(start: Start, single_uav: Path) -> None:
+    single_uav.write_text(single_uav.read_text().replace("timeout:", "time_out:"))
+    code, out, err = ended(start(single_uav))
+    assert code == 2
+    assert "unknown field `time_out`, did you mean `timeout`?" in err
+    assert out == ""
+
+
+def test_a_real_robot_gets_no_simulator_and_real_time(start: Start, single_uav: Path) -> None:
+    running = start(single_uav, "--real", "uav")  # named by its agent
+    running.until("agentd uav: up")
+    assert "simulator" not in running.stdout
+    assert not any("simulate" in line or "simulator" in line for line in running.family)
+
+
+def test_a_startup_that_hangs_is_bounded_and_says_what_it_waits_for(
+    start: Start, single_uav: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("STARTUP_PATIENCE", "3")
+    code, _, err = ended(start(single_uav, "--speed", "10", fault="agent-mute"))
+    assert code == 1
+    assert "error: failed at the start: waited 3 s in vain for agentd uav" in err

@@ -1,0 +1,120 @@
+"""`argosy stop` against bridges on a real bus."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import AsyncExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+from argosy.__main__ import main
+from commd.bus import Bus, Query, open_bus
+from schemas import keys
+from schemas.records import Outcome, StopOrder
+
+
+async def _bridge(bus: Bus, robot: str, answer: Outcome | None, orders: list[tuple[str, str]]) -> None:
+    async def told(query: Query[StopOrder]) -> None:
+        assert query.record is not None
+        orders.append((robot, query.record.order))
+        if answer is not None:
+            query.reply(answer)
+
+    bus.serve(keys.stop(bus.fleet, robot), StopOrder, told)
+    await bus.claim(robot)
+
+
+@contextmanager
+def fleet(endpoint: str, **bridges: Outcome | None) -> Iterator[list[tuple[str, str]]]:
+    """Run a router and these bridges in a thread of their own; gives the orders that they got."""
+    orders: list[tuple[str, str]] = []
+    ready, stop = threading.Event(), threading.Event()
+
+    async def serve() -> None:
+        async with AsyncExitStack() as stack:
+            name: str
+            for name in ("board", *bridges):
+                bus = await stack.enter_async_context(
+                    open_bus(
+                        endpoint,
+                        fleet="sar",
+                        name=name,
+                        daemon="commd" if name == "board" else "bridged",
+                        stamp=time.time_ns,
+                        mode="router" if name == "board" else "client",
+                    )
+                )
+                if name != "board":
+                    await _bridge(bus, name, bridges[name], orders)
+            ready.set()
+            await asyncio.to_thread(stop.wait)
+
+    thread = threading.Thread(target=lambda: asyncio.run(serve()))
+    thread.start()
+    try:
+        assert ready.wait(20)
+        yield orders
+    finally:
+        stop.set()
+        thread.join(20)
+
+
+def test_without_a_name_every_robot_gets_the_order(endpoint: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with fleet(endpoint, uav1=Outcome(ok=True, reason="mode RTL"), uav2=Outcome(ok=True)) as orders:
+        assert main(["stop", "rtl", "--router", endpoint]) == 0
+    assert sorted(orders) == [("uav1", "rtl"), ("uav2", "rtl")]
+    assert capsys.readouterr().out == "uav1: rtl confirmed (mode RTL)\nuav2: rtl confirmed\n"
+
+
+def test_only_the_robots_that_are_named_get_the_order(endpoint: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with fleet(endpoint, uav1=Outcome(ok=True), uav2=Outcome(ok=True)) as orders:
+        assert main(["stop", "hold", "uav2", "--fleet", "sar", "--router", endpoint]) == 0
+    assert orders == [("uav2", "hold")]
+
+
+def test_a_robot_that_does_not_confirm_makes_it_fail(endpoint: str, capsys: pytest.CaptureFixture[str]) -> None:
+    refusal = Outcome(ok=False, reason="the vehicle did not confirm land within 10 s")
+    with fleet(endpoint, uav1=Outcome(ok=True), uav2=refusal, uav3=None):
+        assert main(["stop", "land", "--router", endpoint]) == 1
+    assert capsys.readouterr().out.splitlines() == [
+        "uav1: land confirmed",
+        "uav2: land NOT confirmed (the vehicle did not confirm land within 10 s)",
+        "uav3: land NOT confirmed (its bridge did not answer)",
+    ]
+
+
+def test_a_robot_that_is_not_there_is_named(endpoint: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with fleet(endpoint, uav1=Outcome(ok=True)) as orders:
+        assert main(["stop", "rtl", "uav1", "uav9", "--router", endpoint]) == 1
+    assert orders == [("uav1", "rtl")]
+    assert f"uav9: its bridge is not on the bus at {endpoint}; there is uav1" in capsys.readouterr().err
+
+
+def test_nobody_there_is_said(endpoint: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with fleet(endpoint):
+        assert main(["stop", "rtl", "--fleet", "sar", "--router", endpoint]) == 1
+    assert f"error: no robot of fleet `sar` is on the bus at {endpoint}" in capsys.readouterr().err
+
+
+def test_no_router_is_said_soon(endpoint: str, capsys: pytest.CaptureFixture[str]) -> None:
+    began = time.monotonic()
+    assert main(["stop", "rtl", "--router", endpoint]) == 1
+    assert time.monotonic() - began < 20
+    assert f"error: no router at {endpoint}: is commd running?" in capsys.readouterr().err
+
+
+def test_a_mission_names_fleet_and_router(endpoint: str, tmp_path: Path) -> None:
+    mission = tmp_path / "m.yaml"
+    mission.write_text(f"mission: m\nfleet: sar\nagents: {{a: {{program: a.asl}}}}\nrouter: {{endpoint: {endpoint}}}\n")
+    with fleet(endpoint, uav1=Outcome(ok=True)) as orders:
+        assert main(["stop", "rtl", "--mission", str(mission)]) == 0
+    assert orders == [("uav1", "rtl")]
+
+
+def test_a_mission_that_cannot_be_read_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["stop", "rtl", "--mission", str(tmp_path / "none.yaml")]) == 2
+    assert "none.yaml: error: cannot be read: No such file or directory" in capsys.readouterr().err
