@@ -18,7 +18,7 @@ from commd.process import EXIT_DONE, EXIT_FAILED, report_health, run_daemon
 from schemas import keys
 from schemas.mission import Mission, load_mission
 
-WATCH_EVERY = 0.1
+WATCH_EVERY = 0.5
 """Wall seconds between two looks at who is there."""
 log = logging.getLogger("bridged")
 

@@ -20,7 +20,7 @@ from commd.clock import Clock
 from schemas.manifest import ActionEntry, Manifest
 from schemas.mission import Robot
 
-TICK = 0.1
+TICK = 0.25
 """Wall seconds between looks at the time when no message comes; at speed N the vehicle's second is 1/N of one."""
 TICKS_PER_VEHICLE_SECOND = 4.0
 log = logging.getLogger("mavlink")
