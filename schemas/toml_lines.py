@@ -37,9 +37,13 @@ def toml_lines(text: str) -> dict[Path, int]:
 
 
 def line_of(lines: dict[Path, int], path: Path) -> int:
-    """Return the line of the innermost table or key on `path` that is known, 0 if none is."""
+    """Return the line of the innermost table or key on `path` that is known, 0 if none is.
+
+    `[a.b]` declares `a` too: a table without a line of its own stands where its first part does.
+    """
     for length in range(len(path), 0, -1):
-        if line := lines.get(path[:length]):
+        known = path[:length]
+        if line := lines.get(known) or next((line for at, line in lines.items() if at[:length] == known), 0):
             return line
     return 0
 
