@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import sys
 from argparse import ArgumentParser, Namespace
+from contextlib import suppress
 from pathlib import Path
 
 from agentd.check import check_program
 from agentd.compose import compose, done_formulas
 from agentd.language.errors import SyntaxErrors
-from agentd.language.parser import parse_file
+from agentd.language.parser import parse_file, parse_literal
 from agentd.language.syntax import Program
 from argosy.mentions import beliefs_of, mentioned
 from argosy.outline import Outline, outline
@@ -78,8 +79,10 @@ def check_mission(path: str | Path) -> tuple[Mission | None, list[Finding]]:
         robot = named.agents[agent].robot
         manifest = manifests.get(robot) if robot is not None else None
         if program is not None and (robot is None or manifest is not None):  # against nothing, all would be unknown
-            others = [mentioned(one) for name, one in programs.items() if name != agent and one is not None]
-            findings += _against(program, manifest, set().union(*others))
+            told = _declared(named.agents[agent].beliefs)
+            for other, its in programs.items():
+                told |= mentioned(its) if other != agent and its is not None else set()
+            findings += _against(program, manifest, told)
     if mission is not None:
         findings += _done(mission, programs, manifests)
     return mission, sorted(set(findings))
@@ -132,8 +135,18 @@ def _unreadable(named: Outline, agent: str, error: OSError | ValueError) -> Find
     return Finding(file, int(line) if line.isdigit() else 0, 0, message.removeprefix(" error: "))
 
 
+def _declared(beliefs: tuple[str, ...]) -> set[tuple[str, int]]:
+    """Return functor and arity of the beliefs that a mission gives to an agent; `compose` tells which do not parse."""
+    found: set[tuple[str, int]] = set()
+    for text in beliefs:
+        with suppress(SyntaxErrors):
+            literal = parse_literal(text.strip().removesuffix("."))
+            found.add((literal.functor, len(literal.args)))
+    return found
+
+
 def _against(program: Program, manifest: Manifest | None, told: set[tuple[str, int]]) -> list[Finding]:
-    """Check a program against what its robot can do and tell, and what other agents may tell."""
+    """Check a program against what its robot can do and tell, and what the mission and other agents may tell."""
     actions = manifest.action_arities() if manifest is not None else {}
     percepts = manifest.percept_arities() if manifest is not None else {}
     return check_program(program, actions, {**percepts, **OF_THE_DAEMONS}, beliefs=told)

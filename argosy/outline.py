@@ -16,10 +16,11 @@ from schemas.positions import Positions, read_yaml
 
 @dataclass(frozen=True)
 class AgentOutline:
-    """An agent's program and robot."""
+    """An agent's program, robot and beliefs."""
 
     program: str
     robot: str | None
+    beliefs: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,11 @@ def outline(path: Path) -> Outline | None:
     if not isinstance(raw, dict):
         return None
     agents = {
-        name: AgentOutline(values["program"], robot if isinstance(robot := values.get("robot"), str) else None)
+        name: AgentOutline(
+            values["program"],
+            robot if isinstance(robot := values.get("robot"), str) else None,
+            _texts(values.get("beliefs")),
+        )
         for name, values in _mapping(raw.get("agents")).items()
         if isinstance(values, dict) and isinstance(values.get("program"), str)
     }
@@ -53,8 +58,12 @@ def outline(path: Path) -> Outline | None:
         if isinstance(manifest, str):
             robots[name] = manifest
         elif isinstance(manifest, list):
-            robots[name] = tuple(item for item in manifest if isinstance(item, str))
+            robots[name] = _texts(manifest)
     return Outline(agents, robots, positions, path.parent)
+
+
+def _texts(value: Any) -> tuple[str, ...]:
+    return tuple(item for item in value if isinstance(item, str)) if isinstance(value, list) else ()
 
 
 def _mapping(value: Any) -> dict[str, Any]:

@@ -18,6 +18,8 @@ from schemas.mission import THIS_MACHINE, Mission
 ALL = "all"
 """`--real all`: no robot is simulated."""
 _PEERS = {"udpin": "udpout", "udpout": "udpin", "tcpin": "tcp", "tcp": "tcpin"}
+_ANYWHERE = "0.0.0.0"  # noqa: S104  to compare with, not to bind
+_LOOPBACK = {"localhost": "127.0.0.1", "::1": "127.0.0.1", "::": _ANYWHERE}
 _ANY_ADDRESS = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  we call there, we do not bind
 
 
@@ -161,6 +163,7 @@ def real_robots(mission: Mission, named: list[str]) -> tuple[frozenset[str], lis
 def check_links(mission: Mission, real: frozenset[str] = frozenset()) -> list[Finding]:
     """Return what is wrong with the link strings, and with those that a simulator would have to answer."""
     findings: list[Finding] = []
+    taken: dict[str, LinkAddress] = {}
     for name, robot in mission.robots.items():
         where = ("robots", name, "link")
         try:
@@ -169,4 +172,17 @@ def check_links(mission: Mission, real: frozenset[str] = frozenset()) -> list[Fi
                 peer_of(link)
         except LinkAddressError as error:
             findings.append(mission.positions.finding(where, str(error)))
+            continue
+        for other, its in taken.items():
+            if _collide(link, its) and mission.robots[other].link != robot.link:  # else `load_mission` has told
+                text = f"`{link}` is the port of robot `{other}` already: one robot per link"
+                findings.append(mission.positions.finding(where, text))
+        taken[name] = link
     return findings
+
+
+def _collide(link: LinkAddress, other: LinkAddress) -> bool:
+    """Whether two links, written differently, are one."""
+    hosts = {_LOOPBACK.get(one.host, one.host) for one in (link, other)}
+    same = len(hosts) == 1 or (_ANYWHERE in hosts and link.kind.endswith("in"))
+    return (link.kind, link.port) == (other.kind, other.port) and same

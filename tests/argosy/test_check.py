@@ -1,0 +1,203 @@
+"""`argosy check`: every finding in one run, each at its line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from argosy.__main__ import main
+from argosy.check import check_mission
+from tests.argosy.conftest import MISSIONS
+
+MISSION = """\
+mission: survey
+agents:
+  scout:
+    program: scout.asl
+    robot: uav1
+    beliefs: ["sector(2)"]
+robots:
+  uav1:
+    manifest: arducopter
+    link: udpin:127.0.0.1:14550
+    simulate: {vehicle: copter, home: [-27.6, -48.5, 21.0]}
+done: "scout: surveyed(S)"
+"""
+PROGRAM = """\
+!survey.
++!survey : sector(S) & state(Mode, true, _) & not Mode == "LAND" <- takeoff(5); !rest(S).
++!rest(S) <- land; +surveyed(S).
+"""
+
+
+@pytest.fixture
+def mission(tmp_path: Path) -> Path:
+    """Return a mission file that is right, with its program beside it."""
+    (tmp_path / "scout.asl").write_text(PROGRAM)
+    path = tmp_path / "survey.yaml"
+    path.write_text(MISSION)
+    return path
+
+
+def edit(path: Path, old: str, new: str) -> None:
+    """Change one place of a file."""
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+def findings(mission: Path) -> list[str]:
+    """Return the findings as lines, files without their folder."""
+    return [str(one).replace(f"{mission.parent}/", "") for one in check_mission(mission)[1]]
+
+
+def test_a_mission_that_is_right_is_ok(mission: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(mission)]) == 0
+    said = capsys.readouterr()
+    assert said.out == f"{mission}: ok: 1 agent, 1 robot, 1 done formula\n"
+    assert said.err == ""
+
+
+@pytest.mark.parametrize("shipped", sorted(MISSIONS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_the_shipped_missions_are_right(shipped: Path) -> None:
+    assert check_mission(shipped)[1] == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("takeoff(5)", "take_off(5)", "scout.asl:2:69: error: there is no action take_off/1; did you mean takeoff?"),
+        ("takeoff(5)", "takeoff(5, 1)", "scout.asl:2:69: error: the action takeoff takes 1 argument, not 2"),
+        (
+            "state(Mode, true, _)",
+            "state(Mode, true, _, 1)",
+            "scout.asl:2:24: error: the percept state has 3 arguments, not 4: state(_,_,_,_) is always false",
+        ),
+        (
+            "!rest(S).\n",
+            "!rets(S).\n",
+            "scout.asl:2:82: error: there is no plan for the goal !rets/1; did you mean rest?",
+        ),
+        ("land; ", "land ! ", "scout.asl:3:19: error: "),
+    ],
+)
+def test_a_mistake_in_a_program_is_told_where_it_stands(mission: Path, old: str, new: str, expected: str) -> None:
+    edit(mission.with_name("scout.asl"), old, new)
+    assert [line for line in findings(mission) if line.startswith(expected)], findings(mission)
+    assert main(["check", str(mission)]) == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (
+            "program: scout.asl",
+            "program: scut.asl",
+            "survey.yaml:4:14: error: agents.scout.program: there is no file scut.asl",
+        ),
+        (
+            "manifest: arducopter",
+            "manifest: arducopper",
+            "survey.yaml:9:15: error: `arducopper`: no such manifest; expected a file or one of: arducopter",
+        ),
+        (
+            "robot: uav1",
+            "robot: uav2",
+            "survey.yaml:5:12: error: there is no robot `uav2`, did you mean `uav1`?",
+        ),
+        ("done:", "dome:", "survey.yaml:12:1: error: unknown field `dome`, did you mean `done`?"),
+        (
+            "link: udpin:127.0.0.1:14550",
+            "link: udp:127.0.0.1:14550",
+            "survey.yaml:10:11: error: link 'udp:127.0.0.1:14550': expected udpin:HOST:PORT, udpout:HOST:PORT, "
+            "tcp:HOST:PORT, tcpin:HOST:PORT or serial:DEVICE:BAUD",
+        ),
+        (
+            "link: udpin:127.0.0.1:14550",
+            "link: serial:/dev/ttyAMA0:57600",
+            "survey.yaml:10:11: error: link 'serial:/dev/ttyAMA0:57600': "
+            "a simulated robot needs a udpin, udpout, tcp or tcpin link",
+        ),
+        (
+            "surveyed(S)",
+            "surveyd(S)",
+            "survey.yaml:12:7: error: done: no program ever believes `surveyd/1`, did you mean `surveyed/1`?",
+        ),
+        ("surveyed(S)", "surveyed(S", "survey.yaml:12:7: error: `surveyed(S`: "),
+        ("sector(2)", "Sector(2)", "survey.yaml:6:15: error: `Sector(2)`: "),
+    ],
+)
+def test_a_mistake_in_a_mission_is_told_where_it_stands(mission: Path, old: str, new: str, expected: str) -> None:
+    edit(mission, old, new)
+    found = findings(mission)
+    assert [line for line in found if line.startswith(expected)], found
+    assert main(["check", str(mission)]) == 2
+
+
+def test_two_robots_on_one_link_are_told_even_when_it_is_written_in_two_ways(mission: Path) -> None:
+    other = "  uav2:\n    manifest: arducopter\n    link: udpin:0.0.0.0:14550\n"
+    edit(mission, "done:", f"{other}done:")
+    assert findings(mission) == [
+        "survey.yaml:14:11: error: `udpin:0.0.0.0:14550` is the port of robot `uav1` already: one robot per link"
+    ]
+
+
+def test_all_files_are_checked_in_one_run_whatever_is_wrong_with_the_first(
+    mission: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edit(mission, "mission: survey", "mission: survey\nspeeed: 5")
+    edit(mission.with_name("scout.asl"), "land;", "lnd;")
+    assert main(["check", str(mission)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert f"{mission}:2:1: error: unknown field `speeed`, did you mean `speed`?" in lines
+    assert f"{mission.parent}/scout.asl:3:14: error: there is no action lnd/0; did you mean land?" in lines
+    assert lines == sorted(lines, key=lambda line: line.split(":")[0])
+
+
+def test_findings_come_as_json_too(mission: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    edit(mission, "done:", "dome:")
+    assert main(["check", "--json", str(mission)]) == 2
+    (found, *_) = json.loads(capsys.readouterr().out)
+    assert found["file"] == str(mission)
+    assert (found["line"], found["column"], found["severity"]) == (12, 1, "error")
+
+
+def test_a_mission_without_done_is_warned_about(mission: Path) -> None:
+    edit(mission, 'done: "scout: surveyed(S)"\n', "")
+    assert findings(mission) == [
+        "survey.yaml: warning: no `done`: the run will end only by ctrl-C or its timeout, and fail"
+    ]
+    assert main(["check", str(mission)]) == 0
+
+
+def test_a_mission_that_is_not_there_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(tmp_path / "none.yaml")]) == 2
+    assert capsys.readouterr().err == f"{tmp_path}/none.yaml: error: cannot be read: No such file or directory\n"
+
+
+def test_a_program_that_is_no_text_is_one_line(mission: Path) -> None:
+    mission.with_name("scout.asl").write_bytes(b"!g.\n+!g <- \xff\xfe.\n")
+    (found,) = findings(mission)
+    assert found.startswith("scout.asl:2: error: byte 11 of the file (0xff) is not UTF-8 text")
+
+
+def test_a_program_that_is_a_folder_is_one_line(mission: Path, tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    edit(mission, "scout.asl", "folder")
+    (found,) = findings(mission)
+    assert found.startswith("survey.yaml:4:14: error: agents.scout.program: ")
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_whatever_the_files_hold_there_are_findings_and_no_traceback(mission: Path, data: st.DataObject) -> None:
+    noise = st.text(st.sampled_from("abcXYZ_0123456789.,:;!?+-*/()[]{}<>&|~@#\"'\\ \n\t\x00é"), max_size=8)
+    for path, text in ((mission, MISSION), (mission.with_name("scout.asl"), PROGRAM)):
+        at, length = data.draw(st.integers(0, len(text))), data.draw(st.integers(0, 12))
+        path.write_text(text[:at] + data.draw(noise) + text[at + length :])
+    for finding in check_mission(mission)[1]:
+        assert "\n" not in str(finding)
