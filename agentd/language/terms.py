@@ -231,13 +231,14 @@ class Code:
     """A plan, trigger, plan body or rule as a term: its syntax, and the values of the variables bound when it was made.
 
     ``syntax`` is an `agentd.language.syntax` ``Plan``, ``Trigger``, ``Body`` or ``Rule``; ``values`` maps variable
-    names to terms. Free variables stay names: a body run by a plan sees the variables of that plan.
+    names to terms. Free variables stay names: a body run by a plan sees the variables of that plan. ``bare`` marks a
+    part taken out of a plan term by ``=..``, which prints without braces.
     """
 
-    __slots__ = ("syntax", "values")
+    __slots__ = ("bare", "syntax", "values")
 
-    def __init__(self, syntax: Any, values: dict[str, Any] | None = None) -> None:
-        self.syntax, self.values = syntax, values or {}
+    def __init__(self, syntax: Any, values: dict[str, Any] | None = None, bare: bool = False) -> None:
+        self.syntax, self.values, self.bare = syntax, values or {}, bare
 
     def __eq__(self, other: object) -> bool:
         return type(other) is Code and self.syntax == other.syntax and self.values == other.values

@@ -1,0 +1,35 @@
+"""The ``agentd`` command: ``run``, ``serve`` and ``check``; each is imported only when it is asked for."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+
+_COMMANDS = {
+    "run": ("agentd.run", "run agents in this process, without any bus"),
+    "serve": ("agentd.daemon", "be the daemon of a mission's agents"),
+    "check": ("agentd.check", "look for mistakes in programs and start nothing"),
+}
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run a command; the exit code is 0 for done, 1 for failed, 2 for bad input."""
+    arguments = sys.argv[1:] if argv is None else argv
+    parser = argparse.ArgumentParser(prog="agentd", description="BDI agents in the Jason dialect of AgentSpeak.")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    chosen = arguments[0] if arguments else ""
+    for name, (module, help_text) in _COMMANDS.items():
+        command = commands.add_parser(name, help=help_text, description=help_text)
+        if name == chosen:
+            importlib.import_module(module).add_arguments(command)
+    args = parser.parse_args(arguments)
+    entry = importlib.import_module(_COMMANDS[args.command][0])
+    try:
+        return int(entry.run(args) or 0)
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,135 @@
+"""From parsed files to a program that minds can load: directives are carried out, namespaces put in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+
+from agentd.language import syntax
+from agentd.language.namespaces import Qualifier
+from agentd.language.patterns import PATTERNS
+from agentd.language.terms import DEFAULT
+
+Load = Callable[[str], syntax.Program]
+"""Reads and parses an included file, given the path of the including file joined with what is written."""
+
+
+@dataclass(frozen=True, slots=True)
+class CompiledProgram:
+    """What a mind starts from: plain lists in file order. Python is generated from it when a plan is first used."""
+
+    file: str
+    beliefs: tuple[syntax.Belief | syntax.Rule, ...] = ()
+    goals: tuple[syntax.Goal, ...] = ()
+    plans: tuple[syntax.Plan, ...] = ()
+    functions: tuple[tuple[str, int, str], ...] = ()
+    """Functions that the program registers: name, number of arguments, and the rule that computes it."""
+    warnings: tuple[str, ...] = ()
+
+
+class DirectiveError(ValueError):
+    """A directive that cannot be carried out; ``position`` says where it stands."""
+
+    def __init__(self, position: syntax.Position, message: str) -> None:
+        super().__init__(f"{position}: error: {message}")
+        self.position, self.message = position, message
+
+
+def compile_program(program: syntax.Program, load: Load | None = None) -> CompiledProgram:
+    """Carry out the directives of a parsed program. ``load`` reads included files; without it they are refused.
+
+    Raises `DirectiveError` for an unknown or wrong directive, and what ``load`` raises.
+    """
+    expansion = _Expansion(load)
+    expansion.file(program, DEFAULT)
+    return CompiledProgram(
+        program.file,
+        tuple(expansion.beliefs),
+        tuple(expansion.goals),
+        tuple(expansion.plans),
+        tuple(expansion.functions),
+        tuple(expansion.warnings),
+    )
+
+
+_MOST_INCLUDES = 200
+
+
+class _Expansion:
+    """Collects the items of a program and of the files it includes."""
+
+    def __init__(self, load: Load | None) -> None:
+        self._load = load
+        self.beliefs: list[syntax.Belief | syntax.Rule] = []
+        self.goals: list[syntax.Goal] = []
+        self.plans: list[syntax.Plan] = []
+        self.functions: list[tuple[str, int, str]] = []
+        self.warnings: list[str] = []
+        self._includes = 0
+        self._local = 0
+
+    def file(self, program: syntax.Program, namespace: str) -> None:
+        self.warnings.extend(str(w) for w in program.warnings)
+        self._items(program.items, Qualifier(namespace, namespace))
+
+    def _items(self, items: tuple[syntax.Item, ...], qualifier: Qualifier) -> None:
+        for item in items:
+            match item:
+                case syntax.Belief() | syntax.Rule():
+                    self.beliefs.append(qualifier.item(item))
+                case syntax.Goal():
+                    self.goals.append(qualifier.item(item))
+                case syntax.Plan():
+                    self.plans.append(qualifier.item(item))
+                case syntax.Directive(items=None):
+                    self._directive(item, qualifier)
+                case syntax.Directive():
+                    self._block(item, qualifier)
+
+    def _directive(self, directive: syntax.Directive, qualifier: Qualifier) -> None:
+        match directive.name:
+            case syntax.Structure(functor="include", args=(syntax.String(value=path),)):
+                self._include(directive, path, qualifier.current)
+            case syntax.Structure(functor="include", args=(syntax.String(value=path), syntax.Structure(functor=ns))):
+                self._include(directive, path, ns)
+            case syntax.Structure(
+                functor="register_function",
+                args=(syntax.String(value=name), syntax.Number(value=arity), syntax.String(value=rule)),
+            ):
+                self.functions.append((name, int(arity), rule))
+            case syntax.Structure(functor="namespace", args=(syntax.Structure(), *_)):
+                self.warnings.append(f"{directive.position}: warning: a namespace without block has no effect")
+            case syntax.Structure(functor=name):
+                raise DirectiveError(directive.position, f"unknown directive '{name}'")
+
+    def _include(self, directive: syntax.Directive, path: str, namespace: str) -> None:
+        self._includes += 1
+        if self._load is None or self._includes > _MOST_INCLUDES:
+            why = "no files can be read here" if self._load is None else "files include one another without end"
+            raise DirectiveError(directive.position, f"cannot include \"{path}\": {why}")
+        base = PurePosixPath(directive.position.file).parent
+        full = path if PurePosixPath(path).is_absolute() else str(base / path)
+        try:
+            included = self._load(full)
+        except OSError as error:
+            message = f"cannot include \"{path}\": {error.strerror or error}"
+            raise DirectiveError(directive.position, message) from error
+        self.file(included, namespace)
+
+    def _block(self, directive: syntax.Directive, qualifier: Qualifier) -> None:
+        assert directive.items is not None
+        match directive.name:
+            case syntax.Structure(functor="namespace", args=(syntax.Structure(functor=name), *rest)):
+                if any(isinstance(r, syntax.Structure) and r.functor == "local" for r in rest):
+                    self._local += 1
+                    name = f"{name}#{self._local}"
+                self._items(directive.items, Qualifier(name, qualifier.default, qualifier.names))
+            case syntax.Structure(functor=name, args=args) if name in PATTERNS:
+                plans = tuple(i for i in directive.items if isinstance(i, syntax.Plan))
+                others = tuple(i for i in directive.items if not isinstance(i, syntax.Plan))
+                self._items(others + PATTERNS[name](args, plans), qualifier)
+            case syntax.Structure(functor=name):
+                raise DirectiveError(directive.position, f"unknown directive '{name}'")
+
+

@@ -1,0 +1,313 @@
+"""Generates Python for formulas: contexts, rule bodies, tests and conditions.
+
+A conjunction becomes nested loops, each literal one loop over the belief base; where Python would nest too deep, for
+alternatives and under ``not``, the formula becomes a function of its own. What comes after a success is written by a
+continuation, in the innermost block.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.compile_terms import (
+    Next,
+    Scope,
+    TermCompiler,
+    _targets,
+    _tuple,
+    is_constant,
+    is_plain_variable,
+    signature_of,
+    variables,
+)
+from agentd.language.emit import Function, Ref
+
+_MAX_LOOPS = 8
+"""So deep loops nest in one function; beyond, a generator takes over."""
+_MAX_INDENT = 40
+
+_COMPARISONS = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "==": "==", "\\==": "!="}
+
+
+class FormulaCompiler(TermCompiler):
+    """Writes formulas into one function, which has the locals ``m`` (the mind) and ``trail``."""
+
+    # --- connectives ---
+
+    def formula(self, node: Any, scope: Scope, then: Next) -> None:
+        """Write a formula; ``then`` is written once, where it holds, and may be reached several times."""
+        if self.function.indent > _MAX_INDENT or self.function.loops > _MAX_LOOPS:
+            self._apart(node, scope, then)
+            return
+        match node:
+            case syntax.And(left=left, right=right):
+                self.formula(left, scope, lambda inner: self.formula(right, inner, then))
+            case syntax.Or():
+                self._apart(node, scope, then)
+            case syntax.Not(operand=operand):
+                self._not(operand, scope, then)
+            case syntax.Relation():
+                self._relation(node, scope, then)
+            case syntax.InternalAction():
+                self._internal_action(node, scope, then)
+            case syntax.Structure(functor="true", args=()):
+                then(scope)
+            case syntax.Structure(functor="false", args=()):
+                self.function.emit("pass")
+            case syntax.Structure() if not isinstance(node.namespace, syntax.Variable):
+                self._query(node, scope, then)
+            case _:
+                self._dynamic(node, scope, then)
+
+    def _apart(self, node: Any, scope: Scope, then: Next) -> None:
+        """Make the formula a generator that yields the values of the variables it binds."""
+        new = [name for name in variables(node) if name not in scope]
+        name = self._helper(node, scope, new, "yield")
+        self.binds = True
+        targets = [self.function.local() for _ in new]
+        call = f"{name}({', '.join(['m', 'trail', *self._passed(node, scope)])})"
+        with self.function.block(f"for {_targets(targets) if targets else '_'} in {call}:"):
+            then({**scope, **dict(zip(new, targets, strict=True))})
+
+    def _passed(self, node: Any, scope: Scope) -> list[str]:
+        return [scope[name] for name in variables(node) if name in scope]
+
+    def _helper(self, node: Any, scope: Scope, new: list[str], verb: str) -> str:
+        """A function of its own for a formula; ``verb`` says what it does at a success."""
+        name = self.unit.name("h")
+        known = [v for v in variables(node) if v in scope]
+        parameters = [f"p{i}" for i in range(len(known))]
+        function = Function(self.unit, name, ", ".join(["m", "trail", *parameters]))
+        inner = type(self)(self.unit, function, self.library, "")
+
+        def succeed(found: Scope) -> None:
+            if verb == "yield":
+                out = [inner.build(syntax.Variable(v), dict(found)) for v in new]
+                function.emit(f"yield {_tuple(out) if out else 'None'}")
+            else:
+                function.emit("return True")
+
+        outer = dict(zip(known, parameters, strict=True))
+        mark = function.reserve()
+        if isinstance(node, syntax.Or):
+            for branch in (node.left, node.right):
+                inner.formula(branch, dict(outer), succeed)
+                function.emit("undo(trail, mark)")
+        else:
+            inner.formula(node, outer, succeed)
+            function.emit("undo(trail, mark)")
+        function.fill(mark, "mark = len(trail)")
+        function.emit("yield from ()" if verb == "yield" else "return False")
+        self.unit.add(function)
+        return name
+
+    def _not(self, operand: Any, scope: Scope, then: Next) -> None:
+        name = self._helper(operand, scope, [], "return True")
+        call = f"{name}({', '.join(['m', 'trail', *self._passed(operand, scope)])})"
+        mark = self.function.assign("len(trail)", "t")
+        with self.function.block(f"if not {call}:"):
+            then(scope)
+        with self.function.block(f"elif len(trail) > {mark}:"):
+            self.function.emit(f"undo(trail, {mark})")
+
+    # --- beliefs and rules ---
+
+    def _query(self, node: syntax.Structure, scope: Scope, then: Next) -> None:
+        """A literal: a loop over the answers of its predicate."""
+        predicate = self.constant(Ref("predicate", signature_of(node)))
+        given = [self._given(arg, scope) for arg in node.args]
+        mode = self.constant(_shared_mode(tuple(g is not None for g in given)))
+        values = _tuple([g or "None" for g in given])
+        rows = [self.function.local("r") for _ in node.args]
+        targets = _targets(rows) if rows else "_"
+        annotated = node.annotations is not None and (node.annotations.items or node.annotations.tail)
+        mark = self.function.assign("len(trail)", "t")
+        if annotated:
+            annots = self.function.local("n")
+            head = f"for ({targets}), {annots} in {predicate}.literals({mode}, {values}, m, trail):"
+        else:
+            solve = f"{predicate}.solve({mode}, {values}, m, trail)"
+            position = next((i for i, g in enumerate(given) if g is not None), None)
+            if position is None:
+                quick = f"reversed({predicate}.entries)"
+            else:
+                quick = f"{predicate}.rows({position}, {given[position]})"
+            head = f"for {targets} in ({quick} if {predicate}.plain else {solve}):"
+
+        def found(inner: Scope) -> None:
+            if annotated:
+                assert node.annotations is not None
+                self.match_annots(node.annotations, annots, inner, then)
+            else:
+                then(inner)
+
+        with self.function.block(head):
+            self._match_row(list(zip(node.args, given, rows, strict=True)), scope, found)
+            if rows or annotated:
+                self.function.emit(f"if len(trail) > {mark}: undo(trail, {mark})")
+
+    def _given(self, arg: Any, scope: Scope) -> str | None:
+        """The local with the value of an argument that is known before the query; None for one to be found."""
+        if is_plain_variable(arg):
+            return scope.get(arg.name)
+        if is_constant(arg) or (_can_be_given(arg) and all(name in scope for name in variables(arg))):
+            return self.function.assign(self.build(arg, dict(scope)))
+        return None
+
+    def _match_row(self, parts: list[tuple[Any, str | None, str]], scope: Scope, then: Next) -> None:
+        if not parts:
+            then(scope)
+            return
+        (arg, given, row), others = parts[0], parts[1:]
+
+        def rest(inner: Scope) -> None:
+            self._match_row(others, inner, then)
+
+        if given is None or is_constant(arg):
+            self.match(arg, row, scope, rest)
+        else:
+            self._match_known(given, row, scope, rest)
+
+    def match_annots(self, pattern: syntax.ListTerm, annots: str, scope: Scope, then: Next) -> None:
+        """The annotations asked for must be among those there; each choice is a solution."""
+        if pattern.tail is None and len(pattern.items) == 1:
+            one = self.function.local("n")
+            mark = self.function.assign("len(trail)", "t")
+            with self.function.block(f"for {one} in {annots}:"):
+                self.match(pattern.items[0], one, scope, then)
+                self.function.emit(f"if len(trail) > {mark}: undo(trail, {mark})")
+            return
+        inner = dict(scope)
+        built = self.pattern_annots(pattern, inner)
+        self.binds = True
+        with self.function.block(f"for _ in subsets({built}, {annots}, trail):"):
+            then(self.settled(scope, inner))
+
+    def _dynamic(self, node: Any, scope: Scope, then: Next) -> None:
+        """A formula that only the run knows: a variable, or a literal in a namespace that is a variable."""
+        inner = dict(scope)
+        built = self.function.assign(self.build(node, inner))
+        self.binds = True
+        with self.function.block(f"for _ in solve(m, {built}, trail):"):
+            then(self.settled(scope, inner))
+
+    # --- relations ---
+
+    def _relation(self, node: syntax.Relation, scope: Scope, then: Next) -> None:
+        if node.operator == "=":
+            self._unification(node.left, node.right, scope, then)
+        elif node.operator == "=..":
+            inner = dict(scope)
+            left, right = self.build(node.left, inner), self.build(node.right, inner)
+            self.binds = True
+            with self.function.block(f"if univ({left}, {right}, trail):"):
+                then(self.settled(scope, inner))
+        else:
+            inner = dict(scope)
+            test = self._comparison(node, inner)
+            with self.function.block(f"if {test}:"):
+                then(inner)
+
+    def _comparison(self, node: syntax.Relation, scope: Scope) -> str:
+        left = self.function.assign(self.build(node.left, scope))
+        right = self.function.assign(self.build(node.right, scope))
+        operator = _COMPARISONS[node.operator]
+        if node.operator in ("==", "\\=="):
+            slow = f"{'' if operator == '==' else 'not '}same({left}, {right})"
+        else:
+            slow = f"order({left}, {right}) {operator} 0"
+        checks = [
+            f"type({name}) is float"
+            for name, part in ((left, node.left), (right, node.right))
+            if not isinstance(part, syntax.Number)
+        ]
+        return f"({left} {operator} {right} if {' and '.join(checks) or 'True'} else {slow})"
+
+    def _unification(self, left: Any, right: Any, scope: Scope, then: Next) -> None:
+        if self._is_new(left, scope) and not _qualified(right):
+            inner = dict(scope)
+            value = self.function.assign(self.build(right, inner))
+            if left.anonymous:
+                then(inner)
+                return
+            self.match(left, value, inner, then)
+            return
+        if self._is_new(right, scope) and not _qualified(left):
+            inner = dict(scope)
+            value = self.function.assign(self.build(left, inner))
+            self.match(right, value, inner, then)
+            return
+        if all(name in scope for name in variables(right)):
+            value = self.function.assign(self.build(right, dict(scope)))
+            self.match(left, value, scope, then)
+            return
+        inner = dict(scope)
+        built = self.build(left, inner), self.build(right, inner)
+        self.binds = True
+        with self.function.block(f"if unify({built[0]}, {built[1]}, trail):"):
+            then(self.settled(scope, inner))
+
+    @staticmethod
+    def _is_new(node: Any, scope: Scope) -> bool:
+        return is_plain_variable(node) and (node.anonymous or node.name not in scope)
+
+    # --- internal actions ---
+
+    def _internal_action(self, node: syntax.InternalAction, scope: Scope, then: Next) -> None:
+        from agentd.language.compile_queries import QUERIES
+
+        special = QUERIES.get((node.name, len(node.args)))
+        if special is not None and special(self, node, scope, then):
+            return
+        action = self.library.action(node.name, len(node.args))
+        if action is None:
+            if self.library.is_function(node.name, len(node.args)):
+                self.function.emit("pass")
+                return
+            self.library.unknown_action(node)
+            self.function.emit("pass")
+            return
+        inner = dict(scope)
+        args = "".join(f", {self.build(arg, inner)}" for arg in node.args)
+        self.binds = True
+        if action.backtracks:
+            function = self.constant(action.guarded())
+            with self.function.block(f"for _ in {function}(m, trail{args}):"):
+                then(self.settled(scope, inner))
+        else:
+            function = self.constant(action.guarded())
+            with self.function.block(f"if {function}(m, trail{args}):"):
+                then(self.settled(scope, inner))
+
+    def count(self, query: Any, scope: Scope) -> str:
+        counter = self.function.assign("0", "c")
+        self.formula(query, dict(scope), lambda _: self.function.emit(f"{counter} += 1"))
+        return self.function.assign(f"float({counter})")
+
+
+def _qualified(node: Any) -> bool:
+    return getattr(node, "namespace", None) is not None
+
+
+def _can_be_given(node: Any) -> bool:
+    """Whether a term made of known variables may be built before it is compared (no anonymous variable in it)."""
+    match node:
+        case syntax.Variable():
+            return is_plain_variable(node) and not node.anonymous
+        case syntax.Structure(args=args, annotations=annots, namespace=namespace):
+            return annots is None and not isinstance(namespace, syntax.Variable) and all(map(_can_be_given, args))
+        case syntax.ListTerm(items=items, tail=tail):
+            return all(map(_can_be_given, items)) and (tail is None or _can_be_given(tail))
+        case syntax.Arithmetic(operands=operands):
+            return all(map(_can_be_given, operands))
+        case syntax.Number() | syntax.String():
+            return True
+    return False
+
+
+_modes: dict[tuple[bool, ...], tuple[bool, ...]] = {}
+
+
+def _shared_mode(mode: tuple[bool, ...]) -> tuple[bool, ...]:
+    return _modes.setdefault(mode, mode)

@@ -1,0 +1,43 @@
+"""Generates the Python of a rule for one mode of calling it: which arguments are given, which are asked for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.compile_formula import FormulaCompiler
+from agentd.language.compile_terms import Scope, _tuple
+from agentd.language.emit import Function, Unit
+
+
+def compile_rule(rule: syntax.Rule, mode: tuple[bool, ...], library: Any, values: dict[str, Any]) -> Unit:
+    """A unit with the generator ``answers(m, trail, *args)``.
+
+    Each answer is the tuple of the head's arguments; a mode one longer than the head asks for its annotations as well.
+    ``values`` holds what variables of the rule were bound to when it was made at run time.
+    """
+    head = rule.head
+    unit = Unit(f"rule {head.functor}/{len(head.args)} at {rule.position}")
+    parameters = [f"a{i}" for i in range(len(head.args))]
+    function = Function(unit, "answers", ", ".join(["m", "trail", *parameters]))
+    compiler = FormulaCompiler(unit, function, library, "")
+    scope: Scope = {name: unit.constant(value) for name, value in values.items()}
+    annotated = len(mode) > len(head.args)
+    function.emit("mark = len(trail)")
+
+    def answer(found: Scope) -> None:
+        inner = dict(found)
+        out = [
+            parameter if given else compiler.build(arg, inner)
+            for parameter, given, arg in zip(parameters, mode, head.args, strict=False)
+        ]
+        if annotated:
+            out.append(compiler.annots(head.annotations, inner))
+        function.emit(f"yield {_tuple(out) if out else '()'}")
+
+    given = [(arg, name) for arg, name, known in zip(head.args, parameters, mode, strict=False) if known]
+    compiler.match_all(given, scope, lambda inner: compiler.formula(rule.body, inner, answer))
+    function.emit("undo(trail, mark)")
+    function.emit("yield from ()")
+    unit.add(function)
+    return unit

@@ -1,0 +1,125 @@
+"""Writing generated Python: functions line by line, with every name and constant passed by reference.
+
+No text of the user's program gets into the source: local names are numbered, and whatever a function needs (terms,
+predicates, internal actions, other steps) is a numbered constant that the `Unit` binds when it is loaded into a mind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import CodeType
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Ref:
+    """A constant that only a mind can provide: a predicate, the plans of a trigger, a step."""
+
+    kind: str
+    what: Any
+
+
+class Unit:
+    """A piece of generated source: some functions and the constants they name. Compiled once, loaded once per mind."""
+
+    def __init__(self, title: str) -> None:
+        self.title = title
+        self.constants: dict[str, Any] = {}
+        self._names: dict[Any, str] = {}
+        self._functions: list[str] = []
+        self._count = 0
+        self._code: CodeType | None = None
+
+    def name(self, prefix: str) -> str:
+        """A new global name."""
+        self._count += 1
+        return f"{prefix}{self._count}"
+
+    def constant(self, value: Any) -> str:
+        """The name of a constant; equal references and the same object share one."""
+        key = value if isinstance(value, Ref) else ("id", id(value)) if not isinstance(value, float | str) else value
+        if isinstance(value, float):
+            key = ("float", repr(value))
+        found = self._names.get(key)
+        if found is None:
+            found = self._names[key] = self.name("k")
+            self.constants[found] = value
+        return found
+
+    def add(self, function: Function) -> None:
+        self._functions.append(function.source())
+
+    def source(self) -> str:
+        return "\n".join(self._functions)
+
+    def load(self, runtime: dict[str, Any], provide: Callable[[Ref], Any]) -> dict[str, Any]:
+        """Execute the unit: a namespace with its functions. ``provide`` gives the object that a `Ref` means."""
+        if self._code is None:
+            self._code = compile(self.source(), f"<generated for {self.title}>", "exec")
+        namespace = dict(runtime)
+        for name, value in self.constants.items():
+            namespace[name] = provide(value) if isinstance(value, Ref) else value
+        # Only source that this package wrote from a parsed tree; see the module's docstring.
+        exec(self._code, namespace)  # noqa: S102
+        return namespace
+
+
+class Function:
+    """One function being written."""
+
+    def __init__(self, unit: Unit, name: str, parameters: str) -> None:
+        self.unit, self.name = unit, name
+        self._lines: list[str | None] = [f"def {name}({parameters}):"]
+        self._indent = 1
+        self._locals = 0
+        self.loops = 0
+        """How many loops are open at this point: Python nests no more than 20."""
+
+    def local(self, prefix: str = "v") -> str:
+        self._locals += 1
+        return f"{prefix}{self._locals}"
+
+    def emit(self, line: str) -> None:
+        self._lines.append("    " * self._indent + line)
+
+    def reserve(self) -> int:
+        """Keep a place for a line that may turn out to be needed; see `fill`."""
+        self._lines.append(None)
+        return len(self._lines) - 1
+
+    def fill(self, place: int, line: str, indent: int | None = None) -> None:
+        self._lines[place] = "    " * (self._indent if indent is None else indent) + line
+
+    @property
+    def indent(self) -> int:
+        return self._indent
+
+    @contextmanager
+    def block(self, head: str) -> Iterator[None]:
+        """Lines under ``head``, which ends with a colon."""
+        self.emit(head)
+        loop = head.startswith("for ")
+        self.loops += loop
+        self._indent += 1
+        before = len(self._lines)
+        yield
+        if all(line is None for line in self._lines[before:]):
+            self.emit("pass")
+        self._indent -= 1
+        self.loops -= loop
+
+    def assign(self, expression: str, prefix: str = "v") -> str:
+        """Put a value into a new local, unless it is a plain name already."""
+        if expression.isidentifier():
+            return expression
+        name = self.local(prefix)
+        self.emit(f"{name} = {expression}")
+        return name
+
+    def source(self) -> str:
+        lines = [line for line in self._lines if line is not None]
+        if len(lines) == 1:
+            lines.append("    pass")
+        return "\n".join(lines)

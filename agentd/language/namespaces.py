@@ -1,0 +1,92 @@
+"""Puts the namespace of a file or block into the literals that belong to it (rules 99 to 103)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.terms import DEFAULT
+
+_QUERIES = {".findall": 1, ".setof": 1, ".count": 0, ".eval": 1, ".abolish": 0, ".desire": 0, ".intend": 0}
+"""Internal actions whose argument at this place is a formula or a goal, which belongs to the namespace as well."""
+
+
+class Qualifier:
+    """Qualifies beliefs, goals, triggers and formulas, but not the arguments inside them.
+
+    ``current`` is the namespace of the block, ``default`` what ``::p`` means in it.
+    """
+
+    def __init__(self, current: str, default: str, names: dict[str, str] | None = None) -> None:
+        self.current, self.default, self.names = current, default, names or {}
+
+    def item(self, item: Any) -> Any:
+        """A belief, rule, goal or plan with its namespace put in."""
+        if self.current == DEFAULT and self.default == DEFAULT:
+            return item
+        match item:
+            case syntax.Belief(literal=literal):
+                return replace(item, literal=self.literal(literal))
+            case syntax.Rule(head=head, body=body):
+                return replace(item, head=self.literal(head), body=self.formula(body))
+            case syntax.Goal(literal=literal):
+                return replace(item, literal=self.literal(literal))
+            case syntax.Plan():
+                return self.plan(item)
+        return item
+
+    def plan(self, plan: syntax.Plan) -> syntax.Plan:
+        return replace(
+            plan,
+            trigger=replace(plan.trigger, literal=self.literal(plan.trigger.literal)),
+            context=None if plan.context is None else self.formula(plan.context),
+            goal_condition=None if plan.goal_condition is None else self.formula(plan.goal_condition),
+            body=self.body(plan.body),
+            subplans=tuple(self.plan(p) for p in plan.subplans),
+        )
+
+    def literal(self, literal: Any) -> Any:
+        """A literal or variable of the block."""
+        namespace = literal.namespace
+        if namespace is None:
+            return replace(literal, namespace=self.current)
+        return replace(literal, namespace=self.default) if namespace == "" else literal
+
+    def formula(self, node: Any) -> Any:
+        match node:
+            case syntax.Structure(functor="true" | "false", args=()):
+                return node
+            case syntax.Structure():
+                return self.literal(node)
+            case syntax.And(left=left, right=right) | syntax.Or(left=left, right=right):
+                return replace(node, left=self.formula(left), right=self.formula(right))
+            case syntax.Not(operand=operand):
+                return replace(node, operand=self.formula(operand))
+            case syntax.InternalAction(name=name, args=args) if name in _QUERIES and len(args) > _QUERIES[name]:
+                place = _QUERIES[name]
+                return replace(node, args=(*args[:place], self.formula(args[place]), *args[place + 1 :]))
+        return node
+
+    def body(self, body: syntax.Body) -> syntax.Body:
+        return replace(body, formulas=tuple(self.body_formula(f) for f in body.formulas))
+
+    def body_formula(self, node: Any) -> Any:
+        match node:
+            case syntax.Step(operator=syntax.Operator.ACTION, term=syntax.Structure()):
+                return node
+            case syntax.Step(operator=syntax.Operator.ACTION | syntax.Operator.TEST, term=term):
+                return replace(node, term=self.formula(term))
+            case syntax.Step(term=syntax.Structure() as literal):
+                return replace(node, term=self.literal(literal))
+            case syntax.If(branches=branches, otherwise=otherwise):
+                return replace(
+                    node,
+                    branches=tuple((self.formula(c), self.body(b)) for c, b in branches),
+                    otherwise=None if otherwise is None else self.body(otherwise),
+                )
+            case syntax.While(condition=condition, body=body) | syntax.For(condition=condition, body=body):
+                return replace(node, condition=self.formula(condition), body=self.body(body))
+            case syntax.Fork(branches=branches):
+                return replace(node, branches=tuple(self.body(b) for b in branches))
+        return node

@@ -1,0 +1,238 @@
+"""The text of run-time terms, as ``.print`` shows them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.instantiate import instantiate
+from agentd.language.numbers import number_text
+from agentd.language.terms import (
+    ARITHMETIC,
+    DEFAULT,
+    EMPTY,
+    Code,
+    Collection,
+    Expression,
+    List,
+    Literal,
+    Open,
+    Var,
+    deref,
+)
+
+
+def text(term: Any) -> str:
+    """The text of a term; strings keep their quotes (inner quotes are not escaped)."""
+    out: list[str] = []
+    write(term, out)
+    return "".join(out)
+
+
+def printed(term: Any) -> str:
+    """The text of an argument of ``.print``: a string loses its quotes, a free variable says that it has no value."""
+    term = deref(term)
+    if type(term) is str:
+        return term
+    if type(term) is Var:
+        return f"{term.name}<no-value>"
+    return text(term)
+
+
+def write(term: Any, out: list[str]) -> None:
+    """Append the text of a term in pieces. No recursion, so any depth can be written (not a cyclic term)."""
+    pending: list[Any] = [term]
+    while pending:
+        term = pending.pop()
+        kind = type(term)
+        if kind is _Piece:
+            out.append(term.text)
+        elif kind is float:
+            out.append(number_text(term))
+        elif kind is str:
+            out.append(f'"{term}"')
+        elif kind is Literal:
+            _push_literal(term, pending)
+        elif kind is List:
+            _push_list(term, pending)
+        elif kind is Var:
+            if term.ref is None:
+                out.append(term.name)
+            else:
+                pending.append(term.ref)
+        elif kind is Expression:
+            _push_expression(term, pending)
+        elif kind is Open:
+            _push_open(term, pending)
+        elif kind is Code:
+            out.append(code_text(term))
+        elif kind is Collection:
+            _push_collection(term, pending)
+        else:
+            out.append(str(term))
+
+
+class _Piece:
+    __slots__ = ("text",)
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+
+_OPEN, _CLOSE, _COMMA, _BAR = _Piece("("), _Piece(")"), _Piece(","), _Piece("|")
+_LEFT, _RIGHT = _Piece("["), _Piece("]")
+
+
+def _push_all(pending: list[Any], pieces: list[Any]) -> None:
+    pending.extend(reversed(pieces))
+
+
+def _separated(terms: Any, before: _Piece, after: _Piece) -> list[Any]:
+    pieces: list[Any] = [before]
+    for i, term in enumerate(terms):
+        if i:
+            pieces.append(_COMMA)
+        pieces.append(term)
+    pieces.append(after)
+    return pieces
+
+
+def _push_literal(term: Literal, pending: list[Any]) -> None:
+    pieces: list[Any] = [_Piece(term.sig.name)]
+    if term.args:
+        pieces += _separated(term.args, _OPEN, _CLOSE)
+    if term.annots:
+        pieces += _separated(term.annots, _LEFT, _RIGHT)
+    _push_all(pending, pieces)
+
+
+def _push_list(term: List, pending: list[Any]) -> None:
+    pieces: list[Any] = [_LEFT]
+    end: Any = term
+    first = True
+    while type(end) is List and end is not EMPTY:
+        for item in end.items[end.at :]:
+            if not first:
+                pieces.append(_COMMA)
+            first = False
+            pieces.append(item)
+        end = deref(end.tail)
+    if end is not EMPTY:
+        pieces += [_BAR, end]
+    pieces.append(_RIGHT)
+    _push_all(pending, pieces)
+
+
+def _push_expression(term: Expression, pending: list[Any]) -> None:
+    operator = term.operator
+    if operator == "not":
+        _push_all(pending, [_Piece("not ("), term.operands[0], _CLOSE])
+    elif len(term.operands) == 1:
+        _push_all(pending, [_Piece(f"({operator}"), term.operands[0], _CLOSE])
+    else:
+        tight = operator in ARITHMETIC and not operator.isalpha()
+        written = operator if tight else f" {operator} "
+        _push_all(pending, [_OPEN, term.operands[0], _Piece(written), term.operands[1], _CLOSE])
+
+
+def _push_open(term: Open, pending: list[Any]) -> None:
+    pieces: list[Any] = []
+    if term.namespace is not None:
+        pieces += [term.namespace if type(term.namespace) is Var else _Piece(term.namespace), _Piece("::")]
+    if term.negated:
+        pieces.insert(0, _Piece("~"))
+    pieces.append(term.variable if term.literal is None else term.literal)
+    if term.annots:
+        pieces += _separated(term.annots, _LEFT, _RIGHT)
+    _push_all(pending, pieces)
+
+
+def _push_collection(term: Collection, pending: list[Any]) -> None:
+    if term.kind == "map":
+        pieces: list[Any] = [_Piece("{")]
+        for i, (key, value) in enumerate(term.content.items()):
+            pieces += [*([_COMMA] if i else []), key, _Piece("="), value]
+        _push_all(pending, [*pieces, _Piece("}")])
+    elif term.kind == "set":
+        _push_all(pending, _separated(term.content, _Piece("{"), _Piece("}")))
+    else:
+        _push_all(pending, _separated(term.content, _LEFT, _RIGHT))
+
+
+def code_text(code: Code) -> str:
+    """A plan, trigger, body or rule, with the values that its variables had when it became a term."""
+    inner = _Source(code.values).of(code.syntax)
+    if code.bare:
+        return inner
+    return "{ }" if not inner else f"{{ {inner} }}"
+
+
+class _Source:
+    """Writes syntax with the values of some variables put in."""
+
+    def __init__(self, values: dict[str, Any]) -> None:
+        self._values = values
+
+    def of(self, node: Any) -> str:
+        match node:
+            case syntax.Plan():
+                return self.plan(node)
+            case syntax.Trigger():
+                return self.trigger(node)
+            case syntax.Rule(head=head, body=body):
+                return f"{self.term(head)} :- {self.term(body)}"
+            case syntax.Body():
+                return self.body(node)
+        raise TypeError(node)
+
+    def term(self, node: syntax.Term) -> str:
+        return text(instantiate(node, self._values))
+
+    def trigger(self, node: syntax.Trigger) -> str:
+        return f"{node.operator}{node.goal}{self.term(node.literal)}"
+
+    def plan(self, node: syntax.Plan) -> str:
+        parts = [f"@{self.term(node.label)} "] if node.label is not None else []
+        parts.append(self.trigger(node.trigger))
+        if node.context is not None:
+            parts.append(f" : {self.term(node.context)}")
+        if node.goal_condition is not None:
+            parts.append(f" <: {self.term(node.goal_condition)}")
+        if node.body.formulas:
+            parts.append(f" <- {self.body(node.body)}")
+        if node.subplans:
+            parts.append(" { " + ". ".join(self.plan(p) for p in node.subplans) + ". }")
+        return "".join(parts)
+
+    def body(self, node: syntax.Body) -> str:
+        return "; ".join(self.formula(f) for f in node.formulas)
+
+    def block(self, node: syntax.Body) -> str:
+        inner = self.body(node)
+        return f"{{ {inner} }}" if inner else "{ }"
+
+    def formula(self, node: syntax.BodyFormula) -> str:
+        match node:
+            case syntax.Step(operator=operator, term=term):
+                return f"{operator.value}{self.term(term)}"
+            case syntax.If(branches=branches, otherwise=otherwise):
+                words = [
+                    f"{'elif' if i else 'if'} ({self.term(condition)}) {self.block(body)}"
+                    for i, (condition, body) in enumerate(branches)
+                ]
+                if otherwise is not None:
+                    words.append(f"else {self.block(otherwise)}")
+                return " ".join(words)
+            case syntax.While(condition=condition, body=body):
+                return f"while ({self.term(condition)}) {self.block(body)}"
+            case syntax.For(condition=condition, body=body):
+                return f"for ({self.term(condition)}) {self.block(body)}"
+            case syntax.Fork(operator=operator, branches=bodies):
+                return f" {operator} ".join(
+                    f"({self.body(b)})" if len(b.formulas) > 1 else self.body(b) for b in bodies
+                )
+
+
+def qualified(functor: str, namespace: str) -> str:
+    """``ns::functor``, or the functor alone in the default namespace."""
+    return functor if namespace == DEFAULT else f"{namespace}::{functor}"

@@ -1,0 +1,111 @@
+"""What the belief operators of a plan body do, and the events they raise."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.terms import SELF, Code, Literal, Var, deref
+from agentd.mind.beliefs import Predicate, with_source
+from agentd.mind.failed import Failed
+from agentd.mind.intentions import Intention
+from agentd.mind.unifier import detach, resolve, resolve_all
+
+
+def believe(
+    mind: Any, focus: Any, predicate: Predicate, relevant: Any, args: Any, annots: Any, last: bool = False
+) -> bool | None:
+    """``+b`` with resolved arguments: true when the intention has to wait for the plan of the event."""
+    if annots is not SELF:
+        annots = resolve_all(annots)
+    new = predicate.add(args, annots, last)
+    if new is None:
+        return None
+    mind.changes += 1
+    return raise_event(mind, focus, relevant, args, new)
+
+
+def raise_event(mind: Any, focus: Any, relevant: Any, args: Any, annots: Any) -> bool | None:
+    """The event of a belief change, in the focus of an intention or (None) as a new one."""
+    if mind.listeners:
+        mind.hear(relevant, args, annots)
+    if relevant.plans or (focus is not None and mind.has_nested):
+        if focus is None:
+            mind.post(relevant, args, annots)
+            return None
+        mind.events.append((relevant, args, annots, focus))
+        return True
+    if focus is not None and mind.events:
+        # No plan, but the event takes its turn in the queue as every other: the intention goes on after it.
+        mind.events.append((relevant, args, annots, focus))
+        return True
+    return None
+
+
+def disbelieve(
+    mind: Any, focus: Any, predicate: Predicate, relevant: Any, args: Any, annots: Any, trail: Any
+) -> bool | None:
+    """``-b``: removes the first belief that unifies; its variables stay bound. No match is no failure."""
+    fact = predicate.find(args, annots, trail)
+    if fact is None:
+        return None
+    found = annots if annots is SELF else resolve_all(annots)
+    predicate.take_annots(fact, found)
+    mind.changes += 1
+    return raise_event(mind, focus, relevant, fact.args, found)
+
+
+def replace(
+    mind: Any, focus: Any, predicate: Predicate, relevant: Any, gone: Any, args: Any, annots: Any
+) -> bool | None:
+    """``-+b``: removes the first belief of this name and arity if it is our own, then adds (rules 49, 50)."""
+    annots = annots if annots is SELF else resolve_all(annots)
+    for fact in reversed(predicate.entries.values()):
+        if type(fact) is not Literal:
+            continue
+        if fact.annots is annots or all(a in fact.annots for a in annots):
+            predicate.take_annots(fact, annots)
+            mind.changes += 1
+            raise_event(mind, None, gone, fact.args, annots)
+        break
+    return believe(mind, focus, predicate, relevant, args, annots)
+
+
+def change_term(mind: Any, intention: Intention, operator: str, term: Any) -> bool | None:
+    """A belief operator applied to a term that only the run knows: a literal, rule or plan in a variable or in braces."""
+    term = deref(term)
+    if type(term) is Var:
+        raise Failed("body_var_without_value", f"The variable '{term.name}' must be ground.")
+    if type(term) is Code:
+        _change_code(mind, operator, term)
+        return None
+    if type(term) is not Literal:
+        raise Failed("body_var_not_literal", "The term is not a literal.")
+    predicate = mind.beliefs.predicate(term.sig)
+    focus = None if operator in ("++", "--") else intention
+    added, gone = mind.plans.relevant("+", "", term.sig), mind.plans.relevant("-", "", term.sig)
+    annots = with_source(term.annots)
+    if operator in ("-", "--"):
+        return disbelieve(mind, focus, predicate, gone, term.args, annots, intention.trail)
+    args = tuple([resolve(a) for a in detach(term.args)])
+    if operator == "-+":
+        return replace(mind, focus, predicate, added, gone, args, annots)
+    return believe(mind, focus, predicate, added, args, annots, operator == "+>")
+
+
+def _change_code(mind: Any, operator: str, code: Code) -> None:
+    """``+{ rule }``, ``+{ plan }`` and their removal."""
+    values = {name: resolve(v) for name, v in code.values.items()}
+    if isinstance(code.syntax, syntax.Rule):
+        if operator.startswith("-") and operator != "-+":
+            mind.remove_rule(code.syntax)
+        else:
+            mind.add_rule(code.syntax, values, last=operator == "+>")
+    elif isinstance(code.syntax, syntax.Plan):
+        if operator in ("-", "--"):
+            if code.syntax.label is not None:
+                mind.remove_plan(code.syntax.label.functor)
+        else:
+            mind.plans.add(mind.plans.make(code.syntax, values), first=operator != "+>")
+    else:
+        raise Failed("body_var_not_literal", "Only literals, rules and plans can be added.")

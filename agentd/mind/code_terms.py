@@ -1,0 +1,142 @@
+"""Plans, triggers, bodies and rules as terms: made, taken apart, unified."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.instantiate import Instantiation, instantiate
+from agentd.language.syntax import Operator
+from agentd.language.terms import TRUE, Code, Literal, Var, deref, signature
+from agentd.mind.failed import Failed
+from agentd.mind.unifier import Trail, is_ground, unify
+
+
+def capture(node: Any, values: dict[str, Any]) -> Code:
+    """The term for code in braces, with the variables that have a value now; a trigger keeps free ones linked."""
+    if isinstance(node, syntax.Trigger):
+        return Code(node, values)
+    return Code(node, {name: deref(v) for name, v in values.items() if is_ground(v)})
+
+
+def trigger_literal(code: Code, intention: Any = None) -> Literal:
+    """The literal of a trigger term; its variables are those of the plan that wrote it."""
+    literal = instantiate(code.syntax.literal, dict(code.values))
+    literal = deref(literal)
+    if type(literal) is not Literal:
+        raise Failed("body_var_not_literal", "the trigger's literal is a variable without a value")
+    return literal
+
+
+def lone_goal(code: Code) -> Literal | None:
+    """The goal of a body of one ``!g``."""
+    (formula,) = code.syntax.formulas
+    if isinstance(formula, syntax.Step) and formula.operator in (Operator.ACHIEVE, Operator.ACTION):
+        term = deref(instantiate(formula.term, dict(code.values)))
+        if type(term) is Literal:
+            return term
+    return None
+
+
+def parts_of(code: Code) -> list[Any]:
+    """Label, trigger, context and body of a plan term, as ``=..`` gives them."""
+    node, values = code.syntax, code.values
+    if isinstance(node, syntax.Plan):
+        made = Instantiation(dict(values), {})
+        label = TRUE if node.label is None else made.term(node.label)
+        context = TRUE if node.context is None else made.term(node.context)
+        return [label, Code(node.trigger, values, bare=True), context, Code(node.body, values, bare=True)]
+    return [code]
+
+
+def unify_code(left: Code, right: Code, trail: Trail) -> bool:
+    """Unify code with code of the same kind, part by part."""
+    a, b = left.syntax, right.syntax
+    if type(a) is not type(b):
+        return False
+    if a == b and left.values == right.values:
+        return True
+    match a:
+        case syntax.Trigger():
+            return _unify_triggers(left, right, trail)
+        case syntax.Body():
+            return _unify_bodies(a.formulas, left.values, b.formulas, right.values, trail)
+        case syntax.Plan():
+            return _unify_plans(left, right, trail)
+        case syntax.Rule():
+            names = dict(left.values), dict(right.values)
+            return unify(instantiate(a.head, names[0]), instantiate(b.head, names[1]), trail) and unify(
+                instantiate(a.body, names[0]), instantiate(b.body, names[1]), trail
+            )
+    return False
+
+
+def _unify_triggers(left: Code, right: Code, trail: Trail) -> bool:
+    a, b = left.syntax, right.syntax
+    if a.operator != b.operator or a.goal != b.goal:
+        return False
+    return unify(instantiate(a.literal, dict(left.values)), instantiate(b.literal, dict(right.values)), trail)
+
+
+def _unify_plans(left: Code, right: Code, trail: Trail) -> bool:
+    a, b = left.syntax, right.syntax
+    if a.trigger.operator != b.trigger.operator or a.trigger.goal != b.trigger.goal:
+        return False
+    first, second = Instantiation(dict(left.values), {}), Instantiation(dict(right.values), {})
+    pairs: list[tuple[Any, Any]] = [(first.term(a.trigger.literal), second.term(b.trigger.literal))]
+    if a.label is not None and b.label is not None:
+        pairs.append((first.term(a.label), second.term(b.label)))
+    contexts = [TRUE if n.context is None else i.term(n.context) for n, i in ((a, first), (b, second))]
+    pairs.append((contexts[0], contexts[1]))
+    if not all(unify(x, y, trail) for x, y in pairs):
+        return False
+    return _unify_bodies(a.body.formulas, first.values, b.body.formulas, second.values, trail)
+
+
+def _unify_bodies(
+    left: tuple[Any, ...], left_values: dict[str, Any], right: tuple[Any, ...], right_values: dict[str, Any], trail: Trail
+) -> bool:
+    """``{ H; T }`` takes a body apart; a variable that ends the left side takes all that is left."""
+    left, right = list(left), list(right)  # type: ignore[assignment]
+    for n, formula in enumerate(left):
+        variable = _lone_variable(formula, left_values)
+        if variable is not None and n == len(left) - 1:
+            rest = syntax.Body(tuple(right[n:]))
+            return unify(variable, Code(rest, right_values), trail)
+        if n >= len(right):
+            return False
+        other = right[n]
+        if variable is not None:
+            if not unify(variable, Code(syntax.Body((other,)), right_values), trail):
+                return False
+            continue
+        if not _unify_formulas(formula, left_values, other, right_values, trail):
+            return False
+    return len(left) == len(right)
+
+
+def _lone_variable(formula: Any, values: dict[str, Any]) -> Any:
+    if isinstance(formula, syntax.Step) and not formula.operator.value and isinstance(formula.term, syntax.Variable):
+        return instantiate(formula.term, values)
+    return None
+
+
+def _unify_formulas(a: Any, a_values: dict[str, Any], b: Any, b_values: dict[str, Any], trail: Trail) -> bool:
+    if isinstance(a, syntax.Step) and isinstance(b, syntax.Step):
+        if a.operator is not b.operator:
+            return False
+        return unify(instantiate(a.term, a_values), instantiate(b.term, b_values), trail)
+    return bool(a == b)
+
+
+def call(function: Any, mind: Any, trail: Trail, sig: Any, args: tuple[Any, ...]) -> Any:
+    """A function of the program; a call that cannot be computed stays a term."""
+    value = function(mind, *[deref(a) for a in args])
+    return Literal(sig, args) if value is None else value
+
+
+def is_unbound(term: Any) -> bool:
+    return type(deref(term)) is Var
+
+
+__all__ = ["call", "capture", "lone_goal", "parts_of", "signature", "trigger_literal", "unify_code"]

@@ -1,0 +1,118 @@
+"""Finding and ending intentions by their goals: ``.drop_intention``, ``.drop_desire``, ``.succeed_goal`` and relatives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from agentd.language.terms import Literal
+from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT
+from agentd.mind.intentions import Intention
+from agentd.mind.unifier import Trail, undo, unify
+
+
+def goal_frames(intention: Intention) -> Iterator[tuple[int, Literal]]:
+    """The goals that an intention has a plan for, innermost first, with their places in the stack."""
+    for place in range(len(intention.stack) - 1, -1, -1):
+        frame = intention.stack[place]
+        relevant = frame[RELEVANT]
+        if relevant.goal == "!" and relevant.operator == "+":
+            yield place, Literal(relevant.sig, frame[ARGS], frame[ANNOTS])
+
+
+def find_goal(intention: Intention, goal: Literal, trail: Trail) -> int | None:
+    """Where in the stack a goal stands; its bindings are kept."""
+    for place, literal in goal_frames(intention):
+        mark = len(trail)
+        if unify(goal, literal, trail):
+            return place
+        undo(trail, mark)
+    return None
+
+
+def intended(mind: Any, goal: Literal, trail: Trail, suspended: bool = False) -> Iterator[Intention]:
+    """The intentions with a goal, bindings undone between them."""
+    for intention in mind.all_intentions():
+        if intention.suspended is not None and not suspended:
+            continue
+        mark = len(trail)
+        for _, literal in goal_frames(intention):
+            if unify(goal, literal, trail):
+                yield intention
+            undo(trail, mark)
+
+
+def desired(mind: Any, goal: Literal, trail: Trail) -> Iterator[Intention | None]:
+    """As `intended`, and goals whose event still waits (None when it is to start an intention)."""
+    for relevant, args, annots, intention in list(mind.events):
+        if relevant.goal != "!" or relevant.operator != "+":
+            continue
+        mark = len(trail)
+        if unify(goal, Literal(relevant.sig, args, annots), trail):
+            yield intention
+        undo(trail, mark)
+    yield from intended(mind, goal, trail, suspended=True)
+
+
+def drop_intention(mind: Any, goal: Literal, trail: Trail) -> bool:
+    """End every intention with this goal. True if the current one is among them."""
+    own = False
+    for intention in mind.all_intentions():
+        mark = len(trail)
+        if find_goal(intention, goal, trail) is not None:
+            own |= intention is mind.current
+            mind.drop(intention)
+        undo(trail, mark)
+    return own
+
+
+def drop_event(mind: Any, goal: Literal, trail: Trail) -> bool:
+    """Take goals out of the event queue, with the intentions that wait for them. True if the current one is among them."""
+    own = False
+    kept = []
+    for event in list(mind.events):
+        relevant, args, annots, intention = event
+        mark = len(trail)
+        fits = relevant.goal == "!" and relevant.operator == "+" and unify(
+            goal, Literal(relevant.sig, args, annots), trail
+        )
+        undo(trail, mark)
+        if not fits:
+            kept.append(event)
+        elif intention is not None:
+            own |= intention is mind.current
+            intention.stack.clear()
+            mind.gone(intention)
+    mind.events.clear()
+    mind.events.extend(kept)
+    return own
+
+
+def drop_desire(mind: Any, goal: Literal, trail: Trail) -> bool:
+    own = drop_event(mind, goal, trail)
+    return drop_intention(mind, goal, trail) or own
+
+
+def end_goal(mind: Any, intention: Intention, place: int, succeeded: bool) -> None:
+    """A goal in the stack is over, achieved or failed: what stands above it goes, and what it waited for is taken back."""
+    stack = [frame[:] for frame in intention.stack[: place + 1]]
+    trail = intention.trail
+    kept = list(trail)
+    mind.drop(intention)
+    intention.stack = stack
+    trail[:] = kept
+    frame = stack[place]
+    if succeeded:
+        stack.pop()
+        while stack and stack[-1][0] is None:
+            stack.pop()
+        if stack:
+            mind.running.append(intention)
+        return
+    from agentd.mind.failed import Failed
+    from agentd.mind.failure import error_annots, fail
+
+    literal = Literal(frame[RELEVANT].sig, frame[ARGS], frame[ANNOTS])
+    failure = Failed("goal_failed", "the goal was failed by .fail_goal")
+    fail(mind, intention, error_annots(failure, literal, 0, ""), f"{frame[PLAN].head}", failure)
+    undo(trail, min(len(trail), frame[MARK]))

@@ -1,0 +1,59 @@
+"""What comes out of a mind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+
+@dataclass(frozen=True, slots=True)
+class PerformAction:
+    """An external action to start. ``parameters`` are resolved terms; the answer is an `ActionDone` with this id."""
+
+    id: int
+    name: str
+    parameters: tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CancelAction:
+    """The intention that waited for this action is gone."""
+
+    id: int
+
+
+@dataclass(frozen=True, slots=True)
+class SendMail:
+    """A message to send. ``receiver`` is a name, or None for all others; ``msg_id`` is new for each message."""
+
+    receiver: str | None
+    performative: str
+    content: Any
+    msg_id: str
+    in_reply_to: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Print:
+    """A line of output of the program."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """A note for people: ``level`` is ``error``, ``warning``, ``info`` or ``debug``."""
+
+    level: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class StopTeam:
+    """``.stopMAS``: the whole team ends after ``delay`` seconds with this exit code."""
+
+    exit_code: int = 0
+    delay: float = 0.0
+
+
+Effect: TypeAlias = PerformAction | CancelAction | SendMail | Print | Log | StopTeam

@@ -1,0 +1,32 @@
+"""How a formula fails."""
+
+from __future__ import annotations
+
+from typing import Any, NoReturn
+
+
+class Failed(Exception):  # noqa: N818 - it is the plan that fails; nothing is wrong with the mind
+    """A formula of a plan failed. The handler ``-!g`` of the goal sees these facts as annotations.
+
+    ``error`` is the name that ``error(E)`` shows, ``message`` the text of ``error_msg(M)``, ``annots`` what the
+    program itself added (``.fail(reason(wind))``).
+    """
+
+    def __init__(self, error: str, message: str = "", annots: tuple[Any, ...] = (), code: Any = None) -> None:
+        super().__init__(message or error)
+        self.error, self.message, self.annots, self.code = error, message, annots, code
+
+
+def wrong_arguments(message: str) -> NoReturn:
+    """An internal action got arguments of a wrong number or kind."""
+    raise Failed("wrong_arguments", message)
+
+
+def action_said_no() -> NoReturn:
+    """An internal action was a test and did not hold, or found nothing."""
+    raise Failed("ia_failed")
+
+
+def constraint_failed() -> NoReturn:
+    """A relation in a body does not hold."""
+    raise Failed("constraint_failed")

@@ -1,0 +1,118 @@
+"""Failure: which plan handles it, and what it is told (rules 83 to 93)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.instantiate import instantiate
+from agentd.language.order import annotations
+from agentd.language.term_text import text
+from agentd.language.terms import Code, Literal, atom, signature
+from agentd.mind.effects import Log
+from agentd.mind.failed import Failed
+from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, Frame, Step
+from agentd.mind.intentions import Intention, values_of
+from agentd.mind.unifier import resolve, resolve_all, undo
+
+_ERROR, _MESSAGE = signature("error", 1), signature("error_msg", 1)
+_CODE, _LINE, _SOURCE = signature("code", 1), signature("code_line", 1), signature("code_src", 1)
+
+
+def step_failed(mind: Any, intention: Intention, step: Step, frame: Frame, failure: Failed) -> None:
+    """A formula of the intention's innermost plan has failed."""
+    code = failure.code if failure.code is not None else code_of(step, frame)
+    position = step.syntax.position
+    annots = error_annots(failure, code, position.line, position.file)
+    where = f"{position}: {_written(step, code)}"
+    fail(mind, intention, annots, where, failure)
+
+
+def code_of(step: Step, frame: Frame) -> Any:
+    """The failing formula as a term, with the values of its variables put in."""
+    formula = step.syntax
+    values = values_of(frame)
+    if isinstance(formula, syntax.Step):
+        term = resolve(instantiate(formula.term, dict(values)))
+        if not formula.operator.value or formula.operator is syntax.Operator.TEST:
+            return term
+    return Code(syntax.Body((formula,), formula.position), values, bare=True)
+
+
+def _written(step: Step, code: Any) -> str:
+    operator = step.syntax.operator.value if isinstance(step.syntax, syntax.Step) else ""
+    return text(code) if type(code) is Code else operator + text(code)
+
+
+def error_annots(failure: Failed, code: Any, line: int, source: str) -> tuple[Any, ...]:
+    """The annotations that describe a failure to its handler."""
+    own = resolve_all(failure.annots)
+    found = [Literal(_ERROR, (atom(failure.error),))]
+    if not any(type(a) is Literal and a.sig is _MESSAGE for a in own):
+        found.append(Literal(_MESSAGE, (str(failure),) if str(failure) != failure.error else ("",)))
+    found += [Literal(_CODE, (code,)), Literal(_LINE, (float(line),)), Literal(_SOURCE, (source,))]
+    return (*found, *own)
+
+
+def goal_failed(mind: Any, relevant: Any, args: Any, annots: Any, intention: Intention | None) -> None:
+    """A goal event found no plan. Its own ``-!g`` is asked first, then those of the goals below."""
+    literal = Literal(relevant.sig, resolve_all(args), resolve_all(annots))
+    if relevant.plans and any(mind.trigger_fits(p, relevant, args, annots) for p in relevant.plans):
+        error, kind = "no_applicable", "applicable"
+    else:
+        error, kind = "no_relevant", "relevant"
+    trigger = f"{relevant.text}{text(literal)}"
+    message = f"Found a goal for which there is no {kind} plan: {trigger}"
+    line, source, where = 0, "", trigger
+    if intention is not None and intention.stack:
+        line, source = mind.calling_line(intention)
+        where = f"{source}:{line}: {trigger}"
+    failure = Failed(error, message)
+    extra = error_annots(failure, literal, line, source)
+    handler = relevant.counterpart("-")
+    if handler.plans:
+        mind.events.append((handler, args, annotations(tuple(annots) + extra), intention))
+        return
+    if intention is None:
+        mind.effects.append(Log("warning", f"{message}{_contexts(mind, relevant)}"))
+        return
+    fail(mind, intention, extra, where, failure)
+
+
+def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
+    """Look for the handler from the innermost goal down; without one the intention is dropped with a warning."""
+    stack = intention.stack
+    heads = [f"{f[RELEVANT].text}{text(Literal(f[RELEVANT].sig, resolve_all(f[ARGS])))}" for f in reversed(stack[-5:])]
+    plan = stack[-1][PLAN] if stack else None
+    while stack:
+        top = stack.pop()
+        undo(intention.trail, top[MARK])
+        if top[PLAN].special:
+            mind.left(intention, top)
+        if not stack and intention.branch is not None:
+            break  # the plan around a branch belongs to its parent, which fails in its turn
+        relevant = top[RELEVANT]
+        if relevant.operator == "+" and relevant.goal:
+            if mind.plans.has_meta:
+                mind.meta(relevant, top[ARGS], top[ANNOTS], "failed")
+            handler = relevant.counterpart("-")
+            if handler.plans:
+                annots = annotations((*top[ANNOTS], *extra))
+                mind.events.append((handler, top[ARGS], annots, intention))
+                return
+    mind.gone(intention)
+    if intention.branch is not None:
+        intention.branch.failed(mind, intention, extra, where, failure)
+        return
+    head = f" in plan {plan.head}" if plan is not None else ""
+    why = f": {failure}" if str(failure) != failure.error else ""
+    stacked = f" (goals: {', '.join(heads)})" if len(heads) > 1 else ""
+    mind.effects.append(Log("warning", f"{where}: {failure.error}{why}{head}, no handler -! for it{stacked}"))
+
+
+def _contexts(mind: Any, relevant: Any) -> str:
+    if not relevant.plans:
+        return ""
+    places = ", ".join(f"{p.head} (line {p.syntax.position.line})" for p in relevant.plans[:3])
+    return f"; relevant were {places}"
+

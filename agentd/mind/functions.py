@@ -1,0 +1,39 @@
+"""Functions that a program defines by a rule whose last argument is the result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from agentd.language.terms import Var, deref, signature
+from agentd.mind.unifier import resolve, undo
+
+
+def by_rule(name: str, arity: int) -> Callable[..., Any]:
+    """The function that asks the rule ``name`` with one argument more, for its last one."""
+    sig = signature(name, arity + 1)
+    mode = (True,) * arity + (False,)
+
+    def compute(mind: Any, *args: Any) -> Any:
+        action = mind.compiler.action(name, arity + 1)
+        if action is not None:
+            return _by_action(mind, action, args)
+        trail: list[Var] = []
+        for found in mind.beliefs.predicate(sig).solve(mode, (*args, None), mind, trail):
+            value = resolve(deref(found[-1]))
+            undo(trail, 0)
+            return value
+        return None
+
+    return compute
+
+
+def _by_action(mind: Any, action: Any, args: tuple[Any, ...]) -> Any:
+    result = Var("Result")
+    trail: list[Var] = []
+    outcome = action.guarded()(mind, trail, *args, result)
+    value = None
+    if next(iter(outcome), 0) is None if action.backtracks else outcome:
+        value = resolve(result)
+    undo(trail, 0)
+    return value

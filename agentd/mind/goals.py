@@ -1,0 +1,145 @@
+"""Goals, tests, external actions and bodies that a running plan asks for and that generated code leaves to the mind."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.term_text import text
+from agentd.language.terms import Code, Expression, Literal, Open, Var, deref, signature
+from agentd.mind.beliefs import with_source
+from agentd.mind.changes import change_term
+from agentd.mind.effects import PerformAction
+from agentd.mind.failed import Failed
+from agentd.mind.frames import STEP, Frame, Step
+from agentd.mind.intentions import Intention
+from agentd.mind.solve import solve
+from agentd.mind.unifier import detach, is_ground, resolve, resolve_all
+
+
+def literal_of(term: Any) -> Literal:
+    """The literal that a variable in a body holds. Fails as rule 62 says."""
+    term = deref(term)
+    if type(term) is Var:
+        raise Failed("body_var_without_value", f"The variable '{term.name}' must be ground.")
+    if type(term) is Code and isinstance(term.syntax, syntax.Trigger):
+        from agentd.mind.code_terms import trigger_literal
+
+        return trigger_literal(term)
+    if type(term) is Code and isinstance(term.syntax, syntax.Body) and len(term.syntax.formulas) == 1:
+        from agentd.mind.code_terms import lone_goal
+
+        goal = lone_goal(term)
+        if goal is not None:
+            return goal
+    if type(term) is Open and term.literal is not None:
+        term = resolve_namespace(term)
+    if type(term) is not Literal:
+        raise Failed("body_var_not_literal", f"The term '{text(term)}' is not a literal.")
+    return term
+
+
+def resolve_namespace(term: Open) -> Any:
+    """``N::p(1)`` with N bound."""
+    namespace = deref(term.namespace)
+    if term.literal is None or type(namespace) is not Literal:
+        return term
+    sig = term.literal.sig
+    return Literal(
+        signature(sig.functor, sig.arity, sig.negated, namespace.sig.functor), term.literal.args, term.literal.annots
+    )
+
+
+def qualify(namespace: Any, literal: Literal) -> Any:
+    """``N::p(1)`` as a term: a literal if N is bound, else an open one."""
+    return resolve_namespace(Open(Var(), None, False, deref(namespace), literal)) if literal else None
+
+
+def achieve_term(mind: Any, intention: Intention, term: Any, new_focus: bool) -> bool | None:
+    """``!X`` or ``!!X``."""
+    literal = literal_of(term)
+    relevant = mind.plans.relevant("+", "!", literal.sig)
+    annots = with_source(literal.annots)
+    if new_focus:
+        mind.post(relevant, detach(literal.args), annots)
+        return None
+    mind.events.append((relevant, literal.args, annots, intention))
+    return True
+
+
+def test_event(mind: Any, intention: Intention, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> bool:
+    """``?g`` that the beliefs do not answer: its event if there are plans for it, else a failure."""
+    if relevant.plans or mind.has_nested:
+        mind.events.append((relevant, args, annots, intention))
+        return True
+    mind.fail_test(intention)
+    return False
+
+
+def test_term(mind: Any, intention: Intention, term: Any) -> bool | None:
+    """``?X``."""
+    formula = deref(term)
+    if type(formula) is Var:
+        raise Failed("body_var_without_value", f"The variable '{formula.name}' must be ground.")
+    for _ in solve(mind, formula, intention.trail):
+        return None
+    if type(formula) is Literal:
+        relevant = mind.plans.relevant("+", "?", formula.sig)
+        return test_event(mind, intention, relevant, formula.args, with_source(formula.annots))
+    return bool(mind.fail_test(intention))
+
+
+def test_failed(mind: Any, intention: Intention) -> None:
+    """A compound test without a solution raises no event."""
+    mind.fail_test(intention)
+
+
+def perform(mind: Any, intention: Intention, action: Any) -> bool:
+    """An external action: it goes out, and the intention waits for its end."""
+    action = literal_of(action)
+    if not is_ground(action):
+        raise Failed("action_failed", f"the action {text(action)} has a variable without a value")
+    mind.action_count += 1
+    intention.action = mind.action_count
+    mind.effects.append(PerformAction(mind.action_count, action.sig.name, resolve_all(action.args)))
+    mind.await_something(intention, f"action {action.sig.name}")
+    return True
+
+
+def run_term(mind: Any, intention: Intention, frame: Frame, step: Step, term: Any) -> bool | None:
+    """A variable as formula of a body: runs the body, goal, test, belief change or action that it holds."""
+    term = deref(term)
+    if type(term) is Var:
+        raise Failed("body_var_without_value", f"The variable '{term.name}' must be ground.")
+    if type(term) is Code:
+        return _run_code(mind, intention, frame, term)
+    if type(term) is Expression and term.operator != "not":
+        for _ in solve(mind, term, intention.trail):
+            return None
+        raise Failed("constraint_failed")
+    if type(term) is Expression:
+        raise Failed("action_failed", f"{text(term)} is no action; write ?({text(term)}) to test it")
+    literal = literal_of(term)
+    if "." in literal.sig.functor:
+        for _ in solve(mind, literal, intention.trail):
+            return None
+        raise Failed("ia_failed")
+    return perform(mind, intention, literal)
+
+
+def _run_code(mind: Any, intention: Intention, frame: Frame, code: Code) -> bool | None:
+    body = code.syntax
+    if isinstance(body, syntax.Trigger):
+        literal = literal_of(code)
+        if body.goal == "!":
+            return achieve_term(mind, intention, literal, False)
+        if body.goal == "?":
+            return test_term(mind, intention, literal)
+        return change_term(mind, intention, body.operator, literal)
+    if not isinstance(body, syntax.Body):
+        raise Failed("body_var_not_literal", "Only bodies, goals and actions can be run.")
+    plan = frame[1]
+    values = {name: resolve(v) for name, v in code.values.items()}
+    frame[STEP] = plan.fragment(body, values, frame[STEP])
+    frame.extend([None] * (plan.size - len(frame)))
+    return None

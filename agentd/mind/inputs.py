@@ -1,0 +1,93 @@
+"""What goes into a mind. Each input is taken at the beginning of a cycle; a recording of them replays to the same decisions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from agentd.language.terms import Literal, signature
+
+
+@dataclass(frozen=True, slots=True)
+class PerceptReplaced:
+    """A percept now has these values.
+
+    It takes the place of the percepts with the same functor and arity whose arguments at the positions ``key`` agree
+    (``()``: of all of them). What has not changed raises no event.
+    """
+
+    literal: Literal
+    key: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PerceptAdded:
+    """A percept holds besides those there."""
+
+    literal: Literal
+
+
+@dataclass(frozen=True, slots=True)
+class PerceptRemoved:
+    """The percepts with the functor and arity of ``literal`` whose arguments at ``key`` agree hold no longer."""
+
+    literal: Literal
+    key: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Mail:
+    """A message from another agent. ``in_reply_to`` is the id of the question that it answers, or ``""``."""
+
+    sender: str
+    performative: str
+    content: Any
+    msg_id: str = ""
+    in_reply_to: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ActionDone:
+    """An external action has ended; ``state`` is its final status, ``reason`` why it failed, in words."""
+
+    id: int
+    ok: bool
+    reason: str = ""
+    state: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class GoalAdded:
+    """A goal to achieve, as ``!g`` in the program would have it; source(self) if it names none."""
+
+    literal: Literal
+
+
+@dataclass(frozen=True, slots=True)
+class BeliefAdded:
+    """A belief to add, with its event; source(self) if it names none."""
+
+    literal: Literal
+
+
+@dataclass(frozen=True, slots=True)
+class SignalRaised:
+    """An event without a belief, with source(self) if it names none."""
+
+    literal: Literal
+
+    @staticmethod
+    def named(functor: str, *args: Any) -> SignalRaised:
+        return SignalRaised(Literal(signature(functor, len(args)), args))
+
+
+@dataclass(frozen=True, slots=True)
+class TimeRead:
+    """The clock showed ``seconds`` when the program asked for the time within a cycle (see `Mind` about clocks)."""
+
+    seconds: float
+
+
+Input: TypeAlias = (
+    PerceptReplaced | PerceptAdded | PerceptRemoved | Mail | ActionDone | GoalAdded | BeliefAdded | SignalRaised | TimeRead
+)

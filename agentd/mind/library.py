@@ -1,0 +1,41 @@
+"""What the compiler of a program has to know about internal actions and functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.compile_terms import constant_term
+from agentd.stdlib import registry
+from agentd.stdlib.registry import InternalAction, find_action
+
+
+class Library:
+    """The standard library and what a program adds to it."""
+
+    def __init__(self) -> None:
+        self._own: dict[tuple[str, int], Callable[..., Any]] = {}
+        self.unknown: dict[tuple[str, int], syntax.Position] = {}
+        """Internal actions that the program uses and nobody knows, with the first place of each."""
+
+    def register_function(self, name: str, arity: int, compute: Callable[..., Any]) -> None:
+        """A function of the program's own (``{ register_function("my.f", 2, "rule") }``)."""
+        self._own[(name, arity)] = compute
+
+    def is_function(self, name: str, arity: int) -> bool:
+        return (name, arity) in registry.FUNCTIONS or (name, arity) in self._own
+
+    def function(self, name: str, arity: int) -> Callable[..., Any]:
+        return self._own.get((name, arity)) or registry.FUNCTIONS[(name, arity)]
+
+    def action(self, name: str, arity: int) -> InternalAction | None:
+        return find_action(name, arity)
+
+    def constant(self, node: Any) -> Any:
+        """The term of a ground node."""
+        return constant_term(node)
+
+    def unknown_action(self, node: syntax.InternalAction) -> None:
+        """Note an internal action that does not exist."""
+        self.unknown.setdefault((node.name, len(node.args)), node.position)

@@ -1,0 +1,649 @@
+"""A mind: the state of one agent and its reasoning cycle."""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+from collections.abc import Callable, Iterable
+from datetime import UTC, tzinfo
+from typing import Any, Final
+
+from agentd.language import syntax
+from agentd.language.compile import CompiledProgram
+from agentd.language.compile_plan import compile_formula
+from agentd.language.compile_rule import compile_rule
+from agentd.language.emit import Ref
+from agentd.language.instantiate import Instantiation
+from agentd.language.numbers import UndefinedNumber
+from agentd.language.terms import SELF, Literal, Signature
+from agentd.mind import failure, percepts
+from agentd.mind.beliefs import BeliefBase, Mode, RuleClause, with_source
+from agentd.mind.effects import CancelAction, Effect, Log
+from agentd.mind.failed import Failed
+from agentd.mind.frames import MARK, PLAN, RELEVANT, STEP, Frame
+from agentd.mind.inputs import (
+    ActionDone,
+    BeliefAdded,
+    GoalAdded,
+    Input,
+    Mail,
+    PerceptAdded,
+    PerceptRemoved,
+    PerceptReplaced,
+    SignalRaised,
+    TimeRead,
+)
+from agentd.mind.intentions import Intention
+from agentd.mind.library import Library
+from agentd.mind.messages import receive
+from agentd.mind.plans import Plan, PlanLibrary
+from agentd.mind.runtime import RUNTIME
+from agentd.mind.snapshot import BeliefView, IntentionView, views_of_beliefs, views_of_intentions
+from agentd.mind.unifier import detach, resolve_all, undo, unify
+from agentd.mind.waiting import Timer, Timers, Wait, check_conditions, ended, forget
+
+MOST_EVENTS: Final = 100_000
+"""So many events may wait; an agent that raises more floods itself, and the newest are dropped."""
+MOST_INTENTIONS: Final = 100_000
+"""So many intentions may be active; beyond, an event that would start another one waits in the queue."""
+
+
+class Mind:
+    """One agent's beliefs, plans, intentions and cycle, with nothing of the world but what is fed in.
+
+    ``name`` is the agent's; ``seed`` starts its random numbers; ``start`` is the mission time in seconds at its birth.
+    ``actions`` are the names of the external actions that somebody can perform, None for any. ``clock`` gives the
+    mission time when the program asks for it within a cycle; each reading is an input (`TimeRead`). Without a clock
+    time stands still within a call of `step`. ``on_input`` is told each input with the number of the cycle that took
+    it: fed again in the same cycles they lead to the same effects. ``agents`` tells who can be sent to (None: nobody
+    asks). ``ask_timeout`` in seconds bounds synchronous asks without a limit of their own. ``epoch`` is the Unix time
+    of mission time 0, and ``zone`` where it is told, for ``.date`` and ``.time``.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        program: CompiledProgram,
+        *,
+        seed: int = 0,
+        start: float = 0.0,
+        actions: Iterable[str] | None = None,
+        clock: Callable[[], float] | None = None,
+        on_input: Callable[[int, Input], None] | None = None,
+        agents: Callable[[], Iterable[str]] | None = None,
+        ask_timeout: float | None = None,
+        epoch: float = 0.0,
+        zone: tzinfo = UTC,
+    ) -> None:
+        self.name, self.program = name, program
+        self.actions = None if actions is None else frozenset(actions)
+        self.random = random.Random(seed)
+        self.now = self.start = start
+        self._clock, self._on_input = clock, on_input
+        self.cycle = 0
+        """How many cycles have been run."""
+        self.beliefs = BeliefBase()
+        self.compiler = Library()
+        self.plans = PlanLibrary(self.compiler, RUNTIME, self._provide)
+        self.has_nested = False
+        self.events: deque[tuple[Any, tuple[Any, ...], tuple[Any, ...], Intention | None]] = deque()
+        self.dropped_events = 0
+        """How many events were dropped because too many waited."""
+        self.running: deque[Intention] = deque()
+        self.waiting: dict[int, tuple[Intention, Any]] = {}
+        """Intentions that wait for something other than an event of theirs, with what must be taken back."""
+        self.suspended: dict[int, Intention] = {}
+        """Intentions that could run but are suspended."""
+        self.current: Intention | None = None
+        self.atomic: Intention | None = None
+        self.inputs: deque[Input] = deque()
+        self.mailbox: deque[Mail] = deque()
+        self.effects: list[Effect] = []
+        self.timers = Timers()
+        self.listeners: list[Wait] = []
+        self.conditions: list[Wait] = []
+        self.changes = 0
+        """How often beliefs have changed: formulas that are waited for are asked again when it has grown."""
+        self._checked = 0
+        self.action_count = 0
+        self.message_count = 0
+        self.questions: dict[str, Any] = {}
+        """Synchronous asks that wait for their answer, by message id."""
+        self.percepts: dict[Signature, dict[tuple[Any, ...], None]] = {}
+        self.namespaces: dict[str, dict[str, Any]] = {}
+        """Properties of namespaces (``.namespace_set_prop``)."""
+        self.future_events: list[Timer] = []
+        """Events that ``.at`` raises when they are due."""
+        self.agents = agents
+        self.ask_timeout = ask_timeout
+        self.epoch, self.zone = epoch, zone
+        self._intention_count = 0
+        self._queries: dict[int, tuple[Any, Any]] = {}
+        self._load(program)
+
+    # --- loading ---
+
+    def _load(self, program: CompiledProgram) -> None:
+        for name, arity, rule in program.functions:
+            self._register_function(name, arity, rule)
+        self.plans.extend(list(program.plans))
+        functions = {key: self._function(key) for key in self._function_keys()}
+        for item in reversed(program.beliefs):
+            if isinstance(item, syntax.Rule):
+                self.add_rule(item, {})
+                continue
+            literal = Instantiation({}, functions).term(item.literal)
+            assert isinstance(literal, Literal)
+            self.add_belief(literal)
+        for goal in program.goals:
+            literal = Instantiation({}, functions).term(goal.literal)
+            self.add_goal(literal, goal.operator)
+        for warning in program.warnings:
+            self.effects.append(Log("warning", warning))
+
+    def _function_keys(self) -> list[tuple[str, int]]:
+        from agentd.stdlib.registry import FUNCTIONS
+
+        return list(FUNCTIONS)
+
+    def _function(self, key: tuple[str, int]) -> Callable[..., Any]:
+        compute = self.compiler.function(*key)
+        return lambda *args: compute(self, *args)
+
+    def _register_function(self, name: str, arity: int, rule: str) -> None:
+        from agentd.mind.functions import by_rule
+
+        self.compiler.register_function(name, arity, by_rule(rule, arity))
+
+    def _provide(self, ref: Ref) -> Any:
+        if ref.kind == "predicate":
+            return self.beliefs.predicate(ref.what)
+        raise KeyError(ref.kind)
+
+    def add_rule(self, rule: syntax.Rule, values: dict[str, Any], last: bool = False) -> None:
+        """Believe a rule, before the other clauses of its predicate or after them."""
+        from agentd.language.compile_terms import signature_of
+
+        clause = RuleClause(rule, self._compile_rule, values)
+        self.beliefs.predicate(signature_of(rule.head)).add_rule(clause, last)
+        self.changes += 1
+
+    def remove_rule(self, rule: syntax.Rule) -> None:
+        """Forget the first rule that is written so."""
+        from agentd.language.compile_terms import signature_of
+
+        predicate = self.beliefs.predicate(signature_of(rule.head))
+        for entry in list(predicate.entries):
+            if type(entry) is RuleClause and entry.syntax == rule:
+                predicate.remove_rule(entry)
+                self.changes += 1
+                return
+
+    def _compile_rule(self, clause: RuleClause, mode: Mode) -> Any:
+        unit = compile_rule(clause.syntax, mode, self.compiler, clause.values)
+        return unit.load(RUNTIME, self.plans.provide)["answers"]
+
+    def remove_plan(self, label: str) -> None:
+        for plan in list(self.plans):
+            if plan.label.sig.functor == label:
+                self.plans.remove(plan)
+
+    # --- what others may ask and do ---
+
+    def feed(self, item: Input) -> None:
+        """Hand in an input; it is taken in the next cycle (mail: one message per cycle)."""
+        if isinstance(item, Mail):
+            self.mailbox.append(item)
+        else:
+            self.inputs.append(item)
+
+    def step(self, now: float) -> list[Effect]:
+        """Run one reasoning cycle at mission time ``now`` and return what it wants done, in order."""
+        return self.run(now, 1)
+
+    def run(self, now: float, cycles: int) -> list[Effect]:
+        """Run up to so many cycles; stops early when there is an effect to hand out or nothing left to do."""
+        self.now = max(self.now, now)
+        try:
+            self._cycles(cycles)
+        except RecursionError:
+            self._too_deep()
+        effects, self.effects = self.effects, []
+        return effects
+
+    @property
+    def ready(self) -> bool:
+        """Whether there is something to do now."""
+        if self.inputs or self.effects:
+            return True
+        if self.atomic is not None:
+            return self._atomic_can_run()
+        return bool(self.events or self.running or self.mailbox or self.changes != self._checked and self.conditions)
+
+    @property
+    def wake_at(self) -> float | None:
+        """The earliest mission time at which something is due that no input announces; None if there is none."""
+        return self.timers.next_due()
+
+    @property
+    def idle(self) -> bool:
+        """Nothing to do, nothing due and nothing waited for: only an input can wake this mind."""
+        return not self.ready and self.wake_at is None and not self.waiting
+
+    def query(self, formula: Any) -> bool:
+        """Whether a parsed formula (`agentd.language.parser.parse_formula`) follows from the beliefs."""
+        known = self._queries.get(id(formula))
+        if known is None:
+            holds = compile_formula(formula, self.compiler).load(RUNTIME, self.plans.provide)["holds"]
+            known = self._queries[id(formula)] = (holds, formula)
+        trail: list[Any] = []
+        try:
+            return bool(known[0](self, trail))
+        except (Failed, UndefinedNumber, RecursionError):
+            return False
+        finally:
+            undo(trail, 0)
+
+    def intention_views(self) -> list[IntentionView]:
+        """The intentions as they stand, for people."""
+        return views_of_intentions(self)
+
+    def belief_views(self) -> list[BeliefView]:
+        """The beliefs as they stand, for people."""
+        return views_of_beliefs(self)
+
+    # --- events and intentions ---
+
+    def post(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
+        """Queue an event that starts an intention of its own."""
+        if len(self.events) >= MOST_EVENTS:
+            self.dropped_events += 1
+            if self.dropped_events == 1:
+                event = Literal(relevant.sig, args)
+                text = f"more than {MOST_EVENTS} events wait; {relevant.text}{event} and further ones are dropped"
+                self.effects.append(Log("warning", text))
+            return
+        if annots is not SELF:
+            annots = resolve_all(annots)
+        self.events.append((relevant, args, annots, None))
+
+    def add_goal(self, literal: Literal, operator: str = "!") -> None:
+        """A goal of its own, with its event."""
+        relevant = self.plans.relevant("+", operator, literal.sig)
+        annots = with_source(literal.annots)
+        if self.listeners:
+            self.hear(relevant, literal.args, annots)
+        self.post(relevant, detach(literal.args), annots)
+
+    def add_belief(self, literal: Literal, last: bool = False) -> None:
+        """A belief with its event, as an intention of its own."""
+        from agentd.mind.changes import believe
+
+        predicate = self.beliefs.predicate(literal.sig)
+        relevant = self.plans.relevant("+", "", literal.sig)
+        believe(self, None, predicate, relevant, detach(resolve_all(literal.args)), with_source(literal.annots), last)
+
+    def new_intention(self) -> Intention:
+        self._intention_count += 1
+        return Intention(self._intention_count)
+
+    def all_intentions(self) -> list[Intention]:
+        """Every intention once: the current one, running, in events, waiting, suspended; by id."""
+        found: dict[int, Intention] = {}
+        if self.current is not None and self.current.stack:
+            found[self.current.id] = self.current
+        for intention in self.running:
+            found[intention.id] = intention
+        for event in self.events:
+            if event[3] is not None:
+                found[event[3].id] = event[3]
+        for intention, _ in self.waiting.values():
+            found[intention.id] = intention
+        found.update(self.suspended)
+        return [found[number] for number in sorted(found)]
+
+    def await_something(self, intention: Intention, reason: str, token: Any = None) -> None:
+        """Take an intention out of the round until `resume_waiting`. ``token`` is what a drop must take back."""
+        intention.waiting = reason
+        self.waiting[intention.id] = (intention, token)
+
+    def resume_waiting(self, intention: Intention) -> None:
+        """What an intention waited for has come: it goes on, or stays suspended."""
+        self.waiting.pop(intention.id, None)
+        intention.waiting = None
+        intention.action = None
+        if intention.suspended is not None:
+            self.suspended[intention.id] = intention
+            return
+        self._end_frames(intention)
+        if intention.stack:
+            self.running.append(intention)
+
+    def fail_waiting(self, intention: Intention, failed: Failed) -> None:
+        """What an intention waited for will not come: the formula that it waits in fails."""
+        self.waiting.pop(intention.id, None)
+        intention.waiting = None
+        intention.action = None
+        frame = intention.stack[-1]
+        failure.step_failed(self, intention, intention.last, frame, failed)
+
+    def fail_parent(self, intention: Intention, extra: tuple[Any, ...], where: str, failed: Failed) -> None:
+        """A branch of a fork of this intention has failed."""
+        self.waiting.pop(intention.id, None)
+        intention.waiting = None
+        failure.fail(self, intention, extra, where, failed)
+
+    def fail_test(self, intention: Intention) -> bool:
+        """The test that the intention is in has no solution."""
+        raise Failed("test_goal_failed")
+
+    def calling_line(self, intention: Intention) -> tuple[int, str]:
+        """Line and file of the formula that raised the event which the intention waits for."""
+        step = intention.last
+        if step is None:
+            return 0, ""
+        return step.syntax.position.line, step.syntax.position.file
+
+    def drop(self, intention: Intention) -> None:
+        """End an intention without any event; its action is cancelled and its branches go with it."""
+        _, token = self.waiting.pop(intention.id, (None, None))
+        if isinstance(token, Wait):
+            forget(self, token)
+        elif isinstance(token, Timer):
+            token.cancelled = True
+        elif hasattr(token, "branches"):
+            for branch in list(token.branches):
+                self.drop(branch)
+        elif isinstance(token, str):
+            self.questions.pop(token, None)
+        if intention.action is not None:
+            self.effects.append(CancelAction(intention.action))
+            intention.action = None
+        if intention in self.running:
+            self.running.remove(intention)
+        self.suspended.pop(intention.id, None)
+        if any(e[3] is intention for e in self.events):
+            kept = [e for e in self.events if e[3] is not intention]
+            self.events.clear()
+            self.events.extend(kept)
+        intention.waiting = None
+        self.gone(intention)
+        intention.stack.clear()
+
+    def gone(self, intention: Intention) -> None:
+        """An intention has ended, whichever way."""
+        if self.atomic is intention:
+            self.atomic = None
+
+    def left(self, intention: Intention, frame: Frame) -> None:
+        """A frame of a special plan is gone from the stack."""
+        if frame[PLAN].atomic and not any(f[PLAN].atomic for f in intention.stack) and self.atomic is intention:
+            self.atomic = None
+
+    def trigger_fits(self, plan: Plan, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> bool:
+        """Whether an event unifies with a plan's trigger, contexts aside."""
+        made = Instantiation(dict(plan.values), {}).term(plan.syntax.trigger.literal)
+        trail: list[Any] = []
+        fits = unify(made, Literal(relevant.sig, args, annots), trail)
+        undo(trail, 0)
+        return fits
+
+    def hear(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
+        """Tell those who wait for an event."""
+        for wait in list(self.listeners):
+            assert wait.pattern is not None
+            operator, goal, literal = wait.pattern
+            if operator != relevant.operator or goal != relevant.goal:
+                continue
+            trail = wait.intention.trail
+            mark = len(trail)
+            if unify(literal, Literal(relevant.sig, args, annots), trail):
+                ended(self, wait)
+            else:
+                undo(trail, mark)
+
+    def meta(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], state: str) -> None:
+        """The event ``^!g[state(S)]`` if there is a plan for it."""
+        from agentd.language.order import annotations
+        from agentd.language.terms import atom, signature
+
+        meta = self.plans.relevant("^", relevant.goal, relevant.sig)
+        if meta.plans:
+            told = Literal(signature("state", 1), (atom(state),))
+            self.post(meta, resolve_all(args), annotations((*resolve_all(annots), told)))
+
+    def read_clock(self) -> float:
+        """The mission time now; a reading within a cycle is an input."""
+        if self._clock is not None:
+            self.now = max(self.now, self._clock())
+            if self._on_input is not None:
+                self._on_input(self.cycle, TimeRead(self.now))
+        return self.now
+
+    # --- the cycle ---
+
+    def _cycles(self, cycles: int) -> None:
+        events, running = self.events, self.running
+        while cycles:
+            cycles -= 1
+            self.cycle += 1
+            if self.inputs:
+                self._take_inputs()
+            due = self.timers.next_due()
+            if due is not None and due <= self.now:
+                self.timers.run(self.now)
+            if self.changes != self._checked:
+                self._checked = self.changes
+                if self.conditions:
+                    check_conditions(self)
+            if self.atomic is not None:
+                if not self._atomic_cycle():
+                    return
+                if self.effects:
+                    return
+                continue
+            if self.mailbox:
+                mail = self.mailbox.popleft()
+                if self._on_input is not None:
+                    self._on_input(self.cycle, mail)
+                receive(self, mail)
+            while events:
+                if self._take_event(*events.popleft()):
+                    break
+            if self.atomic is None and running:
+                self._run_intention(running.popleft())
+            elif not events and not self.inputs and not self.mailbox:
+                return
+            if self.effects:
+                return
+
+    def _take_event(
+        self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], intention: Intention | None
+    ) -> bool:
+        """Find the plan for an event and put it on its intention. False: nothing happened, take the next event."""
+        trail: list[Any] = [] if intention is None else intention.trail
+        mark = len(trail)
+        frame = None
+        try:
+            for plan in relevant.plans:
+                frame = plan.select(self, trail, relevant, args, annots)
+                if frame is not None:
+                    break
+                if len(trail) > mark:
+                    undo(trail, mark)
+        except (Failed, UndefinedNumber, RecursionError) as error:
+            self._context_failed(plan, error)
+            undo(trail, mark)
+            frame = None
+        if frame is None:
+            return self._no_plan(relevant, args, annots, intention)
+        if trail:
+            frame[MARK] = mark
+        if intention is None:
+            intention = self.new_intention()
+            if trail:
+                intention.trail = trail
+        stack = intention.stack
+        if stack:
+            top = stack[-1]
+            if top[STEP] is None and relevant.tail is not None and not top[PLAN].special:
+                below = top[RELEVANT].tail
+                if below is not None and below == relevant.tail:
+                    stack.pop()
+                    if trail:
+                        if len(trail) > mark:
+                            frame[MARK] = mark
+                        intention.trim(top[MARK])
+                        frame[MARK] = min(frame[MARK], len(trail))
+        stack.append(frame)
+        if plan.special:
+            self._entered(intention, plan)
+        if intention.suspended is not None:
+            self.suspended[intention.id] = intention
+        else:
+            self.running.append(intention)
+        return True
+
+    def _entered(self, intention: Intention, plan: Plan) -> None:
+        if plan.atomic:
+            self.atomic = intention
+
+    def _context_failed(self, plan: Plan, error: Exception) -> None:
+        what = "is too deep" if isinstance(error, RecursionError) else str(error)
+        position = plan.syntax.position
+        self.effects.append(Log("warning", f"{position}: the context of {plan.head} cannot be computed: {what}"))
+
+    def _no_plan(
+        self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], intention: Intention | None
+    ) -> bool:
+        """An event without an applicable plan."""
+        if not relevant.goal or relevant.operator == "^":
+            if intention is None:
+                return False
+            self.resume_waiting(intention)
+            return True
+        if relevant.operator == "+":
+            failure.goal_failed(self, relevant, args, annots, intention)
+            return True
+        event = f"{relevant.text}{Literal(relevant.sig, resolve_all(args))}"
+        self.effects.append(Log("error", f"no applicable plan handles the failure {event}; the intention ends"))
+        if intention is not None:
+            self.gone(intention)
+            if intention.branch is not None:
+                reason = Failed("no_applicable", f"no applicable plan handles {event}")
+                intention.branch.failed(self, intention, annots, event, reason)
+        return True
+
+    def _run_intention(self, intention: Intention) -> None:
+        """One formula of one intention."""
+        frame = intention.stack[-1]
+        step = frame[STEP]
+        if step is not None:
+            frame[STEP] = step.next
+            intention.last = step
+            self.current = intention
+            try:
+                if step.run(self, intention, frame):
+                    return
+            except Failed as failed:
+                self._step_failed(intention, step, frame, failed)
+                return
+            except UndefinedNumber as undefined:
+                self._step_failed(intention, step, frame, Failed("undefined_number", str(undefined)))
+                return
+            except RecursionError:
+                message = "the computation is too deep"
+                self._step_failed(intention, step, frame, Failed("recursion_too_deep", message))
+                return
+        stack = intention.stack
+        if stack and stack[-1][STEP] is None:
+            self._end_frames(intention)
+        if stack:
+            self.running.append(intention)
+
+    def _step_failed(self, intention: Intention, step: Any, frame: Frame, failed: Failed) -> None:
+        if failed.error == "test_goal_failed" and not failed.args[0].startswith("Failed"):
+            from agentd.language.term_text import text
+
+            code = failure.code_of(step, frame)
+            failed = Failed("test_goal_failed", f"Failed to test '{text(code)}'", code=code)
+        failure.step_failed(self, intention, step, frame, failed)
+
+    def _end_frames(self, intention: Intention) -> None:
+        """Take away the plans that have ended; the ones below go on."""
+        stack = intention.stack
+        while stack:
+            top = stack[-1]
+            if top[STEP] is not None:
+                return
+            stack.pop()
+            if top[PLAN].special:
+                self.left(intention, top)
+            if intention.trail:
+                intention.trim(top[MARK])
+        self.gone(intention)
+
+    # --- atomic intentions ---
+
+    def _atomic_can_run(self) -> bool:
+        atomic = self.atomic
+        return atomic in self.running or any(e[3] is atomic for e in self.events)
+
+    def _atomic_cycle(self) -> bool:
+        """A cycle while an atomic plan runs: only its own events and formulas. False when it has to wait."""
+        atomic = self.atomic
+        assert atomic is not None
+        for place, event in enumerate(self.events):
+            if event[3] is atomic:
+                del self.events[place]
+                self._take_event(*event)
+                break
+        if atomic in self.running:
+            self.running.remove(atomic)
+            self._run_intention(atomic)
+            return True
+        return self.atomic is not atomic or self._atomic_can_run()
+
+    # --- inputs ---
+
+    def _take_inputs(self) -> None:
+        """All percepts and results that have come in: deletions of percepts before additions."""
+        batch = list(self.inputs)
+        self.inputs.clear()
+        added: list[Any] = []
+        for item in batch:
+            if self._on_input is not None:
+                self._on_input(self.cycle, item)
+            match item:
+                case PerceptReplaced() | PerceptAdded() | PerceptRemoved():
+                    added += percepts.update(self, item)
+                case ActionDone():
+                    self._action_done(item)
+                case GoalAdded(literal=literal):
+                    self.add_goal(literal)
+                case BeliefAdded(literal=literal):
+                    self.add_belief(literal)
+                case SignalRaised(literal=literal):
+                    self.post(self.plans.relevant("+", "", literal.sig), literal.args, with_source(literal.annots))
+                case _:
+                    pass
+        percepts.raise_additions(self, added)
+
+    def _action_done(self, done: ActionDone) -> None:
+        for intention, _ in list(self.waiting.values()):
+            if intention.action != done.id:
+                continue
+            if done.ok:
+                self.resume_waiting(intention)
+                return
+            from agentd.language.terms import atom, signature
+
+            facts = [Literal(signature("reason", 1), (done.reason,))] if done.reason else []
+            if done.state:
+                facts.append(Literal(signature("state", 1), (atom(done.state),)))
+            self.fail_waiting(intention, Failed("action_failed", done.reason, tuple(facts)))
+            return
+
+    def _too_deep(self) -> None:
+        self.effects.append(Log("error", "a term or rule is too deep; what it was needed for is lost"))
+

@@ -1,0 +1,241 @@
+"""The plan library of a mind: its plans by trigger, loaded when first used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.compile_plan import FRAME_HEADER, PlanCode, compile_fragment, compile_plan
+from agentd.language.compile_terms import signature_of
+from agentd.language.emit import Ref
+from agentd.language.instantiate import Instantiation
+from agentd.language.terms import DEFAULT, SELF, Literal, Signature, atom, signature
+from agentd.mind.frames import Frame, Step
+
+_ATOMIC = signature("atomic")
+
+
+class Relevant:
+    """The plans for one trigger: operator, kind of goal and signature. Plans with a variable trigger are among them."""
+
+    __slots__ = ("_library", "_others", "goal", "operator", "plans", "sig", "tail")
+
+    def __init__(self, library: PlanLibrary, operator: str, goal: str, sig: Signature) -> None:
+        self.operator, self.goal, self.sig = operator, goal, sig
+        self.plans: list[Plan] = []
+        self.tail = (goal, sig) if goal == "!" else None
+        """What a goal called last must share with the running one for its frame to be dropped."""
+        self._library = library
+        self._others: dict[str, Relevant] = {}
+
+    def counterpart(self, operator: str) -> Relevant:
+        """The plans for the same literal with another operator: ``-!g`` for ``+!g``."""
+        found = self._others.get(operator)
+        if found is None:
+            found = self._others[operator] = self._library.relevant(operator, self.goal, self.sig)
+        return found
+
+    @property
+    def text(self) -> str:
+        return f"{self.operator}{self.goal}"
+
+    def __repr__(self) -> str:
+        return f"{self.operator}{self.goal}{self.sig.indicator}"
+
+
+class Plan:
+    """A plan of a mind. Its code is generated and loaded when it is first tried."""
+
+    __slots__ = (
+        "_library",
+        "_size",
+        "around",
+        "atomic",
+        "condition",
+        "label",
+        "select",
+        "slots",
+        "source",
+        "special",
+        "subplans",
+        "syntax",
+        "values",
+    )
+
+    def __init__(self, library: PlanLibrary, node: syntax.Plan, label: Literal, values: dict[str, Any]) -> None:
+        self._library, self.syntax, self.label, self.values = library, node, label, values
+        self.atomic = any(type(a) is Literal and a.sig is _ATOMIC for a in label.annots)
+        self.special = self.atomic or node.goal_condition is not None or bool(node.subplans)
+        self.slots: dict[str, int] = {}
+        self.around: dict[str, int] = {}
+        self.subplans: list[Plan] = []
+        self.condition: Any = None
+        self.select: Any = self._first_select
+        self._size = FRAME_HEADER
+
+    def _first_select(self, mind: Any, trail: Any, *event: Any) -> Frame | None:
+        self.load()
+        found: Frame | None = self.select(mind, trail, *event)
+        return found
+
+    def load(self) -> None:
+        """Generate the code and put it in place."""
+        library = self._library
+        code = compile_plan(self.syntax, library.compiler, self.values, self.around)
+        self.slots, self._size = code.slots, code.size
+        namespace, _ = self._load(code)
+        self.select = namespace["select"]
+
+    def fragment(self, body: syntax.Body, values: dict[str, Any], following: Step | None) -> Step | None:
+        """The first step of a body held by a variable, to run in a frame of this plan and lead on to ``following``."""
+        code = compile_fragment(body, self._library.compiler, values, self.slots, self._size)
+        self.slots, self._size = code.slots, code.size
+        _, first = self._load(code, following)
+        return first
+
+    def _load(self, code: PlanCode, following: Step | None = None) -> tuple[dict[str, Any], Step | None]:
+        steps: list[Any] = [Step(s.syntax, self) if s.function else following for s in code.steps]
+        first = None if code.first is None else steps[code.first]
+        library = self._library
+
+        def provide(ref: Ref) -> Any:
+            match ref.kind:
+                case "step":
+                    found: Step | None = steps[ref.what]
+                    return found
+                case "first":
+                    return first
+                case "plan":
+                    return self
+            return library.provide(ref)
+
+        namespace = code.unit.load(library.runtime, provide)
+        for step, written in zip(steps, code.steps, strict=True):
+            if not written.function:
+                continue
+            step.run = namespace[written.function]
+            step.next = None if written.next is None else steps[written.next]
+        return namespace, first
+
+    @property
+    def size(self) -> int:
+        return self._size
+
+    @property
+    def head(self) -> str:
+        """The trigger as written."""
+        from agentd.language.term_text import code_text
+        from agentd.language.terms import Code
+
+        return code_text(Code(self.syntax.trigger, bare=True))
+
+
+class PlanLibrary:
+    """All plans of a mind, in order."""
+
+    def __init__(self, compiler: Any, runtime: dict[str, Any], provide: Any) -> None:
+        self.compiler, self.runtime = compiler, runtime
+        self._provide = provide
+        self.plans: list[Plan] = []
+        self._relevant: dict[tuple[str, str, Signature], Relevant] = {}
+        self._labels = 0
+        self.has_meta = False
+
+    def provide(self, ref: Ref) -> Any:
+        if ref.kind == "relevant":
+            return self.relevant(*ref.what)
+        return self._provide(ref)
+
+    def relevant(self, operator: str, goal: str, sig: Signature) -> Relevant:
+        """The plans for a trigger; the same object each time."""
+        key = (operator, goal, sig)
+        found = self._relevant.get(key)
+        if found is None:
+            found = self._relevant[key] = Relevant(self, operator, goal, sig)
+            found.plans.extend(p for p in self.plans if self._answers(p, found))
+        return found
+
+    def known(self, operator: str, goal: str, sig: Signature) -> Relevant | None:
+        return self._relevant.get((operator, goal, sig))
+
+    @staticmethod
+    def _answers(plan: Plan, relevant: Relevant) -> bool:
+        trigger = plan.syntax.trigger
+        if trigger.operator != relevant.operator or trigger.goal != relevant.goal:
+            return False
+        literal = trigger.literal
+        if isinstance(literal, syntax.Structure):
+            return signature_of(literal) is relevant.sig
+        namespace = literal.namespace if isinstance(literal.namespace, str) else DEFAULT
+        return namespace == relevant.sig.namespace and literal.negated <= relevant.sig.negated
+
+    def make(self, node: syntax.Plan, values: dict[str, Any] | None = None) -> Plan:
+        """A plan that is not yet in the library."""
+        return Plan(self, node, self._label(node), values or {})
+
+    def _label(self, node: syntax.Plan) -> Literal:
+        if node.label is not None and node.label.functor:
+            made = Instantiation({}, {}).term(node.label)
+            assert isinstance(made, Literal)
+            return made
+        self._labels += 1
+        annots = () if node.label is None else Instantiation({}, {}).annots(node.label.annotations)
+        return Literal(signature(f"l__{self._labels}"), (), annots)
+
+    def add(self, plan: Plan, first: bool = False) -> None:
+        """Put a plan at the end of the library, or before all others."""
+        plan.source = getattr(plan, "source", None) or SELF[0].args[0]
+        self.plans.insert(0 if first else len(self.plans), plan)
+        if plan.syntax.trigger.operator == "^":
+            self.has_meta = True
+        literal = plan.syntax.trigger.literal
+        if isinstance(literal, syntax.Structure):
+            self.relevant(plan.syntax.trigger.operator, plan.syntax.trigger.goal, signature_of(literal))
+        for relevant in self._relevant.values():
+            if plan not in relevant.plans and self._answers(plan, relevant):
+                relevant.plans.insert(0 if first else len(relevant.plans), plan)
+
+    def extend(self, nodes: list[syntax.Plan]) -> None:
+        """Add the plans of a program at once."""
+        for node in nodes:
+            plan = self.make(node)
+            plan.source = atom("self")
+            self.plans.append(plan)
+            self.has_meta |= node.trigger.operator == "^"
+            literal = node.trigger.literal
+            if isinstance(literal, syntax.Structure):
+                key = (node.trigger.operator, node.trigger.goal, signature_of(literal))
+                found = self._relevant.get(key)
+                if found is None:
+                    found = self._relevant[key] = Relevant(self, *key)
+        for relevant in self._relevant.values():
+            relevant.plans.clear()
+        wild = [p for p in self.plans if not isinstance(p.syntax.trigger.literal, syntax.Structure)]
+        for plan in self.plans:
+            literal = plan.syntax.trigger.literal
+            if isinstance(literal, syntax.Structure):
+                trigger = plan.syntax.trigger
+                self._relevant[(trigger.operator, trigger.goal, signature_of(literal))].plans.append(plan)
+        if wild:
+            order = {plan: n for n, plan in enumerate(self.plans)}
+            for relevant in self._relevant.values():
+                relevant.plans.extend(p for p in wild if self._answers(p, relevant))
+                relevant.plans.sort(key=lambda p: order[p])
+
+    def remove(self, plan: Plan) -> None:
+        """Take a plan out; instances of it that run go on."""
+        self.plans.remove(plan)
+        for relevant in self._relevant.values():
+            if plan in relevant.plans:
+                relevant.plans.remove(plan)
+
+    def labelled(self, label: Literal) -> Plan | None:
+        """The plan with a label, annotations aside."""
+        for plan in self.plans:
+            if plan.label.sig.functor == label.sig.functor:
+                return plan
+        return None
+
+    def __iter__(self) -> Iterator[Plan]:
+        return iter(self.plans)

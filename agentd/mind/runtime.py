@@ -1,0 +1,81 @@
+"""The names that generated code may use besides its constants."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from agentd.language.order import annotations, distinct, ordered
+from agentd.language.terms import (
+    EMPTY,
+    FALSE,
+    SELF,
+    TRUE,
+    Expression,
+    List,
+    Literal,
+    Open,
+    Var,
+    deref,
+    elements,
+    make_list,
+)
+from agentd.mind.beliefs import with_source
+from agentd.mind.changes import believe, change_term, disbelieve, replace
+from agentd.mind.code_terms import call, capture
+from agentd.mind.failed import action_said_no, constraint_failed
+from agentd.mind.forks import fork, join
+from agentd.mind.goals import achieve_term, perform, qualify, run_term, test_event, test_failed, test_term
+from agentd.mind.solve import arithmetic, order, solve, univ
+from agentd.mind.unifier import Rest, detach, open_list, open_structure, resolve, same, subsets, undo, unify, value
+from agentd.mind.waiting import wait_until
+
+RUNTIME: Final[dict[str, Any]] = {
+    "EMPTY": EMPTY,
+    "FALSE": FALSE,
+    "SELF": SELF,
+    "TRUE": TRUE,
+    "Expression": Expression,
+    "List": List,
+    "Literal": Literal,
+    "Open": Open,
+    "Rest": Rest,
+    "Var": Var,
+    "achieve_term": achieve_term,
+    "action_said_no": action_said_no,
+    "annotations": annotations,
+    "arithmetic": arithmetic,
+    "believe": believe,
+    "call": call,
+    "capture": capture,
+    "change_term": change_term,
+    "constraint_failed": constraint_failed,
+    "deref": deref,
+    "detach": detach,
+    "disbelieve": disbelieve,
+    "distinct": distinct,
+    "elements": elements,
+    "fork": fork,
+    "join": join,
+    "make_list": make_list,
+    "open_list": open_list,
+    "open_structure": open_structure,
+    "order": order,
+    "ordered": ordered,
+    "perform": perform,
+    "qualify": qualify,
+    "replace": replace,
+    "resolve": resolve,
+    "run_term": run_term,
+    "same": same,
+    "solve": solve,
+    "subsets": subsets,
+    "test_event": test_event,
+    "test_failed": test_failed,
+    "test_term": test_term,
+    "undo": undo,
+    "unify": unify,
+    "univ": univ,
+    "value": value,
+    "wait_until": wait_until,
+    "with_source": with_source,
+}

@@ -1,0 +1,170 @@
+"""Waiting: for a time, for a formula to hold, for an event; and what happens at a due time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from heapq import heappop, heappush
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.terms import Code, Literal, Var, deref
+from agentd.mind.failed import Failed, wrong_arguments
+from agentd.mind.frames import Frame
+from agentd.mind.intentions import Intention
+from agentd.mind.unifier import undo, unify
+
+
+class Timer:
+    """Something to do at a mission time."""
+
+    __slots__ = ("action", "cancelled", "due", "number")
+
+    def __init__(self, due: float, number: int, action: Callable[[], None]) -> None:
+        self.due, self.number, self.action = due, number, action
+        self.cancelled = False
+
+    def __lt__(self, other: Timer) -> bool:
+        return (self.due, self.number) < (other.due, other.number)
+
+
+class Timers:
+    """What is due when. Equal times keep the order in which they were set."""
+
+    def __init__(self) -> None:
+        self._heap: list[Timer] = []
+        self._count = 0
+
+    def at(self, due: float, action: Callable[[], None]) -> Timer:
+        self._count += 1
+        timer = Timer(due, self._count, action)
+        heappush(self._heap, timer)
+        return timer
+
+    def next_due(self) -> float | None:
+        """When the earliest timer is due; None without any."""
+        while self._heap and self._heap[0].cancelled:
+            heappop(self._heap)
+        return self._heap[0].due if self._heap else None
+
+    def run(self, now: float) -> None:
+        """Do what is due."""
+        while self._heap and (self._heap[0].cancelled or self._heap[0].due <= now):
+            timer = heappop(self._heap)
+            if not timer.cancelled:
+                timer.action()
+
+
+class Wait:
+    """An intention waiting for a formula or an event, maybe not longer than a time."""
+
+    __slots__ = ("check", "elapsed", "frame", "intention", "pattern", "since", "timer")
+
+    def __init__(self, intention: Intention, frame: Frame | None, since: float) -> None:
+        self.intention, self.frame, self.since = intention, frame, since
+        self.check: Callable[[Any, Any, Any], bool] | None = None
+        self.pattern: tuple[str, str, Literal] | None = None
+        self.timer: Timer | None = None
+        self.elapsed: Any = None
+
+
+def milliseconds(term: Any) -> float:
+    """A time in milliseconds as a term, in seconds."""
+    term = deref(term)
+    if type(term) is not float:
+        wrong_arguments(".wait takes a number of milliseconds")
+    return max(0.0, term / 1000.0)
+
+
+def wait_time(mind: Any, intention: Intention, seconds: float) -> bool:
+    """Wait for a time, then go on."""
+
+    def over() -> None:
+        mind.resume_waiting(intention)
+
+    timer = mind.timers.at(mind.now + seconds, over)
+    mind.await_something(intention, f"wait({seconds:g}s)", timer)
+    return True
+
+
+def wait_until(
+    mind: Any, intention: Intention, frame: Frame, check: Any, limit: Any = None, elapsed: Any = None
+) -> bool | None:
+    """Wait until a formula has a solution; ``limit`` in ms. Past it, fail, or go on if ``elapsed`` is asked for."""
+    seconds = None if limit is None else milliseconds(limit)
+    mark = len(intention.trail)
+    if check(mind, intention, frame):
+        return None if elapsed is None else _bound(mind, intention, elapsed, 0.0)
+    undo(intention.trail, mark)
+    wait = Wait(intention, frame, mind.now)
+    wait.check, wait.elapsed = check, elapsed
+    mind.conditions.append(wait)
+    _start(mind, wait, seconds, "wait(formula)")
+    return True
+
+
+def wait_event(mind: Any, intention: Intention, trigger: Code, limit: Any = None, elapsed: Any = None) -> bool:
+    """Wait until an event unifies with a trigger."""
+    from agentd.mind.code_terms import trigger_literal
+
+    seconds = None if limit is None else milliseconds(limit)
+    node = trigger.syntax
+    if not isinstance(node, syntax.Trigger):
+        wrong_arguments(".wait takes a time, a formula or an event in braces")
+    wait = Wait(intention, None, mind.now)
+    wait.pattern = (node.operator, node.goal, trigger_literal(trigger, intention))
+    wait.elapsed = elapsed
+    mind.listeners.append(wait)
+    _start(mind, wait, seconds, "wait(event)")
+    return True
+
+
+def _start(mind: Any, wait: Wait, seconds: float | None, reason: str) -> None:
+    if seconds is not None:
+        wait.timer = mind.timers.at(mind.now + seconds, lambda: timed_out(mind, wait))
+    mind.await_something(wait.intention, reason, wait)
+
+
+def forget(mind: Any, wait: Wait) -> None:
+    """Take a wait off all lists."""
+    if wait.timer is not None:
+        wait.timer.cancelled = True
+    if wait in mind.conditions:
+        mind.conditions.remove(wait)
+    if wait in mind.listeners:
+        mind.listeners.remove(wait)
+
+
+def timed_out(mind: Any, wait: Wait) -> None:
+    forget(mind, wait)
+    intention = wait.intention
+    if wait.elapsed is not None:
+        ended(mind, wait)
+        return
+    mind.fail_waiting(intention, Failed("wait_timeout", "timeout in .wait"))
+
+
+def ended(mind: Any, wait: Wait) -> None:
+    """What was waited for has come (or the time is over and the program asked how long it was)."""
+    forget(mind, wait)
+    if wait.elapsed is not None:
+        _bound(mind, wait.intention, wait.elapsed, (mind.now - wait.since) * 1000.0)
+    mind.resume_waiting(wait.intention)
+
+
+def _bound(mind: Any, intention: Intention, elapsed: Any, value: float) -> None:
+    target = deref(elapsed)
+    if type(target) is Var:
+        unify(target, float(int(value)), intention.trail)
+
+
+def check_conditions(mind: Any) -> None:
+    """Ask again every formula that is waited for, after beliefs have changed."""
+    for wait in list(mind.conditions):
+        if wait not in mind.conditions or wait.check is None:
+            continue
+        trail = wait.intention.trail
+        mark = len(trail)
+        if wait.check(mind, wait.intention, wait.frame):
+            ended(mind, wait)
+        else:
+            undo(trail, mark)

@@ -1,0 +1,135 @@
+"""Beliefs and rules: ``.abolish``, ``.asserta``, ``.assertz``, ``.belief``, ``.relevant_rules``, ``.namespace``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.instantiate import instantiate
+from agentd.language.terms import Code, Literal, Var, atom, deref, make_list
+from agentd.mind.beliefs import RuleClause, with_source
+from agentd.mind.changes import believe, raise_event
+from agentd.mind.failed import Failed, wrong_arguments
+from agentd.mind.unifier import Copier, Trail, detach, resolve_all, undo, unify
+from agentd.stdlib.registry import internal_action
+
+
+@internal_action(".abolish", 1)
+def abolish(mind: Any, trail: Trail, pattern: Any) -> bool:
+    """``.abolish(B)``: removes every belief that unifies, from any source, with a deletion event each."""
+    pattern = deref(pattern)
+    if type(pattern) is not Literal:
+        wrong_arguments(".abolish takes a belief")
+    predicate = mind.beliefs.predicate(pattern.sig)
+    relevant = mind.plans.relevant("-", "", pattern.sig)
+    for fact in predicate.candidates(pattern.args):
+        mark = len(trail)
+        if unify(pattern, fact, trail):
+            predicate.remove(fact)
+            mind.changes += 1
+            mind.percepts.get(pattern.sig, {}).pop(fact.args, None)
+            raise_event(mind, None, relevant, fact.args, fact.annots)
+        undo(trail, mark)
+    return True
+
+
+def _assert(mind: Any, term: Any, last: bool) -> bool:
+    term = deref(term)
+    if type(term) is Code and isinstance(term.syntax, syntax.Rule):
+        mind.add_rule(term.syntax, dict(term.values), last=last)
+        return True
+    if type(term) is not Literal:
+        raise Failed("unknown", "only beliefs and rules can be asserted")
+    annots = resolve_all(term.annots) if last else with_source(term.annots)
+    predicate = mind.beliefs.predicate(term.sig)
+    relevant = mind.plans.relevant("+", "", term.sig)
+    believe(mind, None, predicate, relevant, detach(resolve_all(term.args)), annots, last)
+    return True
+
+
+@internal_action(".asserta", 1)
+def asserta(mind: Any, trail: Trail, term: Any) -> bool:
+    return _assert(mind, term, last=False)
+
+
+@internal_action(".assertz", 1)
+def assertz(mind: Any, trail: Trail, term: Any) -> bool:
+    return _assert(mind, term, last=True)
+
+
+@internal_action(".belief", 1, backtracks=True)
+def belief(mind: Any, trail: Trail, pattern: Any) -> Iterator[None]:
+    """``.belief(B)``: facts only."""
+    pattern = deref(pattern)
+    if type(pattern) is Var:
+        facts = list(mind.beliefs.facts())
+    elif type(pattern) is Literal:
+        known = mind.beliefs.known(pattern.sig)
+        facts = [] if known is None else known.candidates(pattern.args)
+    else:
+        wrong_arguments(".belief takes a belief")
+    mark = len(trail)
+    for fact in facts:
+        if unify(pattern, fact if fact.ground else Copier(fresh=True).copy(fact), trail):
+            yield None
+        undo(trail, mark)
+
+
+@internal_action(".relevant_rules", 2)
+def relevant_rules(mind: Any, trail: Trail, pattern: Any, result: Any) -> bool:
+    """``.relevant_rules(H, L)``: the rules whose head unifies, as terms."""
+    pattern = deref(pattern)
+    if type(pattern) is not Literal:
+        wrong_arguments(".relevant_rules takes the head of a rule")
+    known = mind.beliefs.known(pattern.sig)
+    found = []
+    for entry in [] if known is None else list(reversed(known.entries.values())):
+        if type(entry) is not RuleClause:
+            continue
+        mark = len(trail)
+        if unify(pattern.bare(), instantiate(entry.syntax.head, dict(entry.values)), trail):
+            found.append(Code(entry.syntax, entry.values))
+        undo(trail, mark)
+    return unify(result, make_list(found), trail)
+
+
+@internal_action(".namespace", 1, backtracks=True)
+def namespace(mind: Any, trail: Trail, name: Any) -> Iterator[None]:
+    """``.namespace(N)``: the namespaces in use."""
+    found = dict.fromkeys(["default", *[p.sig.namespace for p in mind.beliefs.predicates()], *mind.namespaces])
+    mark = len(trail)
+    for each in found:
+        if unify(name, atom(each), trail):
+            yield None
+        undo(trail, mark)
+
+
+@internal_action(".namespace_set_prop", 3)
+def namespace_set_prop(mind: Any, trail: Trail, name: Any, key: Any, term: Any) -> bool:
+    mind.namespaces.setdefault(_name(name), {})[_name(key)] = resolve_all((term,))[0]
+    return True
+
+
+@internal_action(".namespace_get_prop", (3, 4), backtracks=True)
+def namespace_get_prop(
+    mind: Any, trail: Trail, name: Any, key: Any, term: Any, default: Any = None
+) -> Iterator[None]:
+    """``.namespace_get_prop(N, K, V[, Default])``: a missing key without default leaves V free and succeeds."""
+    known = mind.namespaces.get(_name(name), {})
+    mark = len(trail)
+    if type(deref(key)) is Var:
+        for each, found in list(known.items()):
+            if unify(key, atom(each), trail) and unify(term, found, trail):
+                yield None
+            undo(trail, mark)
+        return
+    found = known.get(_name(key), default)
+    if found is None or unify(term, found, trail):
+        yield None
+    undo(trail, mark)
+
+
+def _name(term: Any) -> str:
+    term = deref(term)
+    return term.sig.functor if type(term) is Literal else str(term)

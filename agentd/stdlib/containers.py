@@ -1,0 +1,190 @@
+"""Maps, sets and queues: changed in place, shared by all who hold them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from agentd.language.order import compare, distinct, ordered
+from agentd.language.terms import Collection, Var, deref, make_list, proper
+from agentd.mind.failed import Failed, wrong_arguments
+from agentd.mind.unifier import Trail, resolve, undo, unify
+from agentd.stdlib.registry import internal_action
+
+
+def _held(term: Any, kinds: tuple[str, ...], trail: Trail) -> Any:
+    """The content of a collection; a free variable becomes an empty one of the first kind."""
+    collection = deref(term)
+    if type(collection) is Var:
+        made = Collection(kinds[0], {} if kinds[0] == "map" else [])
+        unify(collection, made, trail)
+        collection = made
+    if type(collection) is not Collection or collection.kind not in kinds:
+        raise Failed("unknown", f"a {kinds[0]} is needed")
+    return collection
+
+
+def _create(kind: str, term: Any, trail: Trail) -> bool:
+    if type(deref(term)) is not Var:
+        return False
+    return unify(term, Collection(kind, {} if kind == "map" else []), trail)
+
+
+_MAP = ("map",)
+_SET = ("set",)
+_QUEUE = ("queue", "priority")
+
+
+@internal_action(".map.create", 1)
+def map_create(mind: Any, trail: Trail, term: Any) -> bool:
+    return _create("map", term, trail)
+
+
+@internal_action(".map.put", 3)
+def map_put(mind: Any, trail: Trail, term: Any, key: Any, value: Any) -> bool:
+    _held(term, _MAP, trail).content[resolve(key)] = resolve(value)
+    return True
+
+
+@internal_action(".map.get", (3, 4))
+def map_get(mind: Any, trail: Trail, term: Any, key: Any, value: Any, default: Any = None) -> bool:
+    found = _held(term, _MAP, trail).content.get(resolve(key), default)
+    return found is not None and unify(value, found, trail)
+
+
+@internal_action(".map.remove", 3)
+def map_remove(mind: Any, trail: Trail, term: Any, key: Any, value: Any) -> bool:
+    found = _held(term, _MAP, trail).content.pop(resolve(key), None)
+    return found is not None and unify(value, found, trail)
+
+
+def _one_by_one(members: list[Any], item: Any, trail: Trail) -> Iterator[None]:
+    mark = len(trail)
+    for member in members:
+        if unify(item, member, trail):
+            yield None
+        undo(trail, mark)
+
+
+@internal_action(".map.key", 2, backtracks=True)
+def map_key(mind: Any, trail: Trail, term: Any, key: Any) -> Iterator[None]:
+    yield from _one_by_one(list(_held(term, _MAP, trail).content), key, trail)
+
+
+@internal_action(".map.value", 2, backtracks=True)
+def map_value(mind: Any, trail: Trail, term: Any, value: Any) -> Iterator[None]:
+    yield from _one_by_one(list(_held(term, _MAP, trail).content.values()), value, trail)
+
+
+@internal_action(".map.clear", 1)
+@internal_action(".set.clear", 1)
+@internal_action(".queue.clear", 1)
+def clear(mind: Any, trail: Trail, term: Any) -> bool:
+    collection = deref(term)
+    if type(collection) is not Collection:
+        raise Failed("unknown", "a map, set or queue is needed")
+    collection.content.clear()
+    return True
+
+
+@internal_action(".map.copy", 2)
+@internal_action(".set.copy", 2)
+@internal_action(".queue.copy", 2)
+def copy(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+    """The outer container only."""
+    collection = deref(term)
+    if type(collection) is not Collection:
+        raise Failed("unknown", "a map, set or queue is needed")
+    return unify(result, Collection(collection.kind, collection.content.copy()), trail)
+
+
+@internal_action(".set.create", 1)
+def set_create(mind: Any, trail: Trail, term: Any) -> bool:
+    return _create("set", term, trail)
+
+
+@internal_action(".set.add", 2)
+def set_add(mind: Any, trail: Trail, term: Any, item: Any) -> bool:
+    held = _held(term, _SET, trail)
+    held.content[:] = distinct([*held.content, resolve(item)])
+    return True
+
+
+def _members(term: Any) -> list[Any]:
+    term = deref(term)
+    if type(term) is Collection and term.kind != "map":
+        return list(term.content)
+    found = proper(term)
+    if found is None:
+        wrong_arguments("a list, set or queue is needed")
+    return found
+
+
+@internal_action(".set.add_all", 2)
+@internal_action(".set.union", 2)
+def set_add_all(mind: Any, trail: Trail, term: Any, items: Any) -> bool:
+    held = _held(term, _SET, trail)
+    held.content[:] = distinct([*held.content, *[resolve(i) for i in _members(items)]])
+    return True
+
+
+@internal_action(".set.remove", 2)
+def set_remove(mind: Any, trail: Trail, term: Any, item: Any) -> bool:
+    held, gone = _held(term, _SET, trail), resolve(item)
+    held.content[:] = [m for m in held.content if compare(m, gone) != 0]
+    return True
+
+
+@internal_action(".set.intersection", 2)
+def set_intersection(mind: Any, trail: Trail, term: Any, items: Any) -> bool:
+    held, others = _held(term, _SET, trail), _members(items)
+    held.content[:] = [m for m in held.content if any(compare(m, o) == 0 for o in others)]
+    return True
+
+
+@internal_action(".set.difference", 2)
+def set_difference(mind: Any, trail: Trail, term: Any, items: Any) -> bool:
+    held, others = _held(term, _SET, trail), _members(items)
+    held.content[:] = [m for m in held.content if not any(compare(m, o) == 0 for o in others)]
+    return True
+
+
+@internal_action(".set.to_list", 2)
+@internal_action(".queue.to_list", 2)
+def to_list(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+    return unify(result, make_list(_members(term)), trail)
+
+
+@internal_action(".queue.create", (1, 2))
+def queue_create(mind: Any, trail: Trail, term: Any, kind: Any = None) -> bool:
+    return _create("queue" if kind is None else "priority", term, trail)
+
+
+def _enqueue(held: Collection, items: list[Any]) -> None:
+    held.content.extend(items)
+    if held.kind == "priority":
+        held.content[:] = ordered(held.content)
+
+
+@internal_action(".queue.add", 2)
+def queue_add(mind: Any, trail: Trail, term: Any, item: Any) -> bool:
+    _enqueue(_held(term, _QUEUE, trail), [resolve(item)])
+    return True
+
+
+@internal_action(".queue.add_all", 2)
+def queue_add_all(mind: Any, trail: Trail, term: Any, items: Any) -> bool:
+    _enqueue(_held(term, _QUEUE, trail), [resolve(i) for i in _members(items)])
+    return True
+
+
+@internal_action(".queue.head", 2)
+def queue_head(mind: Any, trail: Trail, term: Any, item: Any) -> bool:
+    content = _held(term, _QUEUE, trail).content
+    return bool(content) and unify(item, content[0], trail)
+
+
+@internal_action(".queue.remove", 2)
+def queue_remove(mind: Any, trail: Trail, term: Any, item: Any) -> bool:
+    content = _held(term, _QUEUE, trail).content
+    return bool(content) and unify(item, content.pop(0), trail)

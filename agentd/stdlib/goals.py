@@ -1,0 +1,180 @@
+"""Intentions and desires: asking for them, ending, suspending."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from agentd.language.terms import Literal, deref
+from agentd.mind import dropping
+from agentd.mind.failed import wrong_arguments
+from agentd.mind.unifier import Trail, undo, unify
+from agentd.stdlib.registry import internal_action
+
+
+def _goal(term: Any) -> Literal:
+    term = deref(term)
+    if type(term) is not Literal:
+        wrong_arguments("a goal is needed")
+    return term
+
+
+def _each(found: Iterator[Any], number: Any, trail: Trail) -> Iterator[None]:
+    for intention in found:
+        if number is None:
+            yield None
+            continue
+        mark = len(trail)
+        if intention is not None and unify(number, float(intention.id), trail):
+            yield None
+        undo(trail, mark)
+
+
+@internal_action(".desire", (1, 2), backtracks=True)
+def desire(mind: Any, trail: Trail, goal: Any, number: Any = None) -> Iterator[None]:
+    yield from _each(dropping.desired(mind, _goal(goal), trail), number, trail)
+
+
+@internal_action(".intend", (1, 2), backtracks=True)
+def intend(mind: Any, trail: Trail, goal: Any, number: Any = None) -> Iterator[None]:
+    yield from _each(dropping.intended(mind, _goal(goal), trail), number, trail)
+
+
+def _own_end(mind: Any, own: bool) -> bool | None:
+    """What a step returns that may have dropped its own intention."""
+    return True if own else None
+
+
+@internal_action(".drop_intention", (0, 1), suspends=True)
+def drop_intention(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
+    if goal is None:
+        mind.drop(mind.current)
+        return True
+    return _own_end(mind, dropping.drop_intention(mind, _goal(goal), trail))
+
+
+@internal_action(".drop_desire", 1, suspends=True)
+def drop_desire(mind: Any, trail: Trail, goal: Any) -> bool | None:
+    return _own_end(mind, dropping.drop_desire(mind, _goal(goal), trail))
+
+
+@internal_action(".drop_event", 1, suspends=True)
+def drop_event(mind: Any, trail: Trail, goal: Any) -> bool | None:
+    return _own_end(mind, dropping.drop_event(mind, _goal(goal), trail))
+
+
+@internal_action(".drop_all_intentions", 0)
+def drop_all_intentions(mind: Any, trail: Trail) -> bool:
+    for intention in mind.all_intentions():
+        if intention is not mind.current and not any(e[3] is intention for e in mind.events):
+            mind.drop(intention)
+    return True
+
+
+@internal_action(".drop_all_events", 0)
+def drop_all_events(mind: Any, trail: Trail) -> bool:
+    mind.events.clear()
+    for timer in mind.future_events:
+        timer.cancelled = True
+    mind.future_events.clear()
+    return True
+
+
+@internal_action(".drop_all_desires", 0)
+def drop_all_desires(mind: Any, trail: Trail) -> bool:
+    drop_all_events(mind, trail)
+    return drop_all_intentions(mind, trail)
+
+
+def _end(mind: Any, goal: Any, trail: Trail, succeeded: bool) -> bool | None:
+    pattern = _goal(goal)
+    own = False
+    for intention in mind.all_intentions():
+        mark = len(trail)
+        place = dropping.find_goal(intention, pattern, trail)
+        undo(trail, mark)
+        if place is not None:
+            own |= intention is mind.current
+            dropping.end_goal(mind, intention, place, succeeded)
+    return _own_end(mind, own)
+
+
+@internal_action(".succeed_goal", 1, suspends=True)
+def succeed_goal(mind: Any, trail: Trail, goal: Any) -> bool | None:
+    """``.succeed_goal(G)``: G is over as achieved wherever it stands, and its callers go on."""
+    return _end(mind, goal, trail, True)
+
+
+@internal_action(".fail_goal", 1, suspends=True)
+def fail_goal(mind: Any, trail: Trail, goal: Any) -> bool | None:
+    """``.fail_goal(G)``: as if the plan for G had failed."""
+    return _end(mind, goal, trail, False)
+
+
+@internal_action(".done", 0, suspends=True)
+def done(mind: Any, trail: Trail) -> bool | None:
+    """The own goal is achieved; the rest of the body is not run."""
+    mind.current.stack[-1][0] = None
+    return None
+
+
+@internal_action(".suspend", (0, 1), suspends=True)
+def suspend(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
+    """``.suspend`` the own intention, or ``.suspend(G)`` those with G."""
+    if goal is None:
+        mind.current.suspended = "suspended"
+        mind.suspended[mind.current.id] = mind.current
+        return True
+    pattern, own = _goal(goal), False
+    for intention in mind.all_intentions():
+        mark = len(trail)
+        fits = dropping.find_goal(intention, pattern, trail) is not None or _pending(mind, intention, pattern, trail)
+        undo(trail, mark)
+        if not fits or intention.suspended is not None:
+            continue
+        intention.suspended = "suspended"
+        own |= intention is mind.current
+        if intention in mind.running:
+            mind.running.remove(intention)
+            mind.suspended[intention.id] = intention
+        elif intention is mind.current:
+            mind.suspended[intention.id] = intention
+    return _own_end(mind, own)
+
+
+def _pending(mind: Any, intention: Any, goal: Literal, trail: Trail) -> bool:
+    for relevant, args, annots, waiting in mind.events:
+        if waiting is intention and relevant.goal == "!" and unify(goal, Literal(relevant.sig, args, annots), trail):
+            return True
+    return False
+
+
+@internal_action(".resume", 1)
+def resume(mind: Any, trail: Trail, goal: Any) -> bool:
+    """``.resume(G)``: suspended intentions with G go on; a wait that ended meanwhile counts as ended."""
+    pattern = _goal(goal)
+    for intention in mind.all_intentions():
+        mark = len(trail)
+        fits = dropping.find_goal(intention, pattern, trail) is not None
+        undo(trail, mark)
+        if fits and intention.suspended is not None:
+            intention.suspended = None
+            if mind.suspended.pop(intention.id, None) is not None:
+                mind.resume_waiting(intention)
+    return True
+
+
+@internal_action(".suspended", 2, backtracks=True)
+def suspended(mind: Any, trail: Trail, goal: Any, reason: Any) -> Iterator[None]:
+    pattern = _goal(goal)
+    mark = len(trail)
+    for intention in mind.all_intentions():
+        why = "suspend_ia" if intention.suspended is not None else intention.waiting
+        if why and dropping.find_goal(intention, pattern, trail) is not None:
+            from agentd.language.terms import atom
+
+            if unify(reason, atom(why.partition(" ")[0]), trail):
+                yield None
+        undo(trail, mark)
+
+

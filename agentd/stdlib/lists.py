@@ -1,0 +1,306 @@
+"""Lists: members, positions, order, sets as lists, collecting over queries."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from agentd.language.order import compare, distinct, ordered
+from agentd.language.term_text import text
+from agentd.language.terms import EMPTY, Collection, Expression, List, Literal, Var, deref, elements, make_list, proper
+from agentd.mind.failed import Failed, wrong_arguments
+from agentd.mind.solve import solve
+from agentd.mind.unifier import Trail, resolve, undo, unify
+from agentd.stdlib.registry import internal_action
+
+
+def members_of(term: Any, what: str) -> list[Any]:
+    """The elements of a list. Fails with ``wrong_arguments`` for anything else."""
+    found = proper(term)
+    if found is None:
+        wrong_arguments(f"{what} takes a list")
+    return found
+
+
+@internal_action(".member", 2, backtracks=True)
+def member(mind: Any, trail: Trail, item: Any, collection: Any) -> Iterator[None]:
+    """``.member(X, L)``: each element that unifies."""
+    collection = deref(collection)
+    if type(collection) is Collection and collection.kind != "map":
+        members: Any = list(collection.content)
+    elif type(collection) is List:
+        members = elements(collection)
+    else:
+        wrong_arguments(".member takes a list, set or queue")
+    mark = len(trail)
+    for element in members:
+        if unify(item, element, trail):
+            yield None
+        if len(trail) > mark:
+            undo(trail, mark)
+
+
+@internal_action(".nth", 3, backtracks=True)
+def nth(mind: Any, trail: Trail, position: Any, collection: Any, item: Any) -> Iterator[None]:
+    """``.nth(I, ListOrString, X)``: from 0; with I free, each position whose element unifies."""
+    position, collection = deref(position), deref(collection)
+    members = list(collection) if type(collection) is str else members_of(collection, ".nth")
+    mark = len(trail)
+    if type(position) is Var:
+        for at, element in enumerate(members):
+            if unify(item, element, trail) and unify(position, float(at), trail):
+                yield None
+            undo(trail, mark)
+        return
+    if type(position) is not float:
+        wrong_arguments("the position for .nth is a number")
+    at = int(position)
+    if not 0 <= at < len(members):
+        raise Failed("internal_action", f"position {at} is out of range: there are {len(members)} elements")
+    if unify(item, members[at], trail):
+        yield None
+    undo(trail, mark)
+
+
+@internal_action(".delete", (3, 4))
+def delete(mind: Any, trail: Trail, *args: Any) -> bool:
+    """``.delete(What, ListOrString, R)``: by position, range, pattern, or the elements that unify."""
+    *what, collection, result = args
+    first, collection = deref(what[0]), deref(collection)
+    if type(first) is float:
+        return _delete_positions([deref(w) for w in what], collection, result, trail)
+    if len(what) > 1:
+        wrong_arguments(".delete of a range takes two numbers")
+    if type(first) is str and type(collection) in (str, List):
+        whole = collection if type(collection) is str else text(resolve(collection))
+        return unify(result, re.sub(first, "", whole), trail)
+    members = proper(collection)
+    if members is None:
+        raise Failed("internal_action", ".delete takes a list or string to delete from")
+    left = []
+    for element in members:
+        mark = len(trail)
+        if not unify(first, element, trail):
+            undo(trail, mark)
+            left.append(element)
+    return unify(result, make_list(left), trail)
+
+
+def _delete_positions(what: list[Any], collection: Any, result: Any, trail: Trail) -> bool:
+    if any(type(w) is not float for w in what):
+        wrong_arguments("positions for .delete are numbers")
+    start = int(what[0])
+    end = int(what[1]) if len(what) > 1 else start + 1
+    if type(collection) is str:
+        return unify(result, collection[:start] + collection[max(end, start) :], trail)
+    members = proper(collection)
+    if members is None:
+        raise Failed("internal_action", ".delete takes a list or string to delete from")
+    return unify(result, make_list(members[:start] + members[max(end, start) :]), trail)
+
+
+@internal_action(".sort", 2)
+def sort(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
+    """``.sort(L, R)``: standard order, duplicates kept."""
+    return unify(result, make_list(ordered(members_of(items, ".sort"))), trail)
+
+
+@internal_action(".shuffle", 2)
+def shuffle(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
+    members = members_of(items, ".shuffle")
+    mind.random.shuffle(members)
+    return unify(result, make_list(members), trail)
+
+
+@internal_action(".min", 2)
+def minimum(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
+    members = ordered(members_of(items, ".min"))
+    return bool(members) and unify(result, members[0], trail)
+
+
+@internal_action(".max", 2)
+def maximum(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
+    members = ordered(members_of(items, ".max"))
+    return bool(members) and unify(result, members[-1], trail)
+
+
+def _sets(what: str, left: Any, right: Any) -> tuple[list[Any], list[Any]]:
+    return distinct(members_of(left, what)), distinct(members_of(right, what))
+
+
+def _in(item: Any, members: list[Any]) -> bool:
+    return any(compare(item, m) == 0 for m in members)
+
+
+@internal_action(".union", 3)
+def union(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
+    a, b = _sets(".union", left, right)
+    return unify(result, make_list(distinct(a + b)), trail)
+
+
+@internal_action(".intersection", 3)
+def intersection(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
+    a, b = _sets(".intersection", left, right)
+    return unify(result, make_list([x for x in a if _in(x, b)]), trail)
+
+
+@internal_action(".difference", 3)
+def difference(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
+    a, b = _sets(".difference", left, right)
+    return unify(result, make_list([x for x in a if not _in(x, b)]), trail)
+
+
+def _parts(what: str, pattern: Any, whole: Any, cuts: Any, trail: Trail) -> Iterator[None]:
+    whole = deref(whole)
+    members: Any = whole if type(whole) is str else members_of(whole, what)
+    mark = len(trail)
+    for start, end in cuts(len(members)):
+        part = members[start:end]
+        if unify(pattern, part if type(part) is str else make_list(part), trail):
+            yield None
+        undo(trail, mark)
+
+
+@internal_action(".prefix", 2, backtracks=True)
+def prefix(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
+    yield from _parts(".prefix", pattern, whole, lambda n: ((0, end) for end in range(n, -1, -1)), trail)
+
+
+@internal_action(".suffix", 2, backtracks=True)
+def suffix(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
+    yield from _parts(".suffix", pattern, whole, lambda n: ((start, n) for start in range(n + 1)), trail)
+
+
+@internal_action(".sublist", 2, backtracks=True)
+def sublist(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
+    def cuts(n: int) -> Iterator[tuple[int, int]]:
+        for start in range(n):
+            for end in range(n, start, -1):
+                yield start, end
+        yield 0, 0
+
+    yield from _parts(".sublist", pattern, whole, cuts, trail)
+
+
+@internal_action(".range", (3, 4), backtracks=True)
+def number_range(mind: Any, trail: Trail, item: Any, first: Any, last: Any, step: Any = 1.0) -> Iterator[None]:
+    """``.range(X, From, To[, Step])``: both ends included; with X bound, a test."""
+    bounds = [deref(first), deref(last), deref(step)]
+    if any(type(b) is not float for b in bounds):
+        wrong_arguments(".range takes numbers as bounds")
+    start, end, pace = (math.trunc(b) for b in bounds)
+    given = deref(item)
+    if type(given) is float:
+        if start <= given <= end:
+            yield None
+        return
+    if pace == 0:
+        return
+    mark = len(trail)
+    at = start
+    while at <= end if pace > 0 else at >= end:
+        if unify(given, float(at), trail):
+            yield None
+        undo(trail, mark)
+        at += pace
+
+
+@internal_action(".random", (1, 3), backtracks=True)
+def random(mind: Any, trail: Trail, *args: Any) -> Iterator[None]:
+    """``.random(X)``, ``.random(X, N)``: numbers from 0 to 1; ``.random(L, X[, N])``: members of a list."""
+    first = deref(args[0])
+    mark = len(trail)
+    if type(first) is List:
+        members = members_of(first, ".random")
+        if len(args) == 1:
+            wrong_arguments(".random of a list needs a variable")
+        target, times = args[1], _times(args[2]) if len(args) == 3 else 1
+        if not members:
+            return
+    else:
+        if type(first) is not Var:
+            wrong_arguments("the first argument of .random is a variable or a list")
+        members, target, times = [], first, _times(args[1]) if len(args) > 1 else 1
+    done = 0
+    while times == 0 or done < times:
+        done += 1
+        value = mind.random.choice(members) if members else mind.random.random()
+        if unify(target, value, trail):
+            yield None
+        undo(trail, mark)
+
+
+def _times(term: Any) -> int:
+    number = deref(term)
+    if type(number) is not float:
+        wrong_arguments(".random takes a number of times")
+    return int(number)
+
+
+@internal_action(".set_random_seed", 1)
+def set_random_seed(mind: Any, trail: Trail, seed: Any) -> bool:
+    number = deref(seed)
+    if type(number) is not float:
+        wrong_arguments("a random seed is a number")
+    mind.random.seed(int(number))
+    return True
+
+
+def _query(term: Any) -> Any:
+    """A query held by a variable. Fails with ``wrong_arguments`` when it is no formula."""
+    query = deref(term)
+    if type(query) not in (Literal, Expression):
+        wrong_arguments("a formula is needed as query")
+    return query
+
+
+def _solutions(mind: Any, template: Any, query: Any, trail: Trail) -> list[Any]:
+    found = []
+    for _ in solve(mind, _query(query), trail):
+        found.append(resolve(template))
+    return found
+
+
+@internal_action(".findall", 3)
+def findall(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+    """``.findall(T, Query, L)``. The compiler writes a loop for it where the query is written out."""
+    return unify(result, make_list(_solutions(mind, template, query, trail)), trail)
+
+
+@internal_action(".setof", 3)
+def setof(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+    return unify(result, make_list(distinct(_solutions(mind, template, query, trail))), trail)
+
+
+@internal_action(".min", 3)
+def minimum_of(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+    found = ordered(_solutions(mind, template, query, trail))
+    return bool(found) and unify(result, found[0], trail)
+
+
+@internal_action(".max", 3)
+def maximum_of(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+    found = ordered(_solutions(mind, template, query, trail))
+    return bool(found) and unify(result, found[-1], trail)
+
+
+@internal_action(".count", 2)
+def count(mind: Any, trail: Trail, query: Any, result: Any) -> bool:
+    return unify(result, float(len(_solutions(mind, EMPTY, query, trail))), trail)
+
+
+@internal_action(".eval", 2)
+def evaluate(mind: Any, trail: Trail, result: Any, query: Any) -> bool:
+    from agentd.language.terms import FALSE, TRUE
+
+    mark = len(trail)
+    holds = FALSE
+    for _ in solve(mind, _query(query), trail):
+        holds = TRUE
+        break
+    undo(trail, mark)
+    return unify(result, holds, trail)
+
+

@@ -1,0 +1,91 @@
+"""Sending messages."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language.terms import List, Literal, deref, proper
+from agentd.mind.failed import Failed, wrong_arguments
+from agentd.mind.messages import Question, send
+from agentd.mind.unifier import Copier, Trail
+from agentd.mind.waiting import milliseconds
+from agentd.stdlib.registry import internal_action
+
+_ASKS = ("askOne", "askAll", "askHow", "askIf")
+
+
+def name_of(term: Any) -> str:
+    """An agent's name given as atom or string. Fails with ``wrong_arguments`` for anything else."""
+    term = deref(term)
+    if type(term) is str:
+        return term
+    if type(term) is Literal and not term.args:
+        return term.sig.functor
+    return wrong_arguments("the name of an agent is an atom or a string")
+
+
+def _receivers(mind: Any, term: Any) -> list[str]:
+    term = deref(term)
+    names = [name_of(m) for m in proper(term) or []] if type(term) is List else [name_of(term)]
+    return [mind.name if name == "self" else name for name in names]
+
+
+def _check(mind: Any, name: str) -> None:
+    if mind.agents is not None and name not in mind.agents():
+        raise Failed("receiver_not_found", f"there is no agent '{name}' to send to")
+
+
+@internal_action(".send", (3, 5), suspends=True)
+def send_message(
+    mind: Any, trail: Trail, to: Any, performative: Any, content: Any, answer: Any = None, limit: Any = None
+) -> bool | None:
+    """``.send(To, Performative, Content[, Answer[, TimeoutMs]])``; with an answer the intention waits for it."""
+    receivers = _receivers(mind, to)
+    force = name_of(performative)
+    content = Copier(fresh=True).copy(content)
+    if answer is not None and force in _ASKS:
+        return _ask(mind, receivers, type(deref(to)) is List, force, content, (answer, limit))
+    reply_to = deref(answer) if answer is not None else ""
+    for receiver in receivers:
+        _check(mind, receiver)
+        send(mind, receiver, force, content, reply_to if type(reply_to) is str else "")
+    return None
+
+
+def _ask(mind: Any, receivers: list[str], many: bool, force: str, content: Any, rest: tuple[Any, Any]) -> bool | None:
+    answer, limit = rest
+    intention = mind.current
+    question = Question(intention, answer, many, len(receivers))
+    mind.await_something(intention, f"answer of {', '.join(receivers)}", question)
+    for receiver in receivers:
+        try:
+            _check(mind, receiver)
+        except Failed:
+            mind.waiting.pop(intention.id, None)
+            intention.waiting = None
+            raise
+        msg_id = send(mind, receiver, force, content, sync=True)
+        question.ids.append(msg_id)
+        mind.questions[msg_id] = question
+    seconds = mind.ask_timeout if limit is None else milliseconds(limit)
+    if seconds is not None:
+        question.timer = mind.timers.at(mind.now + seconds, lambda: question.timed_out(mind))
+    return True
+
+
+@internal_action(".broadcast", 2)
+def broadcast(mind: Any, trail: Trail, performative: Any, content: Any) -> bool:
+    """``.broadcast(Performative, Content)``: to all others."""
+    send(mind, None, name_of(performative), Copier(fresh=True).copy(content))
+    return True
+
+
+@internal_action(".all_names", 1)
+def all_names(mind: Any, trail: Trail, result: Any) -> bool:
+    from agentd.language.terms import atom, make_list
+    from agentd.mind.unifier import unify
+
+    names = [mind.name] if mind.agents is None else list(mind.agents())
+    return unify(result, make_list([atom(n) for n in names]), trail)
+
+

@@ -1,0 +1,72 @@
+"""The plan library: adding, removing and finding plans, and events by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from agentd.language.terms import SELF, Literal, Var, deref, make_list
+from agentd.mind.beliefs import with_source
+from agentd.mind.code_terms import trigger_literal
+from agentd.mind.plan_terms import add_plans, plans_for, read_trigger, relevant_plans, remove_plans, term_of
+from agentd.mind.unifier import Trail, detach, resolve, resolve_all, undo, unify
+from agentd.stdlib.registry import internal_action
+
+_MYSELF = SELF[0].args[0]
+
+
+@internal_action(".add_plan", (1, 3))
+def add_plan(mind: Any, trail: Trail, plans: Any, source: Any = _MYSELF, place: Any = None) -> bool:
+    """``.add_plan(P[, Source[, begin]])``: a plan, its text, or a list of both."""
+    add_plans(mind, plans, resolve(source), first=place is not None)
+    return True
+
+
+@internal_action(".remove_plan", (1, 2))
+def remove_plan(mind: Any, trail: Trail, plans: Any, source: Any = _MYSELF) -> bool:
+    remove_plans(mind, plans, resolve(source))
+    return True
+
+
+@internal_action(".relevant_plans", (2, 3))
+def relevant(mind: Any, trail: Trail, trigger: Any, plans: Any, labels: Any = None) -> bool:
+    """``.relevant_plans({trigger}, Plans[, Labels])``."""
+    if not unify(plans, make_list(relevant_plans(mind, trigger)), trail):
+        return False
+    if labels is None:
+        return True
+    return unify(labels, make_list([p.label for p in plans_for(mind, read_trigger(trigger))]), trail)
+
+
+@internal_action(".relevant_plan", 2, backtracks=True)
+def relevant_plan(mind: Any, trail: Trail, trigger: Any, plan: Any) -> Iterator[None]:
+    mark = len(trail)
+    for found in relevant_plans(mind, trigger):
+        if unify(plan, found, trail):
+            yield None
+        undo(trail, mark)
+
+
+@internal_action(".plan_label", 2, backtracks=True)
+def plan_label(mind: Any, trail: Trail, plan: Any, label: Any) -> Iterator[None]:
+    mark = len(trail)
+    wanted = deref(label)
+    for found in list(mind.plans):
+        if type(wanted) is Literal and wanted.sig.functor != found.label.sig.functor:
+            continue
+        if (type(wanted) is not Var or unify(wanted, found.label, trail)) and unify(plan, term_of(found), trail):
+            yield None
+        undo(trail, mark)
+
+
+@internal_action(".signal", (1, 2))
+def signal(mind: Any, trail: Trail, trigger: Any, kind: Any = None) -> bool:
+    """``.signal({+e})``: the event at once, with source(self); no belief is added."""
+    code = read_trigger(trigger)
+    literal = trigger_literal(code)
+    event = mind.plans.relevant(code.syntax.operator, code.syntax.goal, literal.sig)
+    args, annots = detach(resolve_all(literal.args)), with_source(resolve_all(literal.annots))
+    if mind.listeners:
+        mind.hear(event, args, annots)
+    mind.post(event, args, annots)
+    return True

@@ -1,0 +1,113 @@
+"""Internal actions and functions by decorator.
+
+An internal action is a Python function ``f(mind, trail, *args)`` of run-time terms:
+
+- a *test* returns whether it holds, after unifying its results with `agentd.mind.unifier.unify`;
+- with ``backtracks=True`` it is a generator: one ``yield`` is one solution, and it undoes its bindings between them;
+- with ``suspends=True`` it can only be a step of a plan: it returns true when the intention has to wait.
+
+It raises `agentd.mind.failed.Failed` with the error that the plan's handler shall see. A function
+(``math.max(1,2)``) is called as ``f(mind, *args)`` and returns its value, or None when it cannot be computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, Final
+
+from agentd.language.numbers import UndefinedNumber
+from agentd.mind.failed import Failed
+
+
+class InternalAction:
+    """A registered internal action."""
+
+    __slots__ = ("_guarded", "arities", "backtracks", "function", "name", "suspends")
+
+    def __init__(
+        self, name: str, arities: range, function: Callable[..., Any], backtracks: bool, suspends: bool
+    ) -> None:
+        self.name, self.arities, self.function = name, arities, function
+        self.backtracks, self.suspends = backtracks, suspends
+        self._guarded: Callable[..., Any] | None = None
+
+    def guarded(self) -> Callable[..., Any]:
+        """For contexts and rules, where an error only makes the condition false."""
+        if self._guarded is None:
+            self._guarded = _guard_generator(self.function) if self.backtracks else _guard_test(self.function)
+        return self._guarded
+
+
+def _guard_test(function: Callable[..., Any]) -> Callable[..., bool]:
+    def guarded(mind: Any, trail: Any, *args: Any) -> bool:
+        try:
+            return bool(function(mind, trail, *args))
+        except (Failed, UndefinedNumber):
+            return False
+
+    return guarded
+
+
+def _guard_generator(function: Callable[..., Any]) -> Callable[..., Iterator[Any]]:
+    def guarded(mind: Any, trail: Any, *args: Any) -> Iterator[Any]:
+        try:
+            yield from function(mind, trail, *args)
+        except (Failed, UndefinedNumber):
+            return
+
+    return guarded
+
+
+ACTIONS: Final[dict[str, list[InternalAction]]] = {}
+"""Internal actions by name; several of one name differ in their arities."""
+
+FUNCTIONS: Final[dict[tuple[str, int], Callable[..., Any]]] = {}
+"""Functions by name and number of arguments."""
+
+_MANY: Final = 1 << 30
+
+
+def internal_action(
+    name: str, arities: int | tuple[int, int | None], *, backtracks: bool = False, suspends: bool = False
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Register an internal action: ``arities`` is one number, or the least and the greatest (None: any number)."""
+    if isinstance(arities, int):
+        allowed = range(arities, arities + 1)
+    else:
+        least, most = arities
+        allowed = range(least, _MANY if most is None else most + 1)
+
+    def register(function: Callable[..., Any]) -> Callable[..., Any]:
+        ACTIONS.setdefault(name, []).append(InternalAction(name, allowed, function, backtracks, suspends))
+        return function
+
+    return register
+
+
+def function(name: str, *arities: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Register a function."""
+
+    def register(compute: Callable[..., Any]) -> Callable[..., Any]:
+        for arity in arities:
+            FUNCTIONS[(name, arity)] = compute
+        return compute
+
+    return register
+
+
+def find_action(name: str, arity: int) -> InternalAction | None:
+    """The internal action of this name for so many arguments.
+
+    With a number of arguments that it does not take, an action that fails with ``wrong_arguments`` is returned.
+    """
+    found = ACTIONS.get(name)
+    if found is None:
+        return None
+    for action in found:
+        if arity in action.arities:
+            return action
+
+    def wrong(mind: Any, trail: Any, *args: Any) -> bool:
+        raise Failed("wrong_arguments", f"{name} does not take {arity} arguments")
+
+    return InternalAction(name, range(arity, arity + 1), wrong, False, False)

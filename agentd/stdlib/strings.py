@@ -1,0 +1,185 @@
+"""Strings and the text of terms."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from agentd.language.instantiate import instantiate
+from agentd.language.term_text import text
+from agentd.language.terms import EMPTY, Collection, List, Literal, Var, atom, deref, make_list, proper, split
+from agentd.mind.failed import Failed, wrong_arguments
+from agentd.mind.unifier import Trail, resolve, undo, unify
+from agentd.stdlib.registry import function, internal_action
+
+
+def plain_text(term: Any) -> str:
+    """The text of a term without the quotes of a string or quoted atom."""
+    term = deref(term)
+    if type(term) is str:
+        return term
+    written = text(resolve(term))
+    if type(term) is Literal and not term.args and written.startswith("'") and written.endswith("'"):
+        return written[1:-1]
+    return written
+
+
+@internal_action(".concat", (2, None))
+def concat(mind: Any, trail: Trail, *args: Any) -> bool:
+    """``.concat(T, ..., R)``: joins lists, or the texts of all terms."""
+    *parts, result = args
+    result = deref(result)
+    if type(deref(parts[0])) is List:
+        joined: list[Any] = []
+        for part in parts:
+            members = proper(part)
+            if members is None:
+                wrong_arguments(".concat joins lists with lists only")
+            joined.extend(members)
+        if type(result) is not List and type(result) is not Var:
+            raise Failed("internal_action", "the last argument of .concat is neither a list nor a variable")
+        return unify(result, make_list(joined), trail)
+    whole = "".join([plain_text(p) for p in parts])
+    if type(result) is Literal:
+        return plain_text(result) == whole
+    return unify(result, whole, trail)
+
+
+def length_of(term: Any) -> float | None:
+    term = deref(term)
+    if type(term) is List:
+        if term is not EMPTY and term.tail is EMPTY:
+            return float(len(term.items) - term.at)
+        return float(len(split(term)[0]))
+    if type(term) is str:
+        return float(len(term))
+    return float(len(term.content)) if type(term) is Collection else None
+
+
+@internal_action(".length", 2)
+def length(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+    """``.length(ListOrString, N)``."""
+    number = length_of(term)
+    return number is not None and unify(result, number, trail)
+
+
+@function(".length", 1)
+def length_function(mind: Any, term: Any) -> Any:
+    return length_of(term)
+
+
+@internal_action(".substring", (2, 4), backtracks=True)
+def substring(mind: Any, trail: Trail, *args: Any) -> Iterator[None]:
+    """``.substring(S,T)`` tests; with numbers it cuts; else it finds the positions of S in T."""
+    if len(args) == 2:
+        if plain_text(args[0]) in plain_text(args[1]):
+            yield None
+        return
+    first, second = deref(args[0]), deref(args[1])
+    cut = type(first) is Var or type(second) is Var
+    mark = len(trail)
+    if cut:
+        source, result = (second, first) if type(first) is Var else (first, second)
+        whole = plain_text(source)
+        start, end = _position(args[2]), _position(args[3]) if len(args) == 4 else len(whole)
+        if not 0 <= start <= end <= len(whole):
+            raise Failed("unknown", "positions outside of the string in .substring")
+        if unify(result, whole[start:end], trail):
+            yield None
+        undo(trail, mark)
+        return
+    part, whole = plain_text(first), plain_text(second)
+    at = whole.find(part)
+    while at >= 0:
+        if unify(args[2], float(at), trail) and (
+            len(args) == 3 or unify(args[3], float(at + len(part) - 1), trail)
+        ):
+            yield None
+        undo(trail, mark)
+        at = whole.find(part, at + 1)
+
+
+def _position(term: Any) -> int:
+    number = deref(term)
+    if type(number) is not float:
+        raise Failed("unknown", "a position in a string is a number")
+    return int(number)
+
+
+_JAVA_GROUP = re.compile(r"\$(\d)")
+
+
+@internal_action(".replace", 4)
+def replace(mind: Any, trail: Trail, term: Any, pattern: Any, new: Any, result: Any) -> bool:
+    """``.replace(T, Regex, New, R)``: all matches; ``$1`` in New is a group."""
+    pattern, new = deref(pattern), deref(new)
+    if type(pattern) is not str or type(new) is not str:
+        raise Failed("unknown", ".replace takes a pattern and a text as strings")
+    try:
+        replaced = re.sub(pattern, _JAVA_GROUP.sub(r"\\g<\1>", new.replace("\\", "\\\\")), plain_text(term))
+    except re.error as error:
+        raise Failed("unknown", f"bad pattern: {error}") from error
+    return unify(result, replaced, trail)
+
+
+@internal_action(".lower_case", 2)
+def lower_case(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+    return unify(result, plain_text(term).lower(), trail)
+
+
+@internal_action(".upper_case", 2)
+def upper_case(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+    return unify(result, plain_text(term).upper(), trail)
+
+
+@internal_action(".reverse", 2)
+def reverse(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+    """``.reverse(ListOrString, R)``."""
+    term, target = deref(term), deref(result)
+    if type(term) is str:
+        if type(target) is not str and type(target) is not Var:
+            wrong_arguments("the result of .reverse of a string is a string")
+        return unify(target, term[::-1], trail)
+    members = proper(term)
+    if members is None or (type(target) is not List and type(target) is not Var):
+        wrong_arguments(".reverse takes a list or a string")
+    return unify(target, make_list(reversed(members)), trail)
+
+
+def read_term(mind: Any, written: str) -> Any:
+    """The term that a text stands for; its variables are those of the running plan. What cannot be read is an atom."""
+    from agentd.language.errors import SyntaxErrors
+    from agentd.language.parser import parse_term
+
+    try:
+        node = parse_term(written)
+    except (SyntaxErrors, RecursionError):
+        return atom(written)
+    values: dict[str, Any] = {}
+    if mind.current is not None and mind.current.stack:
+        frame = mind.current.stack[-1]
+        for name, place in frame[1].slots.items():
+            if place < len(frame):
+                if frame[place] is None:
+                    frame[place] = Var(name, len(mind.current.stack))
+                values[name] = frame[place]
+    return instantiate(node, values)
+
+
+@internal_action(".term2string", 2)
+def term2string(mind: Any, trail: Trail, term: Any, string: Any) -> bool:
+    """``.term2string(T, S)``, either way; with both bound it compares the texts."""
+    term, string = deref(term), deref(string)
+    if type(string) is Var:
+        return unify(string, text(resolve(term)), trail)
+    if type(string) is not str:
+        raise Failed("internal_action", "the second argument of .term2string is a string")
+    if type(term) is Var:
+        return unify(term, read_term(mind, string), trail)
+    return text(resolve(term)) == string
+
+
+@internal_action(".empty", 1)
+def empty(mind: Any, trail: Trail, term: Any) -> bool:
+    return length_of(term) == 0.0

@@ -1,0 +1,57 @@
+"""The agent's own name and failure, and the end of the team."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language.terms import Literal, atom, deref, is_source
+from agentd.mind.effects import StopTeam
+from agentd.mind.failed import Failed, wrong_arguments
+from agentd.mind.unifier import Trail, resolve_all, unify
+from agentd.stdlib.registry import internal_action
+
+
+@internal_action(".my_name", 1)
+def my_name(mind: Any, trail: Trail, name: Any) -> bool:
+    return unify(name, atom(mind.name), trail)
+
+
+@internal_action(".stopMAS", (0, 2))
+def stop_mas(mind: Any, trail: Trail, delay: Any = 0.0, code: Any = 0.0) -> bool:
+    """``.stopMAS([Ms[, ExitCode]])``: the team ends, at once or after a delay."""
+    delay, code = deref(delay), deref(code)
+    if type(delay) is not float or type(code) is not float:
+        wrong_arguments(".stopMAS takes milliseconds and an exit code")
+    mind.effects.append(StopTeam(int(code), delay / 1000.0))
+    return True
+
+
+@internal_action(".fail", (0, None))
+def fail(mind: Any, trail: Trail, *args: Any) -> bool:
+    """``.fail(Annotation, ...)``: the plan fails; the arguments become annotations of the failure event."""
+    if not args:
+        raise Failed("ia_failed")
+    annots = resolve_all(args)
+    message = ""
+    for annot in annots:
+        if type(annot) is Literal and annot.sig.functor == "error_msg" and len(annot.args) == 1:
+            message = str(annot.args[0])
+    raise Failed("internal_action", message, tuple(a for a in annots if not is_source(a)))
+
+
+@internal_action(".perceive", 0)
+def perceive(mind: Any, trail: Trail) -> bool:
+    """Percepts are delivered as they change, so there is nothing to ask for."""
+    return True
+
+
+@internal_action(".version", 1)
+def version(mind: Any, trail: Trail, result: Any) -> bool:
+    return unify(result, "argosy", trail)
+
+
+@internal_action(".verbose", 1)
+def verbose(mind: Any, trail: Trail, level: Any) -> bool:
+    if type(deref(level)) is not float:
+        raise Failed("unknown", ".verbose takes a number")
+    return True

@@ -1,0 +1,162 @@
+"""Kinds of terms, copies, annotations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.order import annotations
+from agentd.language.terms import (
+    EMPTY,
+    Code,
+    Collection,
+    List,
+    Literal,
+    Var,
+    atom,
+    deref,
+    is_source,
+    make_list,
+    proper,
+    source,
+)
+from agentd.mind.failed import Failed
+from agentd.mind.unifier import Copier, Trail, is_ground, resolve, undo, unify, value
+from agentd.stdlib.registry import ACTIONS, internal_action
+
+
+def _is_atom(term: Any) -> bool:
+    return type(term) is Literal and not term.args and not term.annots and not term.sig.negated
+
+
+def _is_structure(term: Any) -> bool:
+    if type(term) is Literal:
+        return bool(term.args or term.annots or term.sig.negated)
+    return type(term) is List
+
+
+@internal_action(".atom", 1)
+def is_atom(mind: Any, trail: Trail, term: Any) -> bool:
+    return _is_atom(value(term))
+
+
+@internal_action(".number", 1)
+def is_number(mind: Any, trail: Trail, term: Any) -> bool:
+    return type(value(term)) is float
+
+
+@internal_action(".string", 1)
+def is_string(mind: Any, trail: Trail, term: Any) -> bool:
+    return type(value(term)) is str
+
+
+@internal_action(".list", 1)
+def is_list(mind: Any, trail: Trail, term: Any) -> bool:
+    return type(value(term)) is List
+
+
+@internal_action(".literal", 1)
+def is_literal(mind: Any, trail: Trail, term: Any) -> bool:
+    return type(value(term)) is Literal
+
+
+@internal_action(".structure", 1)
+def is_structure(mind: Any, trail: Trail, term: Any) -> bool:
+    return _is_structure(value(term))
+
+
+@internal_action(".ground", 1)
+def ground(mind: Any, trail: Trail, term: Any) -> bool:
+    return is_ground(term)
+
+
+@internal_action(".internal_action", 1)
+def is_internal_action(mind: Any, trail: Trail, term: Any) -> bool:
+    term = value(term)
+    return type(term) is Literal and (term.sig.functor in ACTIONS or term.sig.functor.startswith("."))
+
+
+def _kinds(term: Any) -> list[str]:
+    kinds = {
+        "number": type(term) is float,
+        "atom": _is_atom(term),
+        "literal": type(term) is Literal,
+        "string": type(term) is str,
+        "list": type(term) is List,
+        "set": type(term) is Collection and term.kind == "set",
+        "map": type(term) is Collection and term.kind == "map",
+        "structure": _is_structure(term),
+        "rule": type(term) is Code and isinstance(term.syntax, syntax.Rule),
+        "plan": type(term) is Code and isinstance(term.syntax, syntax.Plan),
+        "queue": type(term) is Collection and term.kind in ("queue", "priority"),
+        "ground": is_ground(term),
+        "free": type(term) is Var,
+    }
+    return [kind for kind, holds in kinds.items() if holds]
+
+
+@internal_action(".type", 2, backtracks=True)
+def kind_of(mind: Any, trail: Trail, term: Any, kind: Any) -> Iterator[None]:
+    """``.type(T, K)``: each kind of the term."""
+    mark = len(trail)
+    for name in _kinds(value(term)):
+        if unify(kind, atom(name), trail):
+            yield None
+        undo(trail, mark)
+
+
+def _copied(term: Any) -> Any:
+    term = deref(term)
+    if type(term) is not Literal:
+        raise Failed("unknown", "only literals can be copied")
+    return Copier(fresh=True).copy(term)
+
+
+@internal_action(".copy_term", 2)
+@internal_action(".rename_apart", 2)
+def copy_term(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+    return unify(result, _copied(term), trail)
+
+
+@internal_action(".add_annot", 3)
+def add_annot(mind: Any, trail: Trail, term: Any, annot: Any, result: Any) -> bool:
+    """``.add_annot(T, A, R)``: to a literal or each literal of a list."""
+    return unify(result, _annotated(term, resolve(annot)), trail)
+
+
+def _annotated(term: Any, annot: Any) -> Any:
+    term = resolve(term)
+    if type(term) is Literal:
+        return term.with_annots(annotations((*term.annots, annot)))
+    members = proper(term) if term is not EMPTY else None
+    return term if members is None else make_list([_annotated(m, annot) for m in members])
+
+
+@internal_action(".add_nested_source", 3)
+def add_nested_source(mind: Any, trail: Trail, term: Any, who: Any, result: Any) -> bool:
+    """``.add_nested_source(T, S, R)``: S wraps the sources that were there."""
+    return unify(result, _nested(term, resolve(who)), trail)
+
+
+def _nested(term: Any, who: Any) -> Any:
+    term = resolve(term)
+    if type(term) is Literal:
+        inner = tuple(a for a in term.annots if is_source(a))
+        others = [a for a in term.annots if not is_source(a)]
+        return term.with_annots(annotations((*others, source(who).with_annots(inner))))
+    members = proper(term) if term is not EMPTY else None
+    return term if members is None else make_list([_nested(m, who) for m in members])
+
+
+@internal_action(".remove_source_annot", 2)
+def remove_source_annot(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+    return unify(result, _without_sources(term), trail)
+
+
+def _without_sources(term: Any) -> Any:
+    term = resolve(term)
+    if type(term) is Literal:
+        return term.with_annots(tuple(a for a in term.annots if not is_source(a)))
+    members = proper(term) if term is not EMPTY else None
+    return term if members is None else make_list([_without_sources(m) for m in members])

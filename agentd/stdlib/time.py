@@ -1,0 +1,125 @@
+"""Time, waiting, and events at a later time."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.terms import Code, Expression, Literal, deref
+from agentd.mind.failed import Failed, wrong_arguments
+from agentd.mind.solve import solve
+from agentd.mind.unifier import Trail, unify
+from agentd.mind.waiting import milliseconds, wait_event, wait_time, wait_until
+from agentd.stdlib.registry import function, internal_action
+
+
+@internal_action(".wait", (1, 3), suspends=True)
+def wait(mind: Any, trail: Trail, what: Any, limit: Any = None, elapsed: Any = None) -> bool | None:
+    """``.wait(Ms)``, ``.wait({event}[,Ms[,Elapsed]])``, ``.wait(Formula ...)``."""
+    intention = mind.current
+    term = deref(what)
+    if type(term) is float:
+        return wait_time(mind, intention, milliseconds(term))
+    if type(term) is Code:
+        code = _as_trigger(term)
+        return wait_event(mind, intention, code, limit, elapsed)
+    if type(term) is str:
+        from agentd.mind.plan_terms import read_trigger
+
+        return wait_event(mind, intention, read_trigger(term), limit, elapsed)
+    if type(term) in (Literal, Expression):
+
+        def check(mind: Any, intention: Any, frame: Any) -> bool:
+            return any(True for _ in solve(mind, term, intention.trail))
+
+        return wait_until(mind, intention, intention.stack[-1], check, limit, elapsed)
+    return wrong_arguments(".wait takes a time in milliseconds, a formula or an event in braces")
+
+
+def _as_trigger(code: Code) -> Code:
+    if isinstance(code.syntax, syntax.Trigger):
+        return code
+    return wrong_arguments(".wait takes an event in braces, such as { +b(X) }")
+
+
+_AT = re.compile(r"\s*now\s*(?:\+\s*(\d+(?:\.\d+)?)\s*([a-z]*))?\s*$")
+_UNITS = {
+    "": 0.001,
+    "ms": 0.001,
+    "millisecond": 0.001,
+    "milliseconds": 0.001,
+    "s": 1.0,
+    "second": 1.0,
+    "seconds": 1.0,
+    "m": 60.0,
+    "minute": 60.0,
+    "minutes": 60.0,
+    "h": 3600.0,
+    "hour": 3600.0,
+    "hours": 3600.0,
+    "d": 86400.0,
+    "day": 86400.0,
+    "days": 86400.0,
+}
+
+
+@internal_action(".at", 2)
+def at(mind: Any, trail: Trail, when: Any, trigger: Any) -> bool:
+    """``.at("now +N unit", {trigger})``: raises the event then; it carries no source."""
+    from agentd.mind.code_terms import trigger_literal
+    from agentd.mind.plan_terms import read_trigger
+    from agentd.mind.unifier import detach, resolve_all
+
+    written = deref(when)
+    match = _AT.match(written) if type(written) is str else None
+    if match is None or (match.group(2) or "") not in _UNITS:
+        raise Failed("internal_action", f"the time '{written}' is not of the form \"now +N seconds\"")
+    code = read_trigger(trigger)
+    literal = trigger_literal(code)
+    relevant = mind.plans.relevant(code.syntax.operator, code.syntax.goal, literal.sig)
+    args, annots = detach(resolve_all(literal.args)), resolve_all(literal.annots)
+    delay = float(match.group(1) or 0) * _UNITS[match.group(2) or ""]
+
+    def due() -> None:
+        if mind.listeners:
+            mind.hear(relevant, args, annots)
+        mind.post(relevant, args, annots)
+
+    mind.future_events.append(mind.timers.at(mind.now + delay, due))
+    return True
+
+
+def _clock(mind: Any) -> datetime:
+    return datetime.fromtimestamp(mind.epoch + mind.read_clock(), UTC).astimezone(mind.zone)
+
+
+@internal_action(".date", 3)
+def date(mind: Any, trail: Trail, year: Any, month: Any, day: Any) -> bool:
+    now = _clock(mind)
+    parts = ((year, now.year), (month, now.month), (day, now.day))
+    return all(unify(term, float(number), trail) for term, number in parts)
+
+
+@internal_action(".time", (3, 4))
+def time(mind: Any, trail: Trail, hour: Any, minute: Any, second: Any, millisecond: Any = None) -> bool:
+    now = _clock(mind)
+    parts = [(hour, now.hour), (minute, now.minute), (second, now.second)]
+    if millisecond is not None:
+        parts.append((millisecond, now.microsecond // 1000))
+    return all(unify(term, float(number), trail) for term, number in parts)
+
+
+@internal_action(".nano_time", 1)
+def nano_time(mind: Any, trail: Trail, result: Any) -> bool:
+    """``.nano_time(T)``: nanoseconds of mission time."""
+    return unify(result, float(round(mind.read_clock() * 1e9)), trail)
+
+
+@function("system.time", 0)
+def system_time(mind: Any) -> float:
+    """Milliseconds since the epoch."""
+    return float(int((mind.epoch + mind.read_clock()) * 1000))
+
+
