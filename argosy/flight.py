@@ -194,8 +194,9 @@ class Flight:
             return Ending(128 + self._signal, f"stopped by {how}")
         if dead := self._supervisor.dead():
             first = dead[0]
-            words = tuple(f"{first.name}: {line}" for line in list(first.lines)[-LAST_WORDS:])
-            return Ending(EXIT_FAILED, f"failed: {first.name} {first.how_it_ended()}", words)
+            text = f"failed: {first.name} {first.how_it_ended()}"
+            last = [line for line in list(first.lines)[-LAST_WORDS:] if line not in text]
+            return Ending(EXIT_FAILED, text, tuple(f"{first.name}: {line}" for line in last))
         return None
 
     async def _rest(self) -> None:

@@ -66,17 +66,17 @@ def _daemons(status: Status) -> list[str]:
     if samples := meter.flight_memory:
         most, mean = max(samples) / MEGABYTE, sum(samples) / len(samples) / MEGABYTE
         lines.append(_field("memory", f"{most:.1f} MB at most, {mean:.1f} MB mean in flight (PSS)"))
-    lines.append(_field("processor", f"{_share(meter.flight)} of a core in flight"))
+    lines.append(_field("processor", f"{_share(meter.flight)} in flight"))
     if meter.idle.share is None:
         lines.append(_field("idle", "not measured: the mission did not end with every vehicle disarmed"))
     else:
         window = f"for {meter.idle.wall:.1f} s after the end, at speed {status.setup.speed:g}"
-        lines.append(_field("idle", f"{_share(meter.idle)} of a core, {window}"))
+        lines.append(_field("idle", f"{_share(meter.idle)} {window}"))
     return lines
 
 
 def _share(window: Window) -> str:
-    return "not measured" if window.share is None else f"{window.share * 100:.2f} %"
+    return "not measured" if window.share is None else f"{window.share * 100:.2f} % of a core"
 
 
 def _field(name: str, text: str) -> str:

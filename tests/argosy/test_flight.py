@@ -1,0 +1,96 @@
+"""The first mission, flown by the real daemons and the simulated copter, and what happens when one of them dies."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+import time
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+from tests.argosy.conftest import Running, Start
+
+LIMIT = 90.0
+"""Memory of commd + bridged + agentd together in flight, MB of PSS."""
+
+
+def flown(running: Running, seconds: float = 240) -> tuple[int, str, str]:
+    """Wait for the end. Returns exit code, stdout, stderr; nothing may be left running."""
+    code = running.wait(seconds)
+    assert running.left_running() == []
+    return code, running.stdout, running.stderr
+
+
+def test_the_mission_is_flown_to_its_end(start: Start, single_uav: Path, tmp_path: Path) -> None:
+    report = tmp_path / "report"
+    running = start(single_uav, "--speed", "20", "--report", str(report), real_daemons=True)
+    running.until("agentd uav: up")
+    code, out, err = flown(running)
+    assert code == 0, out + err
+    for action in ('set_mode("GUIDED")', "arm_motors(true)", "takeoff(5)", "goto(-27.603683,-48.518052,40)"):
+        assert re.search(rf"uav: {re.escape(action)} succeeded after", out), action
+    assert "uav: return_to_launch succeeded after" in out
+    assert "uav: mission done" in out
+    assert "single-uav: done" in out
+    left = re.search(r"uav1 +RTL, disarmed, (-?[\d.]+) m above home, flew (\d+) m over ground, ([\d.]+) m high", out)
+    assert left is not None
+    assert abs(float(left[1])) < 0.5
+    assert 95 < float(left[2]) < 125  # there and back over 49.6 m
+    assert 39 < float(left[3]) < 42
+    memory = re.search(r"memory +([\d.]+) MB at most", out)
+    assert memory is not None
+    assert float(memory[1]) < LIMIT
+    assert re.search(r"idle +[\d.]+ % of a core", out)
+    ElementTree.parse(report / "track.svg")
+    assert "uav: mission done" in (report / "mission.log").read_text()
+
+
+@pytest.mark.parametrize("victim", ["commd serve", "bridged simulate", "bridged serve", "agentd serve"])
+def test_any_process_killed_in_flight_ends_the_run_within_5_s_and_is_named(
+    start: Start, single_uav: Path, victim: str
+) -> None:
+    running = start(single_uav, "--speed", "10", real_daemons=True)
+    running.until("uav: takeoff(5) succeeded")
+    running.family[victim].kill()
+    killed = time.monotonic()
+    code, out, err = flown(running)
+    took = time.monotonic() - killed
+    name = {"commd serve": "commd", "bridged simulate": "simulator uav1", "bridged serve": "bridged uav1"}
+    assert code == 1
+    assert f"error: failed: {name.get(victim, 'agentd uav')} was killed by SIGKILL" in err, out + err
+    assert took < 5.0, out
+
+
+def test_ctrl_c_in_flight_leaves_the_vehicle_returning_home(start: Start, single_uav: Path) -> None:
+    running = start(single_uav, "--speed", "5", real_daemons=True)
+    running.until("uav: takeoff(5) succeeded")
+    running.process.send_signal(signal.SIGINT)
+    code, out, _ = flown(running)
+    assert code == 130
+    assert "uav1: is armed: its bridge orders rtl (on_shutdown)" in out
+    assert "uav1: mode RTL" in out
+    assert re.search(r"uav1 +RTL, armed", out)
+
+
+def test_an_operator_stops_the_vehicle_from_another_terminal(start: Start, single_uav: Path, endpoint: str) -> None:
+    running = start(single_uav, "--speed", "5", real_daemons=True)
+    running.until("uav: takeoff(5) succeeded")
+    stop = [sys.executable, "-m", "argosy", "stop", "land", "--router", endpoint]
+    stopped = subprocess.run(stop, capture_output=True, text=True, timeout=60, check=False)
+    assert stopped.returncode == 0, stopped.stderr
+    assert stopped.stdout.startswith("uav1: land confirmed")
+    running.until("uav1: mode LAND")
+    running.process.send_signal(signal.SIGTERM)
+    assert flown(running)[0] == 128 + signal.SIGTERM
+
+
+def test_nothing_is_left_when_argosy_itself_is_killed_in_flight(start: Start, single_uav: Path) -> None:
+    running = start(single_uav, "--speed", "10", real_daemons=True)
+    running.until("uav: takeoff(5) succeeded")
+    running.process.send_signal(signal.SIGKILL)
+    running.process.wait(10)
+    assert running.left_running(patience=45) == []  # the bridge tries to bring the vehicle home for 30 s at most

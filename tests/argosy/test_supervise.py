@@ -1,0 +1,119 @@
+"""The supervisor, on small processes of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import sys
+import time
+from collections.abc import Awaitable, Callable
+
+from argosy.processes import Kind, Process
+from argosy.supervise import MAX_LINE, Child, Supervisor
+
+KIND = Kind("thing", lambda setup: [], lambda setup, subject: [])
+
+
+def script(code: str) -> Process:
+    """Return a process that runs a little Python."""
+    return Process(KIND, "one", (sys.executable, "-S", "-c", code))
+
+
+def supervised(body: Callable[[Supervisor, list[str], list[Child]], Awaitable[None]]) -> None:
+    """Run `body(supervisor, lines, ended)` and close the supervisor."""
+
+    async def run() -> None:
+        lines: list[str] = []
+        ended: list[Child] = []
+        supervisor = Supervisor(lambda child, line: lines.append(line), ended.append)
+        try:
+            async with asyncio.timeout(60):
+                await body(supervisor, lines, ended)
+        finally:
+            await supervisor.close()
+        assert all(not child.alive for child in supervisor.children)
+
+    asyncio.run(run())
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    """Wait until something holds."""
+    while not condition():
+        await asyncio.sleep(0.01)
+
+
+def test_lines_of_both_outputs_arrive_whole_and_without_what_no_text_is() -> None:
+    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
+        code = "import os; os.write(1, b'one\\ntw'); os.write(1, b'o\\n\\n'); os.write(2, b'caf\\xff\\nlast')"
+        await supervisor.start(script(code))
+        await until(lambda: bool(ended))
+        assert sorted(lines) == ["caf\ufffd", "last", "one", "two"]
+
+    supervised(body)
+
+
+def test_a_process_that_writes_without_end_cannot_fill_the_memory() -> None:
+    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
+        child = await supervisor.start(script("import os\nfor _ in range(300): os.write(1, b'x' * 100_000)"))
+        await until(lambda: bool(ended))
+        assert max(map(len, lines)) <= MAX_LINE
+        assert len(child.lines) <= 50
+        assert supervisor.cut_lines > 0
+
+    supervised(body)
+
+
+def test_a_process_that_ends_by_itself_is_dead_and_tells_its_last_error() -> None:
+    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
+        await supervisor.start(script("import sys; print('error: no such vehicle'); print('bye'); sys.exit(7)"))
+        await until(lambda: bool(supervisor.dead()))
+        assert supervisor.dead()[0].how_it_ended() == "ended by itself with exit code 7: error: no such vehicle"
+
+    supervised(body)
+
+
+def test_a_process_that_is_told_to_leave_is_not_dead() -> None:
+    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
+        child = await supervisor.start(script("import time; print('up', flush=True); time.sleep(60)"))
+        await until(lambda: lines == ["up"])
+        assert await supervisor.leave([child], 10.0, asyncio.Event()) == []
+        assert supervisor.dead() == []
+        assert child.how_it_ended() == "was killed by SIGTERM"
+
+    supervised(body)
+
+
+def test_a_process_that_does_not_leave_is_killed_when_its_time_is_over() -> None:
+    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
+        code = "import signal, time; signal.signal(15, signal.SIG_IGN); print('up', flush=True); time.sleep(60)"
+        child = await supervisor.start(script(code))
+        await until(lambda: lines == ["up"])
+        hurry = asyncio.Event()
+        hurry.set()  # 1 s instead of 60
+        began = time.monotonic()
+        assert await supervisor.leave([child], 60.0, hurry) == [child]
+        assert 0.9 < time.monotonic() - began < 20
+        assert child.how_it_ended() == "was killed by SIGKILL"
+
+    supervised(body)
+
+
+def test_a_command_that_does_not_exist_is_said_in_words() -> None:
+    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
+        child = await supervisor.start(Process(KIND, "one", ("/no/such/program",)))
+        await until(lambda: bool(ended))
+        assert "error: /no/such/program: No such file or directory" in child.how_it_ended()
+
+    supervised(body)
+
+
+def test_each_process_leads_a_group_of_its_own_so_that_ctrl_c_reaches_only_argosy() -> None:
+    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
+        child = await supervisor.start(script("import time; print('up', flush=True); time.sleep(60)"))
+        await until(lambda: lines == ["up"])
+        assert os.getpgid(child.pid) == child.pid
+        child.signal(signal.SIGKILL)
+        await until(lambda: bool(ended))
+
+    supervised(body)
