@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from datetime import timedelta, timezone, tzinfo
 
 
 class Clock:
@@ -12,6 +13,10 @@ class Clock:
     def __init__(self, speed: float = 1.0) -> None:
         self.speed = speed
         self._start = time.monotonic()
+        self.epoch = time.time()
+        """Unix time in seconds at which mission time was 0."""
+        self.zone: tzinfo = timezone(timedelta(seconds=time.localtime().tm_gmtoff))
+        """Where `.time` and `.date` tell the time of."""
 
     def now(self) -> float:
         """Return mission seconds since the start; never goes back."""

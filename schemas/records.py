@@ -152,6 +152,9 @@ class IntentionView(Record, frozen=True, kw_only=True):
 
     id: int
     state: str
+    """running, waiting or suspended."""
+    reason: str = ""
+    """What it waits for."""
     stack: tuple[str, ...] = ()
     """Triggering events, the top of the stack first."""
     at: str = ""

@@ -1,0 +1,69 @@
+"""An agent's program as its mission composes it: the .asl file, then the beliefs and goals of the mission file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from agentd.language.errors import SyntaxErrors
+from agentd.language.parser import parse_file, parse_formula, parse_program
+from agentd.language.syntax import Belief, Formula, Goal, Item, Program
+from schemas.findings import Finding, Findings
+from schemas.mission import Mission
+from schemas.positions import Steps
+
+
+def compose(mission: Mission, agent: str) -> Program:
+    """Return the program of an agent of a mission. Raises Findings with everything that is wrong with it."""
+    spec = mission.agents[agent]
+    findings: list[Finding] = []
+    items: list[Item] = []
+    path = mission.relative(spec.program)
+    program = Program(str(path))
+    if path.is_file():
+        try:
+            program = parse_file(path)
+        except SyntaxErrors as errors:
+            findings += errors.findings
+    else:
+        where = ("agents", agent, "program")
+        findings.append(mission.positions.finding(where, f"agents.{agent}.program: there is no file {path}"))
+    for index, text in enumerate(spec.beliefs):
+        items += _item(mission, ("agents", agent, "beliefs", index), text, Belief, findings)
+    for index, text in enumerate(spec.goals):
+        items += _item(mission, ("agents", agent, "goals", index), "!" + text.strip().lstrip("!"), Goal, findings)
+    if findings:
+        raise Findings(findings)
+    return replace(program, items=(*program.items, *items))
+
+
+def _item(
+    mission: Mission, steps: Steps, text: str, kind: type[Belief] | type[Goal], findings: list[Finding]
+) -> tuple[Item, ...]:
+    """Read one belief or goal that stands in the mission file."""
+    try:
+        found = parse_program(text.strip().removesuffix(".") + ".", mission.positions.file).items
+    except SyntaxErrors as errors:
+        findings.append(mission.positions.finding(steps, f"`{text}`: {errors.findings[0].message}"))
+        return ()
+    if len(found) != 1 or not isinstance(found[0], kind):
+        what = "belief such as `rescuers(2)`" if kind is Belief else "goal such as `fly_mission`"
+        findings.append(mission.positions.finding(steps, f"`{text}`: expected one {what}"))
+        return ()
+    return found
+
+
+def done_formulas(mission: Mission, agent: str) -> dict[str, Formula]:
+    """Return the formulas that must hold for this agent, by their text. Raises Findings for one that does not parse."""
+    formulas: dict[str, Formula] = {}
+    findings: list[Finding] = []
+    for index, done in enumerate(mission.done):
+        if done.agent != agent:
+            continue
+        try:
+            formulas[done.formula] = parse_formula(done.formula, mission.positions.file)
+        except SyntaxErrors as errors:
+            message = f"`{done.formula}`: {errors.findings[0].message}"
+            findings.append(mission.positions.finding(("done", index), message))
+    if findings:
+        raise Findings(findings)
+    return formulas

@@ -1,0 +1,85 @@
+"""The agent daemon: one or several agents of a mission, each a mind of its own, in one process on the bus."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from argparse import ArgumentParser, Namespace
+
+from agentd.compose import compose, done_formulas
+from agentd.host import Host, Part
+from agentd.language.compile import compile_program
+from commd.bus import open_bus
+from commd.clock import Clock
+from commd.process import EXIT_DONE, report_health, run_daemon
+from schemas.findings import Finding, Findings
+from schemas.manifest import load_manifest
+from schemas.mission import Mission, load_mission
+
+log = logging.getLogger("agentd")
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `agentd serve`."""
+    parser.add_argument("mission", help="mission file")
+    parser.add_argument("agents", nargs="*", metavar="AGENT", help="agents to run (default: all of the board)")
+    parser.add_argument("--board", help="run the agents of this board")
+    parser.add_argument("--router", metavar="ENDPOINT", help="the router, if not at the mission's endpoint")
+    parser.add_argument("--speed", type=float, help="mission seconds per wall second (simulation only)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the minds' random numbers")
+
+
+def run(args: Namespace) -> int:
+    """Run the daemon until it is told to stop, or a program stops the team. Returns the exit code."""
+    return run_daemon("agentd", lambda stop: serve(load_mission(args.mission), args, stop))
+
+
+async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
+    """Compile the agents' programs, join the bus under each agent's name, and reason."""
+    clock = Clock(args.speed or mission.speed)
+    parts = [prepare(mission, name, args.seed) for name in chosen(mission, args)]
+    name = parts[0].name
+    endpoint = args.router or mission.router.endpoint
+    async with open_bus(
+        endpoint, fleet=mission.fleet, name=name, daemon="agentd", stamp=clock.stamp, wire=mission.wire, stop=stop
+    ) as bus:
+        hosts = [Host(bus, clock, part, frozenset(mission.agents)) for part in parts]
+        for part in parts:
+            await bus.claim(part.name)
+        log.info("agents=%s", ",".join(part.name for part in parts))
+        reports = [asyncio.create_task(report_health(bus, host.part.name, clock, host.health)) for host in hosts]
+        await asyncio.gather(*(_run(host, stop) for host in hosts))
+        for report in reports:
+            report.cancel()
+    stopped = next((host.stopped for host in hosts if host.stopped is not None), None)
+    return stopped.exit_code if stopped is not None else EXIT_DONE
+
+
+async def _run(host: Host, stop: asyncio.Event) -> None:
+    """Run one agent; when its program stops the team, all agents of this daemon end."""
+    await host.run(stop)
+    if host.stopped is not None:
+        log.info("agent=%s stops the team", host.part.name)
+        stop.set()
+
+
+def chosen(mission: Mission, args: Namespace) -> list[str]:
+    """Return the agents that this daemon runs. Raises Findings if there are none, or one is not in the mission."""
+    agents = args.agents or [name for name, agent in mission.agents.items() if args.board in (None, agent.board)]
+    unknown = [name for name in agents if name not in mission.agents]
+    if unknown or not agents:
+        what = f"there is no agent `{unknown[0]}`" if unknown else f"board `{args.board}` has no agents"
+        known = f"; the agents are {', '.join(mission.agents)}"
+        raise Findings([Finding(str(mission.path), 0, 0, what + known)])
+    return list(dict.fromkeys(agents))
+
+
+def prepare(mission: Mission, agent: str, seed: int) -> Part:
+    """Read and compile what an agent is made of. Raises Findings with everything that is wrong with it."""
+    robot = mission.agents[agent].robot
+    deadlines: dict[str, float] = {}
+    if robot is not None and isinstance(named := mission.robots[robot].manifest, str):
+        manifest = load_manifest(named, mission.path.parent)
+        deadlines = {name: float(entry.deadline) for name, entry in manifest.actions.items()}
+    program = compile_program(compose(mission, agent))
+    return Part(agent, program, robot, deadlines, done_formulas(mission, agent), seed)

@@ -1,0 +1,277 @@
+"""Runs one mind on the bus: feeds it what arrives, carries out what comes out, sleeps when there is nothing to do."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import Counter, deque
+from collections.abc import Coroutine
+from dataclasses import dataclass
+from typing import Any
+
+from agentd.acting import Acting, describe
+from agentd.bridge import BridgeWatch
+from agentd.language.compile import CompiledProgram
+from agentd.language.syntax import Formula
+from agentd.language.terms import Literal, atom, signature
+from agentd.mailing import Mailing
+from agentd.mind import Mind
+from agentd.mind.effects import CancelAction, Effect, Log, PerformAction, Print, SendMail, StopTeam
+from agentd.mind.inputs import ActionDone, Input, Mail, PerceptAdded, PerceptRemoved, PerceptReplaced
+from agentd.perceiving import Perceiving
+from agentd.wire import BadTerm, from_wire, perceived, to_wire
+from commd.bus import Bus, Query
+from commd.clock import Clock
+from schemas import keys
+from schemas.records import Health, IntentionView, Message, MindView, Perception
+
+log = logging.getLogger("agent")
+
+SLICE = 500
+"""Reasoning cycles in a row before the event loop gets a turn."""
+INPUTS = 20_000
+"""Inputs that may wait for the mind; mail beyond is refused to its sender, who keeps it."""
+ASK_TIMEOUT = 30.0
+"""Mission seconds after which a synchronous ask without a limit of its own is answered with the atom `timeout`."""
+LAST_PRINTS = 20
+DEFAULT_DEADLINE = 60.0
+"""Mission seconds for an action that the manifest does not know: its bridge says so at once."""
+LEAVE = 2.0
+"""Wall seconds that mail and cancellations have to leave when the agent ends."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What an agent is made of: its program, its robot, and what the mission wants to see."""
+
+    name: str
+    program: CompiledProgram
+    robot: str | None
+    deadlines: dict[str, float]
+    """Mission seconds per action of the robot's manifest."""
+    done: dict[str, Formula]
+    seed: int = 0
+
+
+class Host:
+    """One agent of a mission: its mind, and the mind's hands and ears."""
+
+    def __init__(self, bus: Bus, clock: Clock, part: Part, agents: frozenset[str]) -> None:
+        self.part = part
+        self.stopped: StopTeam | None = None
+        """What the program said when it stopped the team."""
+        self.counters: Counter[str] = Counter()
+        self._bus, self._clock, self._agents = bus, clock, agents
+        self._mind = Mind(
+            part.name,
+            part.program,
+            seed=part.seed,
+            start=clock.now(),
+            clock=clock.now,
+            agents=lambda: agents,
+            ask_timeout=ASK_TIMEOUT,
+            epoch=clock.epoch,
+            zone=clock.zone,
+        )
+        self._wake = asyncio.Event()
+        self._prints: deque[str] = deque(maxlen=LAST_PRINTS)
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._mailing = Mailing(bus, part.name, self._take_mail)
+        self._perceiving: Perceiving | None = None
+        self._acting: Acting | None = None
+        if part.robot is not None:
+            self._perceiving = Perceiving(bus, part.name, part.robot, self._perceive)
+            watch = BridgeWatch(bus, part.robot, self._bridge_up, self._bridge_gone)
+            self._acting = Acting(bus, part.name, self._perceiving, watch)
+            self._spawn(self._perceiving.run())
+        bus.serve(keys.mind(bus.fleet, part.name), MindView, self._show)
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Reason until `stop` is set or the program stops the team. Sleeps while there is nothing to do."""
+        mind, clock = self._mind, self._clock
+        waiting = asyncio.create_task(stop.wait())
+        waiting.add_done_callback(lambda _: self._wake.set())
+        try:
+            while not stop.is_set() and self.stopped is None:
+                self._wake.clear()
+                for effect in mind.run(clock.now(), SLICE):
+                    self._carry_out(effect)
+                if mind.ready:
+                    await asyncio.sleep(0)
+                    continue
+                due = mind.wake_at
+                pause = None if due is None else max(0.0, clock.to_wall(due - clock.now()))
+                await _wait(self._wake, pause)
+        finally:
+            waiting.cancel()
+            await self._leave()
+
+    async def _leave(self) -> None:
+        await self._mailing.drain(LEAVE)
+        for task in list(self._tasks):
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def _feed(self, item: Input) -> None:
+        self._mind.feed(item)
+        self._wake.set()
+
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    # --- out of the mind ---
+
+    def _carry_out(self, effect: Effect) -> None:
+        match effect:
+            case Print(text=text):
+                self._prints.append(text)
+                print(f"[{self.part.name}] {text}", flush=True)
+            case Log(level=level, text=text):
+                log.log(_LEVELS.get(level, logging.INFO), "agent=%s %s", self.part.name, text)
+            case PerformAction():
+                self._spawn(self._perform(effect))
+            case CancelAction(id=number):
+                if self._acting is not None:
+                    self._spawn(self._acting.cancel(self._identity(number)))
+            case SendMail():
+                self._send(effect)
+            case StopTeam():
+                self.stopped = effect
+
+    def _identity(self, number: int) -> str:
+        return f"{self.part.name}:{self._bus.boot}:{number}"
+
+    async def _perform(self, effect: PerformAction) -> None:
+        if self._acting is None:
+            reason = f"agent {self.part.name} has no robot to do {effect.name}"
+            self._feed(ActionDone(effect.id, False, reason, "refused"))
+            return
+        try:
+            parameters = tuple(map(to_wire, effect.parameters))
+        except BadTerm as bad:
+            self._feed(ActionDone(effect.id, False, f"{effect.name}: {bad}", "refused"))
+            return
+        deadline = self._clock.to_wall(self.part.deadlines.get(effect.name, DEFAULT_DEADLINE))
+        status = await self._acting.perform(self._identity(effect.id), effect.name, parameters, deadline)
+        log.info("agent=%s %s", self.part.name, describe(status))
+        self._feed(ActionDone(effect.id, status.state == "succeeded", status.reason, status.state))
+
+    def _send(self, mail: SendMail) -> None:
+        try:
+            content = to_wire(mail.content)
+        except BadTerm as bad:
+            self.counters["unsendable"] += 1
+            log.warning("agent=%s mail_unsendable id=%s why=%s", self.part.name, mail.msg_id, bad)
+            return
+        receivers = [mail.receiver] if mail.receiver is not None else sorted(self._agents - {self.part.name})
+        for receiver in receivers:
+            self._mailing.send(
+                Message(
+                    header=self._bus.header("mail", self.part.name),
+                    id=f"{self._bus.boot}.{mail.msg_id}",
+                    sender=self.part.name,
+                    performative=mail.performative,
+                    receiver=receiver,
+                    content=content,
+                    in_reply_to=mail.in_reply_to,
+                )
+            )
+
+    # --- into the mind ---
+
+    def _perceive(self, perception: Perception) -> None:
+        try:
+            literal = perceived(perception)
+        except BadTerm as bad:
+            self.counters["bad_percepts"] += 1
+            log.warning("agent=%s bad_percept name=%s why=%s", self.part.name, perception.name, bad)
+            return
+        match perception.update:
+            case "replace":
+                self._feed(PerceptReplaced(literal, perception.key))
+            case "add":
+                self._feed(PerceptAdded(literal))
+            case "remove":
+                self._feed(PerceptRemoved(literal, perception.key))
+
+    def _take_mail(self, message: Message) -> str:
+        """Feed a message. Returns why it is not taken, or an empty text."""
+        if len(self._mind.mailbox) >= INPUTS:
+            self.counters["mail_refused"] += 1
+            return "the mailbox is full"
+        try:
+            content = from_wire(message.content)
+        except BadTerm as bad:
+            self.counters["bad_mail"] += 1
+            log.warning("agent=%s bad_mail sender=%s why=%s", self.part.name, message.sender, bad)
+            return ""
+        self._feed(Mail(message.sender, message.performative, content, message.id, message.in_reply_to))
+        return ""
+
+    def _bridge_up(self) -> None:
+        self._feed(PerceptReplaced(_BRIDGE_UP))
+        if self._perceiving is not None:
+            self._perceiving.doubt()
+
+    def _bridge_gone(self) -> None:
+        if self._perceiving is not None:
+            self._perceiving.forget()
+        self._feed(PerceptRemoved(_BRIDGE_UP))
+
+    # --- for observers ---
+
+    async def _show(self, query: Query[MindView]) -> None:
+        query.reply(self.view(), keys.mind(self._bus.fleet, self.part.name))
+
+    def view(self) -> MindView:
+        """Return what the agent believes and intends now."""
+        mind = self._mind
+        return MindView(
+            header=self._bus.header("mind", self.part.name),
+            agent=self.part.name,
+            cycle=mind.cycle,
+            beliefs=tuple(belief.annotated for belief in mind.believed()),
+            intentions=tuple(
+                IntentionView(
+                    id=view.id,
+                    state=view.state,
+                    reason=view.reason,
+                    stack=tuple(goal.trigger for goal in view.stack),
+                    at=view.stack[0].position if view.stack else "",
+                )
+                for view in mind.intentions()
+            ),
+            prints=tuple(self._prints),
+            done={text: mind.query(formula) for text, formula in self.part.done.items()},
+        )
+
+    def health(self) -> Health:
+        """Return what the agent has counted, for its health."""
+        counters = Counter(self.counters)
+        for part, prefix in ((self._perceiving, "percepts_"), (self._acting, "actions_"), (self._mailing, "mail_")):
+            if part is not None:
+                counters.update({f"{prefix}{name}": count for name, count in part.counters.items()})
+        counters["cycles"] = self._mind.cycle
+        missed = self._perceiving.percepts.missed if self._perceiving else 0
+        return Health(
+            drops=self._mind.dropped_events + self._mailing.counters["dropped"],
+            bad_input=self.counters["bad_percepts"] + self.counters["bad_mail"],
+            counters={**{name: float(count) for name, count in sorted(counters.items())}, "percepts_missed": missed},
+        )
+
+
+async def _wait(event: asyncio.Event, seconds: float | None) -> None:
+    """Wait for an event, at most so many wall seconds (None: until an input comes)."""
+    if seconds is None:
+        await event.wait()
+        return
+    try:
+        await asyncio.wait_for(event.wait(), seconds)
+    except TimeoutError:
+        return
+
+
+_BRIDGE_UP = Literal(signature("bridge", 1), (atom("up"),))
+_LEVELS = {"error": logging.ERROR, "warning": logging.WARNING, "info": logging.INFO, "debug": logging.DEBUG}
