@@ -51,8 +51,15 @@ class Copter:
     """One vehicle from power on. Time passes only in `step`; what it wants to tell gathers in `events`."""
 
     def __init__(
-        self, start: Place, *, heading: float = 0.0, boot: BootKind = "quick", parameters: Parameters | None = None
+        self,
+        start: Place,
+        *,
+        heading: float = 0.0,
+        boot: BootKind = "quick",
+        parameters: Parameters | None = None,
+        mission: Mission | None = None,
     ) -> None:
+        """`parameters` and `mission` are what an earlier life left in the vehicle's memory."""
         self.now = FIRST_HEARTBEAT_S
         self.chart = FlatMap(start)
         self.parameters = parameters or Parameters()
@@ -62,7 +69,7 @@ class Copter:
         self.battery = Battery(self.parameters)
         self.fence = Fence(self.parameters)
         self.station = StationWatch(self.parameters)
-        self.mission = Mission()
+        self.mission = mission or Mission()
         self.mode = Mode.STABILIZE
         self.home: Place | None = None
         self.events: list[Event] = []
@@ -221,6 +228,7 @@ class Copter:
     def _reach(self, milestone: Milestone, texts: tuple[str, ...]) -> None:
         if milestone is Milestone.HOME:
             self.set_home(self.place)
+            self.count_mission(len(self.mission.items) + 1)
         for text in texts:
             self.say(text)
         if milestone is Milestone.MODE_SWITCH and self.mode is not Mode.STABILIZE and not self.armed:
@@ -270,6 +278,12 @@ class Copter:
     def _bring_home(self) -> None:
         if self.mode not in (Mode.RTL, Mode.LAND) and self.set_mode(Mode.RTL) is not Result.ACCEPTED:
             self.set_mode(Mode.LAND)
+
+    def count_mission(self, total: int) -> None:
+        """Tells the number of stored items, home included, as the parameter MIS_TOTAL."""
+        if self.parameters["MIS_TOTAL"] != total:
+            self.parameters.set("MIS_TOTAL", total)
+            self.events.append(ParameterChanged("MIS_TOTAL"))
 
     def start_mission(self) -> Result:
         """MAV_CMD_MISSION_START: AUTO from its first item."""

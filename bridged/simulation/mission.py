@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from bridged.simulation.flight import Flight, GoTo, Land, Return, Stage, Stop, TakeOff, Task
+from bridged.simulation.flight import Flight, GoTo, Land, Return, Stage, TakeOff, Task
 from bridged.simulation.geo import FlatMap, Place
 from bridged.simulation.motion import Vector
 
@@ -47,6 +47,10 @@ class Mission:
         """Forgets all items."""
         self.items, self.current, self.complete = [], 0, False
 
+    def rewind(self) -> None:
+        """The next AUTO begins with the first item."""
+        self.current, self.complete = 0, False
+
     def store(self, items: list[Item]) -> None:
         """Replaces the items; `items[0]` stands for home and is not kept."""
         self.items, self.current, self.complete = items[1:], 0, False
@@ -65,35 +69,28 @@ class Mission:
 
     def done(self, item: Item, flight: Flight, now: float) -> bool:
         """Whether the item that is flown is over."""
-        match item.command:
-            case command if command in (TAKEOFF, WAYPOINT):
-                if not flight.reached:
-                    self._entered_at = now
-                return flight.reached and now - self._entered_at >= (item.params[0] if command == WAYPOINT else 0.0)
-            case command if command == LOITER_TIME:
-                if not flight.reached:
-                    self._entered_at = now
-                return flight.reached and now - self._entered_at >= item.params[0]
-        return False  # RTL and LAND end with the motors
+        if item.command in (RETURN_TO_LAUNCH, LAND):
+            return False  # they end with the motors
+        if not flight.reached:
+            self._entered_at = now
+        stay = item.params[0] if item.command in (WAYPOINT, LOITER_TIME) else 0.0
+        return flight.reached and now - self._entered_at >= stay
 
 
 def task_of(item: Item, flight: Flight, chart: FlatMap, home: Place) -> Task:
     """What the copter does for an item."""
     here = flight.motion.position
-    match item.command:
-        case command if command == TAKEOFF:
-            return TakeOff(_height(item, chart, home))
-        case command if command in (WAYPOINT, LOITER_TIME):
-            goal = goal_of(item, chart, home)
-            return GoTo(goal or here, smooth=True)
-        case command if command == RETURN_TO_LAUNCH:
-            return Return(chart.vector(home))
-        case command if command == LAND:
-            goal = goal_of(item, chart, home) if item.x or item.y else None
-            if goal is None:
-                return Land()
-            return Return(goal, Stage.CRUISE, Vector(goal.north, goal.east, max(here.up, 2.0)))
-    return Stop()
+    if item.command == TAKEOFF:
+        return TakeOff(_height(item, chart, home))
+    if item.command == RETURN_TO_LAUNCH:
+        return Return(chart.vector(home))
+    goal = goal_of(item, chart, home)
+    if item.command == LAND:
+        if goal is None:
+            return Land()
+        away = math.hypot(goal.north - here.north, goal.east - here.east)
+        return Return(goal, Stage.CRUISE, Vector(goal.north, goal.east, max(here.up, 2.0)), length=away)
+    return GoTo(goal or here, smooth=True)
 
 
 def goal_of(item: Item, chart: FlatMap, home: Place) -> Vector | None:

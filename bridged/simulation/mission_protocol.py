@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.copter import Copter
-from bridged.simulation.events import ParameterChanged, Severity
+from bridged.simulation.events import Severity
 from bridged.simulation.flight import GoTo
-from bridged.simulation.mission import Item, goal_of
+from bridged.simulation.mission import RETURN_TO_LAUNCH, Item, goal_of
 from bridged.simulation.modes import Mode
 
 MAX_ITEMS = 700
@@ -63,7 +63,7 @@ class MissionProtocol:
                 return self._begin(message.count, peer)
             case "MISSION_CLEAR_ALL":
                 self._copter.mission.clear()
-                self._tell_total(0)
+                self._copter.count_mission(0)
                 return [dialect.MAVLink_mission_ack_message(*peer, _ACCEPTED)]
             case "MISSION_SET_CURRENT":
                 return self._set_current(message.seq, peer)
@@ -92,7 +92,7 @@ class MissionProtocol:
             return [dialect.MAVLink_mission_ack_message(*peer, _NO_SPACE)]
         if count == 0:
             self._copter.mission.clear()
-            self._tell_total(0)
+            self._copter.count_mission(0)
             return [dialect.MAVLink_mission_ack_message(*peer, _ACCEPTED)]
         now = self._copter.now
         self._upload = _Upload(peer, count, now, now, heard=now)
@@ -115,17 +115,13 @@ class MissionProtocol:
         upload.items.append(item)
         upload.heard = self._copter.now
         if len(upload.items) > 1:
-            self._tell_total(len(upload.items))
+            self._copter.count_mission(len(upload.items))
         if len(upload.items) < upload.count:
             return [self._ask(upload)]
         self._upload = None
         self._copter.mission.store(upload.items)
         self._copter.say("Flight plan received")
         return [dialect.MAVLink_mission_ack_message(*peer, _ACCEPTED)]
-
-    def _tell_total(self, total: int) -> None:
-        self._copter.parameters.set("MIS_TOTAL", total)
-        self._copter.events.append(ParameterChanged("MIS_TOTAL"))
 
     def _read(self, seq: int, peer: tuple[int, int], *, as_int: bool) -> Messages:
         copter = self._copter
@@ -196,4 +192,6 @@ def _item_of(message: dialect.MAVLink_message) -> Item | None:
         value if math.isfinite(value) else 0.0 for value in (message.param1, message.param2, message.param3)
     )
     params = (first, second, third, 0.0)
+    if message.command == RETURN_TO_LAUNCH:  # stored without a place (recorded)
+        return Item(message.seq, 0, message.command, params, 0, 0, 0.0)
     return Item(message.seq, message.frame, message.command, params, x, y, message.z, int(bool(message.autocontinue)))

@@ -15,7 +15,7 @@ GRAVITY = 9.81
 """m/s²"""
 
 _RESPONSE_S = 0.15
-"""Time in which a wrong target speed is corrected, within the limits of acceleration and jerk."""
+"""Time in which too high a target speed is corrected."""
 
 _POSITION_GAIN = 0.5  # 1/s: metres off the target to m/s
 _VELOCITY_GAIN = 1.1  # 1/s: m/s off to m/s²
@@ -59,6 +59,7 @@ class Limits:
     settle: float = 2.5  # 1/s: speed per metre in the last decimetres
     climb_accel: float = 1.1
     climb_brake: float = 0.58
+    response: float = 0.15  # s: time in which the wished speed is reached, within accel and jerk
 
 
 @dataclass(slots=True)
@@ -123,6 +124,11 @@ class Motion:
         return Vector(self.north.velocity, self.east.velocity, self.up.velocity)
 
     @property
+    def target(self) -> Vector:
+        """m"""
+        return Vector(self.north.target, self.east.target, self.up.target)
+
+    @property
     def course(self) -> tuple[float, float]:
         """Horizontal speed of the target in m/s and its direction in radians."""
         north, east = self.north.target_velocity, self.east.target_velocity
@@ -164,15 +170,16 @@ class Motion:
 
     def fly(self, velocity: Vector, limits: Limits, dt: float) -> None:
         """One step with this velocity as the wish."""
-        north = (velocity.north - self.north.target_velocity) / _RESPONSE_S
-        east = (velocity.east - self.east.target_velocity) / _RESPONSE_S
-        north, east = _clip(north, east, limits.accel)
+        north, east = velocity.north - self.north.target_velocity, velocity.east - self.east.target_velocity
         speeding_up = north * self.north.target_velocity + east * self.east.target_velocity >= 0
+        response = limits.response if speeding_up else _RESPONSE_S
+        north, east = _clip(north / response, east / response, limits.accel)
         most = (limits.jerk if speeding_up else _BRAKE_JERK) * dt
         more_north, more_east = _clip(north - self.north.target_accel, east - self.east.target_accel, most)
         up = (velocity.up - self.up.target_velocity) / _RESPONSE_S
         up = max(-limits.climb_accel, min(limits.climb_accel, up))
-        more_up = max(-limits.jerk * dt, min(limits.jerk * dt, up - self.up.target_accel))
+        most = (limits.jerk if up * self.up.target_velocity >= 0 else _BRAKE_JERK) * dt
+        more_up = max(-most, min(most, up - self.up.target_accel))
         self.north.plan(self.north.target_accel + more_north, dt)
         self.east.plan(self.east.target_accel + more_east, dt)
         self.up.plan(self.up.target_accel + more_up, dt)

@@ -69,7 +69,7 @@ def sys_status(copter: Copter) -> dialect.MAVLink_message:
 def global_position_int(copter: Copter) -> dialect.MAVLink_message | None:
     """GLOBAL_POSITION_INT; with zeros before the vehicle knows where it is."""
     place, velocity = copter.place, copter.motion.velocity
-    known = copter.passed(Milestone.HOME)
+    known = copter.passed(Milestone.GPS_FIX)
     relative = copter.motion.up.position - copter.home_on_chart.up
     return dialect.MAVLink_global_position_int_message(
         _boot_ms(copter),

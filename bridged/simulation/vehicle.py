@@ -9,11 +9,12 @@ import math
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation import setpoints, telemetry
-from bridged.simulation.boot import BootKind
+from bridged.simulation.boot import BootKind, Milestone
 from bridged.simulation.commands import Command, Desk
 from bridged.simulation.copter import Copter
 from bridged.simulation.events import Event, HomeChanged, ItemReached, ModeChanged, ParameterChanged, Text
 from bridged.simulation.geo import Place
+from bridged.simulation.mission import Mission
 from bridged.simulation.mission_protocol import MissionProtocol
 from bridged.simulation.parameters import Parameter, Parameters
 from bridged.simulation.streams import Streams
@@ -31,6 +32,8 @@ TIMESYNC_PERIOD_S = 10.0
 
 PARAMETERS_PER_STEP = 5
 """How many parameters of a requested list go out per step."""
+
+HEARTBEAT = 0
 
 _NO_INDEX = 65535
 _MISSION_MESSAGES = frozenset(
@@ -65,10 +68,10 @@ class Vehicle:
             raise ValueError(f"a system id lies between 1 and 255, got {system}")
         self.system = system
         self._boot: BootKind = boot
-        self._power_on(start, heading, Parameters(system))
+        self._power_on(start, heading, Parameters(system), Mission())
 
-    def _power_on(self, place: Place, heading: float, parameters: Parameters) -> None:
-        self.copter = Copter(place, heading=heading, boot=self._boot, parameters=parameters)
+    def _power_on(self, place: Place, heading: float, parameters: Parameters, mission: Mission) -> None:
+        self.copter = Copter(place, heading=heading, boot=self._boot, parameters=parameters, mission=mission)
         self._streams = Streams()
         self._mission = MissionProtocol(self.copter)
         self._heard = False
@@ -111,13 +114,16 @@ class Vehicle:
             self._reboot_in -= STEP_S
             if self._reboot_in <= 0:
                 copter = self.copter
-                self._power_on(copter.place, copter.motion.heading, copter.parameters)
+                copter.mission.rewind()
+                self._power_on(copter.place, copter.motion.heading, copter.parameters, copter.mission)
             return []
         self.copter.step(STEP_S)
         outgoing = self._told()
         outgoing += self._mission.advance()
         outgoing += self._told()
         for message in self._streams.due(self.copter.now):
+            if message != HEARTBEAT and not self.copter.passed(Milestone.READY):
+                continue
             built = telemetry.BUILDERS[message](self.copter)
             if built is not None:
                 outgoing.append(built)
