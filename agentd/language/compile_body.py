@@ -38,7 +38,7 @@ class BodyCompiler:
         for formula in body.formulas:
             numbers.append(len(self.code.steps))
             self.code.steps.append(StepCode("", formula))
-        for number, following in zip(numbers, [*numbers[1:], after], strict=True):
+        for number, following in zip(numbers, [*numbers[1:], after], strict=False):  # an empty body has no step
             self.code.steps[number].next = following
         for number, formula in zip(numbers, body.formulas, strict=True):
             writer = _StepWriter(self, number, bound)
