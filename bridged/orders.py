@@ -119,4 +119,6 @@ class Orders:
             outcome = await self.carry_out(attempt, f"the bridge stops: {attempt}", block=True)
             if outcome.state == "succeeded":
                 return f"{attempt}: {outcome.reason or 'the vehicle does it'}"
-        return f"armed, and it confirmed none of {', '.join(tries)}: {outcome.reason}"
+            if outcome.state == "timed_out":
+                break  # it does not answer: another order would not be heard either
+        return f"armed, and it has not confirmed {attempt}: {outcome.reason}"

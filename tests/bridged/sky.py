@@ -104,7 +104,7 @@ class Sky:
         )
         assert isinstance(self.bridge.driver, MavlinkDriver)
         self.driver = self.bridge.driver
-        self.ours = Encoder(1, 191)
+        self.ours = Encoder(self.driver.identity.system, self.driver.identity.component)
         self._theirs = Encoder(self.vehicle.system, 1)
         self._at_vehicle, self._at_bridge = Framer(WireCounters()), Framer(WireCounters())
         self.driver.attach(Carrier(self))

@@ -43,10 +43,13 @@ class MavlinkDriver:
         self._on_step = on_step
         self._link: Link | None = None
         self._carrier: Carrier | None = None
-        self._identity = our_ids(robot.failsafe, robot.sysid)
+        self.identity = our_ids(robot.failsafe, robot.sysid)
+        """Under which ids we speak, and to whom."""
+        self.unsendable = 0
+        """Messages so far that could not be packed."""
         self._conversation = Conversation(
             manifest,
-            self._identity,
+            self.identity,
             self._send,
             on_reading,
             speed=clock.speed,
@@ -59,8 +62,8 @@ class MavlinkDriver:
         link = self._link = await open_link(
             self._address,
             lambda message, _peer: self.receive(message),
-            system=self._identity.system,
-            component=self._identity.component,
+            system=self.identity.system,
+            component=self.identity.component,
             on_state=lambda up, why: log.info("link %s %s: %s", self._address, "up" if up else "down", why),
         )
         self.attach(link)
@@ -125,6 +128,7 @@ class MavlinkDriver:
             "acks_unmatched": talk.commands.unmatched,
             "streams_requested": talk.streams.requested,
             "reboots": talk.vehicle.reboots,
+            "unsendable": self.unsendable,
         }
         if self._link is not None:
             came = self._link.counters
@@ -145,5 +149,10 @@ class MavlinkDriver:
         return down + self._conversation.notes()
 
     def _send(self, message: dialect.MAVLink_message) -> None:
-        if self._carrier is not None:
-            self._carrier.send(message, self._identity.vehicle)
+        if self._carrier is None:
+            return
+        try:
+            self._carrier.send(message, self.identity.vehicle)
+        except ValueError as error:
+            self.unsendable += 1
+            log.error("not sent: %s", error)

@@ -22,6 +22,7 @@ OWN_FIELDS = {"HEARTBEAT": ("mode", "connected", "armed"), "OVERRIDE": ("mode",)
 TABLES = ("modes",)
 BY_MESSAGE = frozenset({"target", "arrival"})
 """Confirmations of actions that send a position target; the others confirm commands."""
+FLOAT32_MAX = 3.4e38
 FRAMES = {
     "relative": dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
     "amsl": dialect.MAV_FRAME_GLOBAL_INT,
@@ -38,6 +39,8 @@ def call_of(entry: ActionEntry, arguments: Mapping[str, Value], modes: ModeTable
     values = {field: _value(value, arguments, modes) for field, value in entry.fields.items()}
     if entry.message:
         latitude, longitude, altitude = (values[field] for field in TARGET_FIELDS)
+        if abs(latitude) > 90e7 or abs(longitude) > 180e7:
+            raise ValueError(f"no place on earth: latitude {latitude / 1e7:g}, longitude {longitude / 1e7:g}")
         return Call(
             target=Place(latitude / 1e7, longitude / 1e7, altitude),
             frame=FRAMES[entry.frame or "relative"],
@@ -57,13 +60,13 @@ def _value(said: Value | FieldValue, arguments: Mapping[str, Value], modes: Mode
     value = arguments[spec.param]
     if spec.table == "modes" and isinstance(value, str | int):
         return float(modes.number(value))
-    return _number(value) * spec.scale
+    return _number(_number(value) * spec.scale)
 
 
 def _number(value: object) -> float:
-    if isinstance(value, bool | int | float):
+    if isinstance(value, bool | int | float) and abs(value) <= FLOAT32_MAX:
         return float(value)
-    raise ValueError(f"expected a number, got {value!r}")
+    raise ValueError(f"expected a number that fits into 32 bits, got {value!r}")
 
 
 def _problems(manifest: Manifest) -> Iterator[Finding]:

@@ -1,0 +1,109 @@
+"""When an agent counts as dead, and whose failsafe watches whom."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bridged.presence import AGENT_GRACE, BUS_GRACE, Presence
+from tests.bridged.sky import MISSION, Sky
+
+
+@pytest.fixture
+def presence() -> Presence:
+    presence = Presence(["uav", "other"])
+    presence.token("uav", "b1", True, 10.0)
+    return presence
+
+
+def test_an_agent_that_never_came_cannot_be_lost() -> None:
+    assert Presence(["uav"]).lost(1000.0) == {}
+
+
+def test_a_missing_token_counts_after_a_grace_through_a_live_router(presence: Presence) -> None:
+    presence.token("uav", "b1", False, 20.0)
+    assert presence.lost(20.0 + AGENT_GRACE / 2) == {}
+    assert presence.lost(20.0 + AGENT_GRACE) == {"uav": "its token is gone"}
+
+
+def test_an_agent_that_is_restarted_within_the_grace_was_never_lost(presence: Presence) -> None:
+    presence.token("uav", "b1", False, 20.0)
+    presence.token("uav", "b2", True, 20.3)
+    assert presence.lost(30.0) == {}
+
+
+def test_the_old_life_going_after_the_new_one_came_is_no_loss(presence: Presence) -> None:
+    presence.token("uav", "b2", True, 20.0)
+    presence.token("uav", "b1", False, 22.0)
+    assert presence.lost(30.0) == {}
+
+
+def test_a_router_that_restarts_takes_no_agent_with_it(presence: Presence) -> None:
+    presence.router(False, 20.0)
+    presence.token("uav", "b1", False, 20.0)
+    assert presence.lost(20.0 + BUS_GRACE - 0.1) == {}
+    presence.router(True, 23.0)
+    assert presence.lost(23.2) == {}
+    presence.token("uav", "b1", True, 23.3)
+    assert presence.lost(40.0) == {}
+
+
+def test_an_agent_that_does_not_come_back_with_the_router_is_lost(presence: Presence) -> None:
+    presence.router(False, 20.0)
+    presence.token("uav", "b1", False, 20.0)
+    presence.router(True, 23.0)
+    assert presence.lost(23.0 + AGENT_GRACE) == {"uav": "its token is gone"}
+
+
+def test_without_a_router_for_long_nobody_could_tell_the_robot_anything(presence: Presence) -> None:
+    presence.router(False, 20.0)
+    assert presence.lost(20.0 + BUS_GRACE) == {"uav": "no router for 5 s"}
+
+
+def test_by_default_we_speak_as_the_vehicles_companion_and_warn_that_nobody_watches(tmp_path: Path) -> None:
+    sky = Sky(tmp_path)
+    sky.wait(2)
+    beats = [one for one in sky.sent if one.get_type() == "HEARTBEAT"]
+    assert {(one.get_srcSystem(), one.get_srcComponent(), one.type, one.autopilot) for one in beats} == {
+        (1, 191, 18, 8)
+    }
+    assert sky.driver.notes() == ["failsafe: none: if this bridge dies, nothing brings the vehicle home"]
+
+
+def watched(tmp_path: Path) -> Sky:
+    return Sky(tmp_path, mission=MISSION.replace("    link:", "    failsafe: {gcs: bridge}\n    link:"))
+
+
+def test_with_failsafe_bridge_we_are_the_ground_station_and_read_its_parameter_back(tmp_path: Path) -> None:
+    sky = watched(tmp_path)
+    sky.wait(3)
+    beats = [one for one in sky.sent if one.get_type() == "HEARTBEAT"]
+    assert {(one.get_srcSystem(), one.get_srcComponent()) for one in beats} == {(255, 190)}
+    assert sky.driver.notes() == [
+        "failsafe: FS_GCS_ENABLE is 0 on the vehicle: its ground-station failsafe is off",
+    ]
+    sky.vehicle.copter.parameters.set("FS_GCS_ENABLE", 1)
+    again = Sky(
+        tmp_path / "2",
+        mission=MISSION.replace("    link:", "    failsafe: {gcs: bridge}\n    link:"),
+        vehicle=sky.vehicle,
+    )
+    again.wait(3)
+    assert again.driver.notes() == []
+
+
+def test_a_dead_agents_vehicle_is_not_kept_from_its_own_failsafe(tmp_path: Path) -> None:
+    sky = watched(tmp_path)
+    sky.vehicle.copter.parameters.set("FS_GCS_ENABLE", 1)
+    sky.flying(10)
+    sky.driver.speak_for_agent(False)
+    sky.forward(lambda: sky.vehicle.copter.mode.name == "RTL", "the vehicle's own failsafe", 10)
+    sky.forward(lambda: sky.belief("override") == ("RTL",), "the percept of it", 3)
+
+
+def test_a_vehicle_that_does_not_tell_its_failsafe_is_a_warning(tmp_path: Path) -> None:
+    sky = watched(tmp_path)
+    sky.we_hear = lambda message: message.get_type() != "PARAM_VALUE"
+    sky.wait(8)
+    assert sky.driver.notes() == ["failsafe: the vehicle does not tell FS_GCS_ENABLE"]
