@@ -1,0 +1,103 @@
+"""Wrong missions, manifests and links: said at their line before anything starts."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+
+import pytest
+
+from bridged.preparation import prepare, state_directory
+from schemas.findings import Findings
+from schemas.mission import read_mission
+from tests.bridged.sky import MISSION
+from tests.support.processes import running
+
+
+def problems(
+    text: str, tmp_path: Path, *, robot: str = "uav1", link: str | None = None, speed: float = 1.0
+) -> list[str]:
+    mission = read_mission(text, tmp_path / "m.yaml")
+    try:
+        prepare(mission, robot, link, speed)
+    except Findings as found:
+        return [str(one).replace(str(tmp_path) + "/", "") for one in found.findings]
+    return []
+
+
+def test_a_good_mission_is_taken_and_the_command_line_chooses_the_link(tmp_path: Path) -> None:
+    mission = read_mission(MISSION, tmp_path / "m.yaml")
+    ready, manifest, steps = prepare(mission, "uav1", "tcp:127.0.0.1:5760", 5.0)
+    assert ready.robots["uav1"].link == "tcp:127.0.0.1:5760"
+    assert "takeoff" in manifest.actions
+    assert [(step.order, step.pause) for step in steps] == [("hold", 5.0), ("rtl", 0.0)]
+
+
+def test_everything_that_is_wrong_with_a_robot_is_told_at_once(tmp_path: Path) -> None:
+    (tmp_path / "bad.toml").write_text('[robot]\ndriver = "mavlink"\nvehicle = "boat"\n')
+    text = (
+        MISSION.replace("manifest: arducopter", "manifest: bad.toml")
+        .replace("udpin:127.0.0.1:0", "udp:1")
+        .replace("    simulate:", "    on_agent_loss: [hover, land 3 parsecs]\n    simulate:")
+    )
+    assert problems(text, tmp_path) == [
+        "bad.toml:3: error: robot.vehicle: the mavlink driver has no `boat`, it has arducopter",
+        "m.yaml:9:11: error: link 'udp:1': expected udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT "
+        "or serial:DEVICE:BAUD",
+        "m.yaml:10:21: error: on_agent_loss: Expected hold, land or rtl, got `hover`",
+        "m.yaml:10:28: error: on_agent_loss: Expected a duration such as `5s`, `500ms` or `15min`, got `3 parsecs`",
+    ]
+
+
+def test_a_real_robot_is_not_hurried(tmp_path: Path) -> None:
+    text = "\n".join(line for line in MISSION.splitlines() if "simulate" not in line)
+    assert problems(text, tmp_path, speed=5) == [
+        "m.yaml:8:5: error: speed 5: only a simulated robot can be hurried",
+    ]
+    assert problems(text, tmp_path, speed=1) == []
+
+
+def test_a_robot_that_there_is_not_is_told_with_those_there_are(tmp_path: Path) -> None:
+    [problem] = problems(MISSION, tmp_path, robot="uav7")
+    assert problem.endswith("error: there is no robot `uav7`, there is uav1")
+
+
+def test_a_port_that_is_taken_ends_the_daemon_with_one_line(tmp_path: Path, endpoint: str) -> None:
+    file = tmp_path / "m.yaml"
+    file.write_text(MISSION)
+    (tmp_path / "uav.asl").write_text("")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        link = f"udpin:127.0.0.1:{other.getsockname()[1]}"
+        with (
+            running("commd", "serve", str(file), "--router", endpoint),
+            running(
+                *("bridged", "serve", str(file), "uav1", "--router", endpoint),
+                *("--link", link, "--state", str(tmp_path), "--speed", "1"),
+            ) as daemon,
+        ):
+            assert daemon.ends() == 1
+            assert "Traceback" not in daemon.text
+            assert [line for line in daemon.lines if line.startswith(("ERROR", "error"))] != []
+            assert link in daemon.text
+
+
+def test_a_wrong_file_ends_the_daemon_with_exit_2_and_one_line(tmp_path: Path) -> None:
+    file = tmp_path / "m.yaml"
+    file.write_text(MISSION.replace("arducopter", "px4"))
+    (tmp_path / "uav.asl").write_text("")
+    with running("bridged", "serve", str(file), "uav1", "--speed", "1") as daemon:
+        assert daemon.ends() == 2
+        assert len(daemon.lines) == 1
+        assert "no such manifest" in daemon.text
+
+
+def test_the_state_directory_is_the_one_given_or_the_users(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert state_directory(tmp_path) == tmp_path
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    assert state_directory(None) == tmp_path / "state" / "argosy"
+    monkeypatch.delenv("XDG_STATE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert state_directory(None) == tmp_path / ".local" / "state" / "argosy"
+    monkeypatch.delenv("HOME")
+    assert state_directory(None) == Path("argosy")
