@@ -92,10 +92,12 @@ class Host:
         waiting = asyncio.create_task(stop.wait())
         waiting.add_done_callback(lambda _: self._wake.set())
         try:
-            while not stop.is_set() and self.stopped is None:
+            while not stop.is_set():
                 self._wake.clear()
                 for effect in mind.run(clock.now(), SLICE):
                     self._carry_out(effect)
+                if self.stopped is not None:
+                    break
                 if mind.ready:
                     await asyncio.sleep(0)
                     continue

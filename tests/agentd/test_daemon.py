@@ -1,0 +1,106 @@
+"""`agentd serve` as a process: what is wrong is said before anything starts, and idle agents use nothing."""
+
+from __future__ import annotations
+
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.support.processes import running
+
+PING = """\
+!start.
++!start : peer(Other) <- .print("hello"); .send(Other, tell, ping(1)).
++ping(N)[source(A)] : N < 5 <- .send(A, tell, ping(N+1)).
++ping(N) <- .print("enough: ", N); +enough.
+"""
+TWO = """\
+mission: two
+agents:
+  a: {program: ping.asl, beliefs: ["peer(b)"]}
+  b: {program: wait.asl}
+done: "a: enough"
+"""
+WAIT = """\
++ping(N)[source(A)] <- .send(A, tell, ping(N+1)).
+"""
+
+
+def mission(folder: Path, text: str = TWO, **programs: str) -> str:
+    """Write a mission and its programs; return the mission's path."""
+    for name, program in {"ping": PING, "wait": WAIT, **programs}.items():
+        (folder / f"{name}.asl").write_text(program)
+    path = folder / "m.yaml"
+    path.write_text(text)
+    return str(path)
+
+
+def test_agents_of_two_daemons_talk_through_commd(tmp_path: Path, endpoint: str) -> None:
+    path = mission(tmp_path)
+    with (
+        running("commd", "serve", path, "--router", endpoint),
+        running("agentd", "serve", path, "b", "--router", endpoint) as b,
+        running("agentd", "serve", path, "a", "--router", endpoint) as a,
+    ):
+        a.says("[a] hello")
+        a.says("[a] enough: 6")
+        for daemon in (a, b):
+            daemon.signal(signal.SIGTERM)
+            assert daemon.ends(10) == 0
+
+
+def test_an_agent_leaves_within_a_second_when_told_to(tmp_path: Path, endpoint: str) -> None:
+    path = mission(tmp_path)
+    with (
+        running("commd", "serve", path, "--router", endpoint),
+        running("agentd", "serve", path, "b", "--router", endpoint) as agent,
+    ):
+        agent.says("agents=b")
+        started = time.monotonic()
+        agent.signal(signal.SIGTERM)
+        assert agent.ends(10) == 0
+        assert time.monotonic() - started < 2
+
+
+def test_a_second_daemon_of_an_agents_name_does_not_start_and_says_which(tmp_path: Path, endpoint: str) -> None:
+    path = mission(tmp_path)
+    with (
+        running("commd", "serve", path, "--router", endpoint),
+        running("agentd", "serve", path, "b", "--router", endpoint) as first,
+    ):
+        first.says("agents=b")
+        with running("agentd", "serve", path, "b", "--router", endpoint) as second:
+            assert second.ends(30) == 1
+            assert "error: agentd: another agentd serves `b` of fleet `two` already" in second.text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text", "programs", "expected"),
+    [
+        (["c"], TWO, {}, "m.yaml: error: there is no agent `c`; the agents are a, b"),
+        (["--board", "pi9"], TWO, {}, "m.yaml: error: board `pi9` has no agents; the agents are a, b"),
+        ([], TWO.replace("wait.asl", "wiat.asl"), {}, "m.yaml:4:16: error: agents.b.program: there is no file"),
+        ([], TWO.replace("peer(b)", "peer(b"), {}, "m.yaml:3:36: error: `peer(b`: "),
+        ([], TWO.replace("a: enough", "a: enough &"), {}, "m.yaml:5:7: error: `enough &`: "),
+        ([], TWO, {"ping": "!start.\n+!start <- .print(1)\n"}, "ping.asl:"),
+    ],
+)
+def test_what_is_wrong_is_one_line_with_its_place_before_anything_starts(
+    tmp_path: Path, endpoint: str, arguments: list[str], text: str, programs: dict[str, str], expected: str
+) -> None:
+    path = mission(tmp_path, text, **programs)
+    with running("agentd", "serve", path, *arguments, "--router", endpoint) as agent:
+        assert agent.ends(30) == 2
+        assert agent.lines[0].startswith(str(tmp_path / expected))
+        assert "Traceback" not in agent.text
+
+
+def test_a_program_that_stops_the_team_ends_the_daemon_with_its_exit_code(tmp_path: Path, endpoint: str) -> None:
+    path = mission(tmp_path, wait="!g.\n+!g <- .wait(100); .stopMAS(0,3).\n")
+    with (
+        running("commd", "serve", path, "--router", endpoint),
+        running("agentd", "serve", path, "b", "--router", endpoint) as agent,
+    ):
+        assert agent.ends(30) == 3
