@@ -234,7 +234,7 @@ class Host:
             header=self._bus.header("mind", self.part.name),
             agent=self.part.name,
             cycle=mind.cycle,
-            beliefs=tuple(belief.annotated for belief in mind.believed()),
+            beliefs=tuple(belief.annotated for belief in mind.belief_views()),
             intentions=tuple(
                 IntentionView(
                     id=view.id,
@@ -243,7 +243,7 @@ class Host:
                     stack=tuple(goal.trigger for goal in view.stack),
                     at=view.stack[0].position if view.stack else "",
                 )
-                for view in mind.intentions()
+                for view in mind.intention_views()
             ),
             prints=tuple(self._prints),
             done={text: mind.query(formula) for text, formula in self.part.done.items()},

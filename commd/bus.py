@@ -156,9 +156,14 @@ class Bus:
                 return
             task = self._loop.create_task(self._serve(query, record, handler))
             self._tasks.add(task)
-            task.add_done_callback(self._tasks.discard)
+            task.add_done_callback(self._served)
 
         self._session.declare_queryable(key, self._hand_over(deliver, refuse=_drop_query))
+
+    def _served(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            self._loop.call_exception_handler({"message": "serving a query", "exception": error, "task": task})
 
     async def _serve(self, query: zenoh.Query, record: type[R], handler: Callable[[Query[R]], Awaitable[None]]) -> None:
         with query:
@@ -175,6 +180,9 @@ class Bus:
                 await handler(ours)
             except BadRecord as bad:
                 ours.reply_error(str(bad))
+            except Exception as error:
+                ours.reply_error(f"defect in {self.daemon}: {type(error).__name__}: {error}")
+                raise
 
     async def query(
         self, key: str, ask: Record | None, answer: type[R], timeout: float, *, limit: int = BACKLOG

@@ -9,6 +9,7 @@ import resource
 import signal
 import sys
 from collections.abc import Awaitable, Callable
+from typing import Any
 
 from commd.bus import AlreadyRunning, Bus, BusClosed
 from commd.clock import Clock
@@ -30,6 +31,7 @@ def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> in
     async def supervised() -> int:
         stop = asyncio.Event()
         loop = asyncio.get_running_loop()
+        loop.set_exception_handler(_defect)
         for signum in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(signum, stop.set)
         return await main(stop)
@@ -48,6 +50,13 @@ def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> in
         what = f"{type(error).__name__}: {error}"
         print(f"error: {name}: defect in argosy: {what}; ARGOSY_DEBUG=1 shows where", file=sys.stderr)
         return EXIT_FAILED
+
+
+def _defect(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Tell of an error that nothing caught in one line; `ARGOSY_DEBUG=1` adds where it came from."""
+    error = context.get("exception")
+    what = f"{type(error).__name__}: {error}" if error is not None else context["message"]
+    log.error("defect in argosy: %s", what, exc_info=error if os.environ.get("ARGOSY_DEBUG") else None)
 
 
 async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[], Health] = Health) -> None:
