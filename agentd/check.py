@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 from agentd.analysis.beliefs import beliefs_never_added, events_never_perceived
@@ -95,32 +96,34 @@ class _Includes:
 
     def __init__(self, file: str, findings: list[Finding]) -> None:
         self._findings = findings
-        self._seen = {(Path(file).resolve(), DEFAULT)}
+        self._seen = {(os.path.abspath(file), DEFAULT)}
         self.missing = False
 
-    def __call__(self, directive: Directive, namespace: str) -> Iterator[Item]:
+    def __call__(self, directive: Directive, namespace: str) -> Iterable[Item]:
         match directive.name.args:
-            case (String(name), *_):
-                pass
+            case (String(name), *_) if "\0" not in name:
+                path = Path(directive.position.file).parent / name
             case _:
                 self._findings.append(finding(directive.position, 'include needs a file: { include("file.asl") }'))
-                return
-        path = Path(directive.position.file).parent / name
-        key = (path.resolve(), namespace)
+                return ()
+        key = (os.path.abspath(path), namespace)
         if key in self._seen:
-            return
+            return ()
         self._seen.add(key)
+        return self._items(path, directive)
+
+    def _items(self, path: Path, directive: Directive) -> Iterable[Item]:
         try:
             program = parse_file(path)
         except SyntaxErrors as errors:
             self._findings += errors.findings
-            self.missing = True
         except OSError as error:
-            self._findings.append(finding(directive.position, f"cannot include {name}: {error.strerror}"))
-            self.missing = True
+            self._findings.append(finding(directive.position, f"cannot include {path}: {error.strerror}"))
         else:
             self._findings += program.warnings
-            yield from program.items
+            return program.items
+        self.missing = True
+        return ()
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -264,9 +264,12 @@ def _missing_dot(place: Place) -> str | None:
 
 
 def _missing_dot_before_sign(place: Place) -> str | None:
-    if place.text in ("!", "?") and place.before in ("+", "-") and place.index - 1 in place.tokens.first_in_line:
+    if place.text not in ("!", "?") or place.before not in ("+", "-"):
+        return None
+    if place.index - 1 in place.tokens.first_in_line:
         return _NO_DOT
-    return None
+    sign = place.before + place.text
+    return f"{sign} begins a plan; is a '.' missing before it? in a body, a goal is {place.text}g"
 
 
 _NO_DOT = "a plan begins here, but the one before it does not end with a '.'"
@@ -351,6 +354,8 @@ def _expected(row: Mapping[str, int]) -> str:
     tables = machine().tables
     texts = {kind: text for text, kind in (*tables.fixed.items(), *tables.keywords.items())}
     kinds = {kind for kind in row if kind in texts or kind in _NAMES}
+    if not kinds >= _ITEM:
+        kinds.discard(END_OF_TEXT)  # only a text that is one plan could end elsewhere
     names: list[str] = []
     for group, word in _GROUPS:
         if group <= kinds:
@@ -368,7 +373,9 @@ _IN_TERM = frozenset(
 ) | frozenset(("MINUS_MINUS", "MINUS_PLUS", "__ANON_5", "NOT"))
 _STEP = frozenset(("BANG", "BANG_BANG", "QUERY", "IF", "WHILE", "FOR", "ADD_FIRST", "ADD_LAST"))
 _OPERATORS = frozenset(("PLUS", "MINUS", "TIMES", "DIVIDE", "POWER", "DIV", "MOD"))
+_ITEM = frozenset(("AT", "BANG", "NAME", "PLUS"))
 _GROUPS: tuple[tuple[frozenset[str], str], ...] = (
+    (_ITEM, "a belief, a goal, a plan"),
     (_TERM | _STEP, "a formula of a plan body"),
     (_TERM, "a term"),
     (_OPERATORS, "an operator"),
@@ -376,6 +383,9 @@ _GROUPS: tuple[tuple[frozenset[str], str], ...] = (
     (frozenset(("NAME",)), "a literal"),
 )
 _PART_OF = {
+    "a belief, a goal, a plan": frozenset(
+        ("QUOTED", "TILDE", "__ANON_5", "VARIABLE", "MINUS", "CARET", "LBRACE", "QUERY")
+    ),
     "a formula of a plan body": _IN_TERM,
     "a term": _IN_TERM,
     "an operator": frozenset(("PLUS_PLUS", "MINUS_MINUS", "MINUS_PLUS", "RELATION", "AMPERSAND", "VBAR")),

@@ -222,10 +222,15 @@ def test_included_files_are_checked_with_the_program(tmp_path: Path) -> None:
 def test_an_include_of_a_missing_or_wrong_file_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "wrong.asl").write_text("+!g <- a b.\n")
     main = tmp_path / "main.asl"
-    main.write_text('{ include("missing.asl") }\n{ include("wrong.asl") }\n{ include }\n')
+    main.write_text('{ include("missing.asl") }\n{ include("wrong.asl") }\n{ include }\n{ include("\0") }\n')
     findings = check_program(parse_file(main), internal=INTERNAL, functions=FUNCTIONS)
-    assert [(Path(f.file).name, f.line) for f in findings] == [("main.asl", 1), ("main.asl", 3), ("wrong.asl", 1)]
-    assert "cannot include missing.asl: No such file" in findings[0].message
+    assert [(Path(f.file).name, f.line) for f in findings] == [
+        ("main.asl", 1),
+        ("main.asl", 3),
+        ("main.asl", 4),
+        ("wrong.asl", 1),
+    ]
+    assert "missing.asl: No such file" in findings[0].message
 
 
 def test_the_depth_of_a_program_is_no_problem() -> None:
