@@ -52,12 +52,11 @@ def run(args: argparse.Namespace) -> int:
     vehicle = Vehicle(home, system=args.sysid, heading=math.radians(args.heading), boot=args.boot)
     try:
         address = LinkAddress.parse(args.link)
-        print(
+        started = (
             f"simulated copter {args.sysid} on {address}, home {home.lat:.6f} {home.lon:.6f} {home.alt:g} m, "
-            f"speed {args.speed:g}",
-            file=sys.stderr,
+            f"speed {args.speed:g}"
         )
-        asyncio.run(simulate(vehicle, address, args.speed))
+        asyncio.run(simulate(vehicle, address, args.speed, started=lambda: print(started, file=sys.stderr, flush=True)))
     except (LinkAddressError, LinkError) as error:
         print(f"bridged simulate: error: {error}", file=sys.stderr)
         return 2

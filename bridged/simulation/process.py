@@ -2,6 +2,7 @@
 
 import asyncio
 import signal
+from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -28,10 +29,11 @@ class Simulation:
         self._link: Link | None = None
         self._seen = 0.0
 
-    async def run(self, address: LinkAddress, stop: asyncio.Event) -> None:
-        """Flies until `stop` is set. Raises LinkError if the link cannot be opened."""
+    async def run(self, address: LinkAddress, stop: asyncio.Event, started: Callable[[], None]) -> None:
+        """Flies until `stop` is set; `started` is called once. Raises LinkError if the link cannot be opened."""
         self._seen = asyncio.get_running_loop().time()
         self._link = await open_link(address, self._receive, system=self.vehicle.system, component=COMPONENT)
+        started()
         waiting = asyncio.create_task(stop.wait())
         waiting.add_done_callback(lambda _: self._wake.set())
         try:
@@ -70,10 +72,12 @@ class Simulation:
                 self._link.send(message)
 
 
-async def simulate(vehicle: Vehicle, address: LinkAddress, speed: float) -> None:
-    """Runs the vehicle until SIGTERM or SIGINT. Raises LinkError."""
+async def simulate(
+    vehicle: Vehicle, address: LinkAddress, speed: float, started: Callable[[], None] = lambda: None
+) -> None:
+    """Runs the vehicle until SIGTERM or SIGINT; `started` is called when the link is open. Raises LinkError."""
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop.set)
-    await Simulation(vehicle, speed).run(address, stop)
+    await Simulation(vehicle, speed).run(address, stop, started)

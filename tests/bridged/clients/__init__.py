@@ -1,0 +1,1 @@
+"""Flights by independent clients, each a process of its own."""
