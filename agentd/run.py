@@ -69,7 +69,9 @@ def _read(argument: str) -> tuple[str, CompiledProgram]:
 class Team:
     """The agents of one run."""
 
-    def __init__(self, programs: list[tuple[str, CompiledProgram]], seed: int, out: Callable[[str], object] | None = None) -> None:
+    def __init__(
+        self, programs: list[tuple[str, CompiledProgram]], seed: int, out: Callable[[str], object] | None = None
+    ) -> None:
         self._begun = time.monotonic()
         self._write = out or sys.stdout.write
         self._stop: tuple[float, int] | None = None

@@ -107,13 +107,13 @@ class _Expansion:
         self._includes += 1
         if self._load is None or self._includes > _MOST_INCLUDES:
             why = "no files can be read here" if self._load is None else "files include one another without end"
-            raise DirectiveError(directive.position, f"cannot include \"{path}\": {why}")
+            raise DirectiveError(directive.position, f'cannot include "{path}": {why}')
         base = PurePosixPath(directive.position.file).parent
         full = path if PurePosixPath(path).is_absolute() else str(base / path)
         try:
             included = self._load(full)
         except OSError as error:
-            message = f"cannot include \"{path}\": {error.strerror or error}"
+            message = f'cannot include "{path}": {error.strerror or error}'
             raise DirectiveError(directive.position, message) from error
         self.file(included, namespace)
 
@@ -131,5 +131,3 @@ class _Expansion:
                 self._items(others + PATTERNS[name](args, plans), qualifier)
             case syntax.Structure(functor=name):
                 raise DirectiveError(directive.position, f"unknown directive '{name}'")
-
-

@@ -34,16 +34,18 @@ class BodyCompiler:
         """Compile a body; ``bound`` is updated to what holds at its end. Returns its first step, ``after`` if empty."""
         from agentd.language.compile_plan import StepCode
 
+        if not body.formulas:
+            return after
         numbers = []
         for formula in body.formulas:
             numbers.append(len(self.code.steps))
             self.code.steps.append(StepCode("", formula))
         for number, following in zip(numbers, [*numbers[1:], after], strict=False):  # an empty body has no step
             self.code.steps[number].next = following
-        for number, formula in zip(numbers, body.formulas, strict=True):
+        for number, formula in zip(numbers, map(_as_statement, body.formulas), strict=True):
             writer = _StepWriter(self, number, bound)
             writer.write(formula)
-        return numbers[0] if numbers else after
+        return numbers[0]
 
 
 class _StepWriter:
@@ -168,9 +170,13 @@ class _StepWriter:
         args, annots, scope = self._literal(term)
         relevant = self._relevant("+", "!", term)
         if new_focus:
+            if self.body.library.has_meta:
+                self.function.emit(f"pending(m, {relevant}, {args}, {annots})")
             self.function.emit(f"m.post({relevant}, detach({args}), {annots})")
         else:
             self.store(scope)
+            if self.body.library.has_meta:
+                self.function.emit(f"pending(m, {relevant}, {args}, {annots})")
             self.function.emit(f"m.events.append(({relevant}, {args}, {annots}, i))")
             self.function.emit("return True")
             self.became(scope)
@@ -414,11 +420,16 @@ class _StepWriter:
         found = self.function.assign("[]", "l")
         mark = self.function.assign("len(trail)", "t")
 
+        rows: list[str] = []
+        self.compiler.rows = rows
+
         def take(inner: Scope) -> None:
             parts = [f"resolve({inner[name]})" if name in inner else "None" for name in new]
-            self.function.emit(f"{found}.append({_tuple(parts)})")
+            facts = f"present({_tuple(rows)})" if rows else "()"
+            self.function.emit(f"{found}.append(({', '.join([*parts, facts])},))")
 
         self.compiler.formula(formula.condition, scope, take)
+        self.compiler.rows = None
         self.function.emit(f"undo(trail, {mark})")
         self.function.emit(f"{found}.reverse()")
         next_round = self.unit.name("n")
@@ -433,11 +444,11 @@ class _StepWriter:
         self.start(next_round, self.bound)
         function, trail = self.function, self._trail
         self._forget(formula, before)
-        with function.block(f"if not f[{found_at}]:"):
+        function.emit(f"r = next_round(f[{found_at}])")
+        with function.block("if r is None:"):
             function.emit(f"f[{found_at}] = None")
             function.emit(f"f[0] = {self.step(following)}")
             function.emit("return None")
-        function.emit(f"r = f[{found_at}].pop()")
         fresh = [(k, name) for k, name in enumerate(new) if name not in before]
         known = [(k, name) for k, name in enumerate(new) if name in before]
         for k, name in fresh:
@@ -469,6 +480,40 @@ class _StepWriter:
         steps = _tuple([self.step(first) for first in firsts])
         self.function.emit(f"return fork(m, i, f, {self.constant(formula.operator)}, {steps})")
         self.finish()
+
+
+def _as_statement(formula: syntax.BodyFormula) -> syntax.BodyFormula:
+    """``.foreach``, ``.loop``, ``.if_then_else`` and ``.fork`` are the statements that they stand for."""
+    match formula:
+        case syntax.Step(operator=Operator.ACTION, term=syntax.InternalAction(name=name, args=args)):
+            pass
+        case _:
+            return formula
+    place = formula.position
+    condition: Any
+    match name, args:
+        case (".foreach", (condition, body)):
+            return syntax.For(condition, _as_body(body), place)
+        case (".loop", (condition, body)):
+            return syntax.While(condition, _as_body(body), place)
+        case (".if_then_else", (condition, body)):
+            return syntax.If(((condition, _as_body(body)),), None, place)
+        case (".if_then_else", (condition, body, otherwise)):
+            return syntax.If(((condition, _as_body(body)),), _as_body(otherwise), place)
+        case (".fork", (syntax.Structure(functor=kind), *branches)) if branches:
+            operator = "|&|" if kind == "and" else "|||"
+            return syntax.Fork(operator, tuple(map(_as_body, branches)), place)
+    return formula
+
+
+def _as_body(term: Any) -> syntax.Body:
+    """The body that an argument in braces is; a variable is run when it has one."""
+    match term:
+        case syntax.BodyTerm(body=body):
+            return body
+        case syntax.TriggerTerm(trigger=trigger):
+            return syntax.Body((syntax.Step(Operator(trigger.operator), trigger.literal, term.position),))
+    return syntax.Body((syntax.Step(Operator.ACTION, term, term.position),))
 
 
 def _is_condition(node: Any) -> bool:

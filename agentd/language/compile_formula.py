@@ -33,6 +33,9 @@ _COMPARISONS = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "==": "==", "\\==": 
 class FormulaCompiler(TermCompiler):
     """Writes formulas into one function, which has the locals ``m`` (the mind) and ``trail``."""
 
+    rows: list[str] | None = None
+    """While a ``for`` is written: expressions for the facts that a solution rests on."""
+
     # --- connectives ---
 
     def formula(self, node: Any, scope: Scope, then: Next) -> None:
@@ -80,6 +83,7 @@ class FormulaCompiler(TermCompiler):
         parameters = [f"p{i}" for i in range(len(known))]
         function = Function(self.unit, name, ", ".join(["m", "trail", *parameters]))
         inner = type(self)(self.unit, function, self.library, "")
+        inner.rows = None
 
         def succeed(found: Scope) -> None:
             if verb == "yield":
@@ -142,6 +146,8 @@ class FormulaCompiler(TermCompiler):
             else:
                 then(inner)
 
+        if self.rows is not None:
+            self.rows.append(f"({predicate}, {_tuple(rows)})")
         with self.function.block(head):
             self._match_row(list(zip(node.args, given, rows, strict=True)), scope, found)
             if rows or annotated:
@@ -196,7 +202,9 @@ class FormulaCompiler(TermCompiler):
 
     def _relation(self, node: syntax.Relation, scope: Scope, then: Next) -> None:
         if node.operator == "=":
+            self.linking = True
             self._unification(node.left, node.right, scope, then)
+            self.linking = False
         elif node.operator == "=..":
             inner = dict(scope)
             left, right = self.build(node.left, inner), self.build(node.right, inner)
@@ -225,6 +233,14 @@ class FormulaCompiler(TermCompiler):
         return f"({left} {operator} {right} if {' and '.join(checks) or 'True'} else {slow})"
 
     def _unification(self, left: Any, right: Any, scope: Scope, then: Next) -> None:
+        if self._is_new(left, scope) and self._is_new(right, scope) and not (left.anonymous or right.anonymous):
+            # Linked free variables are not == (rule 25): each has a cell of its own.
+            inner = dict(scope)
+            linked, other = self.build(left, inner), self.build(right, inner)
+            if linked != other:
+                self.function.emit(f"{linked}.ref = {other}")
+            then(inner)
+            return
         if self._is_new(left, scope) and not _qualified(right):
             inner = dict(scope)
             value = self.function.assign(self.build(right, inner))

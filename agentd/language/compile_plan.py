@@ -54,7 +54,9 @@ class PlanCode:
         return self.size - 1
 
 
-def compile_plan(plan: syntax.Plan, library: Any, values: dict[str, Any], outer: dict[str, int] | None = None) -> PlanCode:
+def compile_plan(
+    plan: syntax.Plan, library: Any, values: dict[str, Any], outer: dict[str, int] | None = None
+) -> PlanCode:
     """The code of a plan. ``values`` are the variables that were bound when the plan was made as a term.
 
     For a nested plan ``outer`` gives the places, in the frame of the plan around it, of the variables that it sees.
@@ -70,10 +72,27 @@ def compile_plan(plan: syntax.Plan, library: Any, values: dict[str, Any], outer:
     bound = _compile_select(plan, code, library, values, outer or {})
     code.bound = dict.fromkeys(bound, True)
     code.first = BodyCompiler(code, library).body(_without_leading_true(plan.body), dict(code.bound), None)
+    if plan.goal_condition is not None:
+        _compile_condition(plan, code, library)
     return code
 
 
-def compile_fragment(body: syntax.Body, library: Any, values: dict[str, Any], slots: dict[str, int], size: int) -> PlanCode:
+def _compile_condition(plan: syntax.Plan, code: PlanCode, library: Any) -> None:
+    """``condition(m, trail, f)``: whether the goal condition holds in a frame of the plan."""
+    function = Function(code.unit, "condition", "m, trail, f")
+    scope: Scope = {}
+    for name in variables(plan.goal_condition):
+        if code.bound.get(name):
+            scope[name] = function.assign(f"f[{code.slot(name)}]")
+    compiler = FormulaCompiler(code.unit, function, library, "")
+    compiler.formula(plan.goal_condition, scope, lambda _: function.emit("return True"))
+    function.emit("return False")
+    code.unit.add(function)
+
+
+def compile_fragment(
+    body: syntax.Body, library: Any, values: dict[str, Any], slots: dict[str, int], size: int
+) -> PlanCode:
     """The code of a body held by a variable, to run in a frame with these places for variables."""
     code = PlanCode(Unit(f"body at {body.position}"), dict(slots), size=max(size, FRAME_HEADER))
     for name in variables(body):
@@ -112,7 +131,7 @@ def _compile_select(
     Returns the variables that the frame has values for.
     """
     unit = code.unit
-    function = Function(unit, "select", "m, trail, relevant, args, annots" + (", around" if outer else ""))
+    function = Function(unit, "select", "m, trail, relevant, args, annots" + ", around=None")
     compiler = FormulaCompiler(unit, function, library, "")
     scope: Scope = {name: unit.constant(value) for name, value in values.items()}
     for name, place in outer.items():

@@ -26,12 +26,7 @@ def shared_atom(name: str) -> Literal:
 
 
 def is_plain_variable(node: Any) -> bool:
-    return (
-        type(node) is syntax.Variable
-        and node.annotations is None
-        and not node.negated
-        and node.namespace is None
-    )
+    return type(node) is syntax.Variable and node.annotations is None and not node.negated and node.namespace is None
 
 
 def variables(node: Any, found: dict[str, None] | None = None) -> dict[str, None]:
@@ -67,6 +62,11 @@ def is_constant(node: Any) -> bool:
     return False
 
 
+def _is_plain_atom(node: Any) -> bool:
+    plain = type(node) is syntax.Structure and not node.args and node.annotations is None and not node.negated
+    return plain and node.namespace in (None, DEFAULT)
+
+
 def _is_number(node: Any) -> bool:
     return isinstance(node, syntax.Number) or (
         isinstance(node, syntax.Arithmetic) and all(map(_is_number, node.operands))
@@ -80,6 +80,8 @@ class TermCompiler:
         self.unit, self.function, self.library = unit, function, library
         self.depth = depth
         """The expression for the depth of new variables, ``""`` where no frame owns them."""
+        self.linking = False
+        """Whether free variables inside code in braces are to be linked to those of the plan (a pattern for ``=``)."""
         self.binds = False
         """Whether something written so far may bind a variable that existed before."""
 
@@ -127,9 +129,8 @@ class TermCompiler:
         raise TypeError(f"not a term: {node!r}")
 
     def _constant_term(self, node: Any) -> str:
-        if type(node) is syntax.Structure and not node.args and node.annotations is None:
-            if node.namespace in (None, DEFAULT) and not node.negated and not self.library.is_function(node.functor, 0):
-                return self.constant(shared_atom(node.functor))
+        if _is_plain_atom(node) and not self.library.is_function(node.functor, 0):
+            return self.constant(shared_atom(node.functor))
         term = self.library.constant(node)
         return "EMPTY" if term is EMPTY else self.constant(term)
 
@@ -173,8 +174,8 @@ class TermCompiler:
             return self.constant(Instantiation({}, {}).annots(node))
         parts = _tuple([self.build(item, scope) for item in node.items])
         if node.tail is None:
-            return f"annotations({parts})"
-        return f"annotations({parts} + tuple(elements({self.build(node.tail, scope)})))"
+            return f"sorted_annots({parts})"
+        return f"annots_with_tail({parts}, {self.build(node.tail, scope)})"
 
     def event_annots(self, node: syntax.ListTerm | None, scope: Scope) -> str:
         """As `annots`, with source(self) added if no source is named."""
@@ -182,11 +183,11 @@ class TermCompiler:
             return "SELF"
         if is_constant(node):
             from agentd.language.instantiate import Instantiation
-            from agentd.language.order import annotations
+            from agentd.language.order import sorted_annots
             from agentd.language.terms import is_source
 
             found = Instantiation({}, {}).annots(node)
-            return self.constant(found if any(map(is_source, found)) else annotations(found + SELF))
+            return self.constant(found if any(map(is_source, found)) else sorted_annots(found + SELF))
         return f"with_source({self.annots(node, scope)})"
 
     def pattern_annots(self, node: syntax.ListTerm, scope: Scope) -> str:
@@ -200,6 +201,9 @@ class TermCompiler:
         return f"Expression({self.constant(operator)}, {_tuple([self.build(o, scope) for o in operands])})"
 
     def _code(self, inner: Any, scope: Scope) -> str:
+        if self.linking:
+            for name in variables(inner):
+                self._variable(syntax.Variable(name), scope)
         known = [name for name in variables(inner) if name in scope]
         values = ", ".join(f"{self.constant(name)}: {scope[name]}" for name in known)
         return f"capture({self.constant(inner)}, {{{values}}})"
@@ -311,7 +315,8 @@ class TermCompiler:
         sig = self.constant(signature_of(node))
         self.binds = True
         args = self.function.assign(
-            f"{value}.args if type({value}) is Literal and {value}.sig is {sig} else open_structure({value}, {sig}, trail)"
+            f"{value}.args if type({value}) is Literal and {value}.sig is {sig}"
+            f" else open_structure({value}, {sig}, trail)"
         )
         with self.function.block(f"if {args} is not None:"):
             locals_ = [self.function.local() for _ in node.args]

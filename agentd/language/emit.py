@@ -39,7 +39,7 @@ class Unit:
 
     def constant(self, value: Any) -> str:
         """The name of a constant; equal references and the same object share one."""
-        key = value if isinstance(value, Ref) else ("id", id(value)) if not isinstance(value, float | str) else value
+        key: Any = value if isinstance(value, Ref | str) else id(value)
         if isinstance(value, float):
             key = ("float", repr(value))
         found = self._names.get(key)

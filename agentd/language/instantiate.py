@@ -1,4 +1,4 @@
-"""From syntax to run-time terms, one node at a time: for facts, messages and error texts, never on a plan's hot path."""
+"""From syntax to run-time terms, for facts, messages and error texts; never on a plan's hot path."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from agentd.language import syntax
 from agentd.language.numbers import OPERATIONS
-from agentd.language.order import annotations
+from agentd.language.order import sorted_annots
 from agentd.language.terms import (
     DEFAULT,
     EMPTY,
@@ -77,7 +77,7 @@ class Instantiation:
             from agentd.language.terms import elements
 
             found.extend(elements(self.term(end)))
-        return annotations(found)
+        return sorted_annots(found)
 
     def _variable(self, node: syntax.Variable) -> Any:
         if node.anonymous:

@@ -34,7 +34,7 @@ def compare(a: Any, b: Any) -> int:
 
 def _compare_shallow(a: Any, b: Any, rank: int, pending: list[tuple[Any, Any]]) -> int:
     if rank <= 1:
-        return -1 if a < b else 1 if a > b else 0
+        return _sign(a, b)
     if rank == 3:
         return _compare_literals(a, b, pending)
     if rank == 2:
@@ -49,7 +49,7 @@ def _compare_shallow(a: Any, b: Any, rank: int, pending: list[tuple[Any, Any]]) 
 
 
 def _sign(a: Any, b: Any) -> int:
-    return (a > b) - (a < b)
+    return int(a > b) - int(a < b)
 
 
 def _compare_literals(a: Literal, b: Literal, pending: list[tuple[Any, Any]]) -> int:
@@ -107,8 +107,7 @@ def distinct(terms: Iterable[Any]) -> list[Any]:
     return found
 
 
-def annotations(terms: Iterable[Any]) -> tuple[Any, ...]:
+def sorted_annots(terms: Iterable[Any]) -> tuple[Any, ...]:
     """Annotations as a literal holds them."""
     found = tuple(terms)
     return found if len(found) < 2 else tuple(distinct(found))
-

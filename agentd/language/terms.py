@@ -90,7 +90,7 @@ class Literal:
             return True
         if type(other) is not Literal or self.sig is not other.sig:
             return False
-        return not self.sig.arity and self.annots == other.annots or equal(self, other)
+        return (not self.sig.arity and self.annots == other.annots) or equal(self, other)
 
     def __hash__(self) -> int:
         # Depth 2 only, so that the hash of a deeply nested term costs nothing and needs no recursion.
@@ -204,7 +204,7 @@ ARITHMETIC: Final = frozenset({"+", "-", "*", "/", "**", "div", "mod"})
 
 
 class Open:
-    """A variable with decorations, ``~X``, ``ns::X``, ``X[a]``, or a literal whose namespace is a variable, ``N::p(1)``.
+    """A variable with decorations, ``~X``, ``ns::X``, ``X[a]``, or a literal in a variable namespace, ``N::p(1)``.
 
     It means something only to unification: ``variable`` stands for what is left when the decorations are taken off.
     ``namespace`` is a name, a `Var`, or None when none is written. For a literal, ``literal`` is it (else None).

@@ -18,6 +18,9 @@ class _AnsweringPlan:
 
     special = False
     atomic = False
+    condition = None
+    outer = None
+    subplans: tuple[Any, ...] = ()
     head = "+!answer_question"
     slots: dict[str, int] = {}  # noqa: RUF012 - no variables, ever
 
@@ -49,5 +52,3 @@ def answer_by_plan(mind: Any, mail: Mail, relevant: Any, question: Literal, anno
     holder = mind.plans.relevant("+", "!", _ANSWERING)
     intention.stack.append([first, _PLAN, holder, (), SELF, 0])
     mind.running.append(intention)
-
-

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from agentd.language.order import annotations
+from agentd.language.order import sorted_annots
 from agentd.language.terms import SELF, Expression, List, Literal, Open, Signature, Var, deref, is_source
 from agentd.mind.unifier import Copier, Trail, is_ground, undo, unify
 
@@ -171,7 +171,7 @@ class Predicate:
         if annots is known.annots or all(a in known.annots for a in annots):
             return None
         new = tuple(a for a in annots if a not in known.annots)
-        self._replace(args, known.with_annots(annotations(known.annots + new)), known.ground)
+        self._replace(args, known.with_annots(sorted_annots(known.annots + new)), known.ground)
         return new
 
     def _replace(self, args: tuple[Any, ...], literal: Literal, ground: bool) -> None:
@@ -255,9 +255,7 @@ class Predicate:
             self.remove(fact)
 
 
-def _index_entry(
-    index: tuple[dict[Any, dict[Any, Any]], dict[Any, Any]], position: int, args: Any, entry: Any
-) -> None:
+def _index_entry(index: tuple[dict[Any, dict[Any, Any]], dict[Any, Any]], position: int, args: Any, entry: Any) -> None:
     buckets, wild = index
     key = None if type(entry) is RuleClause else _index_key(args[position])
     if key is None:
@@ -302,4 +300,4 @@ def with_source(annots: tuple[Any, ...]) -> tuple[Any, ...]:
         return SELF
     if any(is_source(a) for a in annots):
         return annots
-    return annotations(annots + SELF)
+    return sorted_annots(annots + SELF)

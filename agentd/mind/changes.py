@@ -9,7 +9,7 @@ from agentd.language.terms import SELF, Code, Literal, Var, deref
 from agentd.mind.beliefs import Predicate, with_source
 from agentd.mind.failed import Failed
 from agentd.mind.intentions import Intention
-from agentd.mind.unifier import detach, resolve, resolve_all
+from agentd.mind.unifier import detach, is_ground, resolve, resolve_all
 
 
 def believe(
@@ -29,7 +29,7 @@ def raise_event(mind: Any, focus: Any, relevant: Any, args: Any, annots: Any) ->
     """The event of a belief change, in the focus of an intention or (None) as a new one."""
     if mind.listeners:
         mind.hear(relevant, args, annots)
-    if relevant.plans or (focus is not None and mind.has_nested):
+    if relevant.plans or mind.plans.has_nested:
         if focus is None:
             mind.post(relevant, args, annots)
             return None
@@ -72,7 +72,7 @@ def replace(
 
 
 def change_term(mind: Any, intention: Intention, operator: str, term: Any) -> bool | None:
-    """A belief operator applied to a term that only the run knows: a literal, rule or plan in a variable or in braces."""
+    """A belief operator applied to a literal, rule or plan that only the run knows."""
     term = deref(term)
     if type(term) is Var:
         raise Failed("body_var_without_value", f"The variable '{term.name}' must be ground.")
@@ -95,7 +95,7 @@ def change_term(mind: Any, intention: Intention, operator: str, term: Any) -> bo
 
 def _change_code(mind: Any, operator: str, code: Code) -> None:
     """``+{ rule }``, ``+{ plan }`` and their removal."""
-    values = {name: resolve(v) for name, v in code.values.items()}
+    values = {name: resolve(v) for name, v in code.values.items() if is_ground(v)}
     if isinstance(code.syntax, syntax.Rule):
         if operator.startswith("-") and operator != "-+":
             mind.remove_rule(code.syntax)
@@ -104,7 +104,7 @@ def _change_code(mind: Any, operator: str, code: Code) -> None:
     elif isinstance(code.syntax, syntax.Plan):
         if operator in ("-", "--"):
             if code.syntax.label is not None:
-                mind.remove_plan(code.syntax.label.functor)
+                mind.remove_plan(code.syntax.label)
         else:
             mind.plans.add(mind.plans.make(code.syntax, values), first=operator != "+>")
     else:

@@ -9,14 +9,12 @@ from agentd.language.instantiate import Instantiation, instantiate
 from agentd.language.syntax import Operator
 from agentd.language.terms import TRUE, Code, Literal, Var, deref, signature
 from agentd.mind.failed import Failed
-from agentd.mind.unifier import Trail, is_ground, unify
+from agentd.mind.unifier import Trail, unify
 
 
 def capture(node: Any, values: dict[str, Any]) -> Code:
-    """The term for code in braces, with the variables that have a value now; a trigger keeps free ones linked."""
-    if isinstance(node, syntax.Trigger):
-        return Code(node, values)
-    return Code(node, {name: deref(v) for name, v in values.items() if is_ground(v)})
+    """The term for code in braces, with the variables of the plan that it is linked to."""
+    return Code(node, {name: deref(v) for name, v in values.items()})
 
 
 def trigger_literal(code: Code, intention: Any = None) -> Literal:
@@ -85,7 +83,7 @@ def _unify_plans(left: Code, right: Code, trail: Trail) -> bool:
     first, second = Instantiation(dict(left.values), {}), Instantiation(dict(right.values), {})
     pairs: list[tuple[Any, Any]] = [(first.term(a.trigger.literal), second.term(b.trigger.literal))]
     if a.label is not None and b.label is not None:
-        pairs.append((first.term(a.label), second.term(b.label)))
+        pairs.insert(0, (first.term(a.label), second.term(b.label)))
     contexts = [TRUE if n.context is None else i.term(n.context) for n, i in ((a, first), (b, second))]
     pairs.append((contexts[0], contexts[1]))
     if not all(unify(x, y, trail) for x, y in pairs):
@@ -94,25 +92,31 @@ def _unify_plans(left: Code, right: Code, trail: Trail) -> bool:
 
 
 def _unify_bodies(
-    left: tuple[Any, ...], left_values: dict[str, Any], right: tuple[Any, ...], right_values: dict[str, Any], trail: Trail
+    left: tuple[Any, ...],
+    left_values: dict[str, Any],
+    right: tuple[Any, ...],
+    right_values: dict[str, Any],
+    trail: Trail,
 ) -> bool:
     """``{ H; T }`` takes a body apart; a variable that ends the left side takes all that is left."""
-    left, right = list(left), list(right)  # type: ignore[assignment]
-    for n, formula in enumerate(left):
-        variable = _lone_variable(formula, left_values)
-        if variable is not None and n == len(left) - 1:
-            rest = syntax.Body(tuple(right[n:]))
-            return unify(variable, Code(rest, right_values), trail)
-        if n >= len(right):
+    for n in range(max(len(left), len(right))):
+        mine = _lone_variable(left[n], left_values) if n < len(left) else None
+        other = _lone_variable(right[n], right_values) if n < len(right) else None
+        if mine is not None and n == len(left) - 1:
+            return unify(mine, Code(syntax.Body(right[n:]), right_values), trail)
+        if other is not None and n == len(right) - 1:
+            return unify(other, Code(syntax.Body(left[n:]), left_values), trail)
+        if n >= len(left) or n >= len(right):
             return False
-        other = right[n]
-        if variable is not None:
-            if not unify(variable, Code(syntax.Body((other,)), right_values), trail):
-                return False
-            continue
-        if not _unify_formulas(formula, left_values, other, right_values, trail):
+        if mine is not None:
+            fits = unify(mine, Code(syntax.Body((right[n],)), right_values), trail)
+        elif other is not None:
+            fits = unify(other, Code(syntax.Body((left[n],)), left_values), trail)
+        else:
+            fits = _unify_formulas(left[n], left_values, right[n], right_values, trail)
+        if not fits:
             return False
-    return len(left) == len(right)
+    return True
 
 
 def _lone_variable(formula: Any, values: dict[str, Any]) -> Any:

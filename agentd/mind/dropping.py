@@ -1,4 +1,4 @@
-"""Finding and ending intentions by their goals: ``.drop_intention``, ``.drop_desire``, ``.succeed_goal`` and relatives."""
+"""Finding and ending intentions by their goals: ``.drop_intention``, ``.succeed_goal`` and relatives."""
 
 from __future__ import annotations
 
@@ -67,14 +67,16 @@ def drop_intention(mind: Any, goal: Literal, trail: Trail) -> bool:
 
 
 def drop_event(mind: Any, goal: Literal, trail: Trail) -> bool:
-    """Take goals out of the event queue, with the intentions that wait for them. True if the current one is among them."""
+    """Take goals out of the event queue, with the intentions that wait for them. True if the current one is."""
     own = False
     kept = []
     for event in list(mind.events):
         relevant, args, annots, intention = event
         mark = len(trail)
-        fits = relevant.goal == "!" and relevant.operator == "+" and unify(
-            goal, Literal(relevant.sig, args, annots), trail
+        fits = (
+            relevant.goal == "!"
+            and relevant.operator == "+"
+            and unify(goal, Literal(relevant.sig, args, annots), trail)
         )
         undo(trail, mark)
         if not fits:
@@ -94,7 +96,7 @@ def drop_desire(mind: Any, goal: Literal, trail: Trail) -> bool:
 
 
 def end_goal(mind: Any, intention: Intention, place: int, succeeded: bool) -> None:
-    """A goal in the stack is over, achieved or failed: what stands above it goes, and what it waited for is taken back."""
+    """A goal in the stack is over, achieved or failed: what stands above it goes, what it waited for is taken back."""
     stack = [frame[:] for frame in intention.stack[: place + 1]]
     trail = intention.trail
     kept = list(trail)

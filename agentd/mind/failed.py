@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NoReturn
 
 
-class Failed(Exception):  # noqa: N818 - it is the plan that fails; nothing is wrong with the mind
+class Failed(Exception):
     """A formula of a plan failed. The handler ``-!g`` of the goal sees these facts as annotations.
 
     ``error`` is the name that ``error(E)`` shows, ``message`` the text of ``error_msg(M)``, ``annots`` what the

@@ -6,7 +6,7 @@ from typing import Any
 
 from agentd.language import syntax
 from agentd.language.instantiate import instantiate
-from agentd.language.order import annotations
+from agentd.language.order import sorted_annots
 from agentd.language.term_text import text
 from agentd.language.terms import Code, Literal, atom, signature
 from agentd.mind.effects import Log
@@ -57,7 +57,7 @@ def error_annots(failure: Failed, code: Any, line: int, source: str) -> tuple[An
 def goal_failed(mind: Any, relevant: Any, args: Any, annots: Any, intention: Intention | None) -> None:
     """A goal event found no plan. Its own ``-!g`` is asked first, then those of the goals below."""
     literal = Literal(relevant.sig, resolve_all(args), resolve_all(annots))
-    if relevant.plans and any(mind.trigger_fits(p, relevant, args, annots) for p in relevant.plans):
+    if relevant.plans:
         error, kind = "no_applicable", "applicable"
     else:
         error, kind = "no_relevant", "relevant"
@@ -71,7 +71,7 @@ def goal_failed(mind: Any, relevant: Any, args: Any, annots: Any, intention: Int
     extra = error_annots(failure, literal, line, source)
     handler = relevant.counterpart("-")
     if handler.plans:
-        mind.events.append((handler, args, annotations(tuple(annots) + extra), intention))
+        mind.events.append((handler, args, sorted_annots(tuple(annots) + extra), intention))
         return
     if intention is None:
         mind.effects.append(Log("warning", f"{message}{_contexts(mind, relevant)}"))
@@ -95,9 +95,10 @@ def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, fa
         if relevant.operator == "+" and relevant.goal:
             if mind.plans.has_meta:
                 mind.meta(relevant, top[ARGS], top[ANNOTS], "failed")
+                mind.meta(relevant, top[ARGS], top[ANNOTS], "finished")
             handler = relevant.counterpart("-")
             if handler.plans:
-                annots = annotations((*top[ANNOTS], *extra))
+                annots = sorted_annots((*top[ANNOTS], *extra))
                 mind.events.append((handler, top[ARGS], annots, intention))
                 return
     mind.gone(intention)
@@ -115,4 +116,3 @@ def _contexts(mind: Any, relevant: Any) -> str:
         return ""
     places = ", ".join(f"{p.head} (line {p.syntax.position.line})" for p in relevant.plans[:3])
     return f"; relevant were {places}"
-

@@ -60,6 +60,8 @@ def achieve_term(mind: Any, intention: Intention, term: Any, new_focus: bool) ->
     literal = literal_of(term)
     relevant = mind.plans.relevant("+", "!", literal.sig)
     annots = with_source(literal.annots)
+    if mind.plans.has_meta:
+        pending(mind, relevant, literal.args, annots)
     if new_focus:
         mind.post(relevant, detach(literal.args), annots)
         return None
@@ -67,9 +69,14 @@ def achieve_term(mind: Any, intention: Intention, term: Any, new_focus: bool) ->
     return True
 
 
+def pending(mind: Any, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
+    """``^!g[state(pending)]``, in programs with plans for the states of goals."""
+    mind.meta(relevant, args, annots, "pending")
+
+
 def test_event(mind: Any, intention: Intention, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> bool:
     """``?g`` that the beliefs do not answer: its event if there are plans for it, else a failure."""
-    if relevant.plans or mind.has_nested:
+    if relevant.plans or mind.plans.has_nested:
         mind.events.append((relevant, args, annots, intention))
         return True
     mind.fail_test(intention)
@@ -139,7 +146,7 @@ def _run_code(mind: Any, intention: Intention, frame: Frame, code: Code) -> bool
     if not isinstance(body, syntax.Body):
         raise Failed("body_var_not_literal", "Only bodies, goals and actions can be run.")
     plan = frame[1]
-    values = {name: resolve(v) for name, v in code.values.items()}
+    values = {name: resolve(v) for name, v in code.values.items() if is_ground(v)}
     frame[STEP] = plan.fragment(body, values, frame[STEP])
     frame.extend([None] * (plan.size - len(frame)))
     return None

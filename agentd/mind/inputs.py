@@ -1,4 +1,4 @@
-"""What goes into a mind. Each input is taken at the beginning of a cycle; a recording of them replays to the same decisions."""
+"""What goes into a mind, each input at the beginning of a cycle; a recording of them replays to the same decisions."""
 
 from __future__ import annotations
 
@@ -89,5 +89,13 @@ class TimeRead:
 
 
 Input: TypeAlias = (
-    PerceptReplaced | PerceptAdded | PerceptRemoved | Mail | ActionDone | GoalAdded | BeliefAdded | SignalRaised | TimeRead
+    PerceptReplaced
+    | PerceptAdded
+    | PerceptRemoved
+    | Mail
+    | ActionDone
+    | GoalAdded
+    | BeliefAdded
+    | SignalRaised
+    | TimeRead
 )

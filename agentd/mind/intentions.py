@@ -54,4 +54,3 @@ def values_of(frame: Frame) -> dict[str, Any]:
         for name, place in frame[PLAN].slots.items()
         if place < len(frame) and frame[place] is not None and type(deref(frame[place])) is not Var
     }
-

@@ -15,6 +15,8 @@ class Library:
     """The standard library and what a program adds to it."""
 
     def __init__(self) -> None:
+        self.has_meta = False
+        """Whether the program has plans for the states of goals, ``^!g``."""
         self._own: dict[tuple[str, int], Callable[..., Any]] = {}
         self.unknown: dict[tuple[str, int], syntax.Position] = {}
         """Internal actions that the program uses and nobody knows, with the first place of each."""

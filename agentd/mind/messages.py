@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
-from agentd.language.order import annotations
+from agentd.language.order import sorted_annots
 from agentd.language.terms import (
     FALSE,
-
     SOURCE_SELF,
-
     Literal,
     Var,
     atom,
@@ -21,6 +19,7 @@ from agentd.language.terms import (
     signature,
     source,
 )
+from agentd.mind.beliefs import with_source
 from agentd.mind.effects import Log, SendMail
 from agentd.mind.failed import Failed
 from agentd.mind.inputs import Mail
@@ -67,12 +66,14 @@ def _has_plan(mind: Any, relevant: Any, args: tuple[Any, ...]) -> bool:
     return False
 
 
-def from_sender(literal: Literal, sender: str) -> Literal:
+def from_sender(mind: Any, literal: Literal, sender: str) -> Literal:
     """A literal as told by somebody: its former sources stand inside the new one."""
+    if sender == mind.name:
+        return literal.with_annots(with_source(literal.annots))
     others = [a for a in literal.annots if not is_source(a)]
     inner = tuple(a for a in literal.annots if is_source(a) and a != SOURCE_SELF)
     who = source(atom(sender))
-    return Literal(literal.sig, literal.args, annotations((*others, who.with_annots(inner) if inner else who)))
+    return Literal(literal.sig, literal.args, sorted_annots((*others, who.with_annots(inner) if inner else who)))
 
 
 def _each(content: Any) -> list[Any]:
@@ -85,7 +86,7 @@ def _tell(mind: Any, mail: Mail) -> None:
     for content in _each(mail.content):
         content = deref(content)
         if type(content) is Literal:
-            mind.add_belief(from_sender(content, mail.sender))
+            mind.add_belief(from_sender(mind, content, mail.sender))
         elif alone:
             raise Failed("no_applicable", "only literals can be told")
 
@@ -96,7 +97,7 @@ def _untell(mind: Any, mail: Mail) -> None:
         raise Failed("no_applicable", "only a literal can be untold")
     from agentd.mind.changes import disbelieve
 
-    told = from_sender(content, mail.sender)
+    told = from_sender(mind, content, mail.sender)
     predicate = mind.beliefs.predicate(told.sig)
     trail: list[Var] = []
     disbelieve(mind, None, predicate, mind.plans.relevant("-", "", told.sig), told.args, told.annots, trail)
@@ -106,7 +107,7 @@ def _achieve(mind: Any, mail: Mail) -> None:
     for content in _each(mail.content):
         content = deref(content)
         if type(content) is Literal:
-            mind.add_goal(from_sender(content, mail.sender))
+            mind.add_goal(from_sender(mind, content, mail.sender))
 
 
 def _unachieve(mind: Any, mail: Mail) -> None:
@@ -120,7 +121,7 @@ def _unachieve(mind: Any, mail: Mail) -> None:
 def _signal(mind: Any, mail: Mail) -> None:
     content = deref(mail.content)
     if type(content) is Literal:
-        told = from_sender(content, mail.sender)
+        told = from_sender(mind, content, mail.sender)
         relevant = mind.plans.relevant("+", "", told.sig)
         if mind.listeners:
             mind.hear(relevant, told.args, told.annots)
@@ -134,7 +135,9 @@ def reply(mind: Any, mail: Mail, content: Any) -> None:
     send(mind, mail.sender, "tell", content, mail.msg_id)
 
 
-def send(mind: Any, receiver: str | None, performative: str, content: Any, in_reply_to: str = "", sync: bool = False) -> str:
+def send(
+    mind: Any, receiver: str | None, performative: str, content: Any, in_reply_to: str = "", sync: bool = False
+) -> str:
     """Hand a message out; returns its id."""
     mind.message_count += 1
     msg_id = f"{'sync' if sync else 'mid'}{mind.message_count}.{mind.name}"
@@ -151,7 +154,7 @@ def _answer_text(mind: Any, literal: Any) -> Any:
     annots = tuple(me if a == SOURCE_SELF else a for a in literal.annots)
     if not any(map(is_source, annots)):
         annots = (*annots, me)
-    return Literal(literal.sig, literal.args, annotations(annots))
+    return Literal(literal.sig, literal.args, sorted_annots(annots))
 
 
 def answers(mind: Any, question: Any) -> list[Any]:
@@ -192,7 +195,7 @@ def _ask_plan(mind: Any, mail: Mail, relevant: Any, question: Literal) -> None:
     """Let a ``+?`` plan find the answer: an intention that tells it when the plan has ended."""
     from agentd.mind.answering import answer_by_plan
 
-    told = from_sender(question, mail.sender)
+    told = from_sender(mind, question, mail.sender)
     answer_by_plan(mind, mail, relevant, question, told.annots)
 
 
@@ -272,5 +275,3 @@ class Question:
         else:
             undo(trail, mark)
             mind.fail_waiting(self.intention, Failed("ask_failed", "the answer does not unify with what was expected"))
-
-

@@ -20,7 +20,7 @@ from agentd.mind import failure, percepts
 from agentd.mind.beliefs import BeliefBase, Mode, RuleClause, with_source
 from agentd.mind.effects import CancelAction, Effect, Log
 from agentd.mind.failed import Failed
-from agentd.mind.frames import MARK, PLAN, RELEVANT, STEP, Frame
+from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame
 from agentd.mind.inputs import (
     ActionDone,
     BeliefAdded,
@@ -36,6 +36,7 @@ from agentd.mind.inputs import (
 from agentd.mind.intentions import Intention
 from agentd.mind.library import Library
 from agentd.mind.messages import receive
+from agentd.mind.nested import check_goal_conditions, condition_holds, nested_frame
 from agentd.mind.plans import Plan, PlanLibrary
 from agentd.mind.runtime import RUNTIME
 from agentd.mind.snapshot import BeliefView, IntentionView, views_of_beliefs, views_of_intentions
@@ -85,7 +86,6 @@ class Mind:
         self.beliefs = BeliefBase()
         self.compiler = Library()
         self.plans = PlanLibrary(self.compiler, RUNTIME, self._provide)
-        self.has_nested = False
         self.events: deque[tuple[Any, tuple[Any, ...], tuple[Any, ...], Intention | None]] = deque()
         self.dropped_events = 0
         """How many events were dropped because too many waited."""
@@ -100,6 +100,8 @@ class Mind:
         self.mailbox: deque[Mail] = deque()
         self.effects: list[Effect] = []
         self.timers = Timers()
+        self.goal_conditions: list[tuple[Intention, Frame]] = []
+        """The frames whose goals end when a condition holds (``<:``)."""
         self.listeners: list[Wait] = []
         self.conditions: list[Wait] = []
         self.changes = 0
@@ -183,9 +185,10 @@ class Mind:
         unit = compile_rule(clause.syntax, mode, self.compiler, clause.values)
         return unit.load(RUNTIME, self.plans.provide)["answers"]
 
-    def remove_plan(self, label: str) -> None:
+    def remove_plan(self, label: Any) -> None:
+        """Take out the plans with a label, given as syntax."""
         for plan in list(self.plans):
-            if plan.label.sig.functor == label:
+            if plan.label.sig.functor == getattr(label, "functor", None):
                 self.plans.remove(plan)
 
     # --- what others may ask and do ---
@@ -218,7 +221,9 @@ class Mind:
             return True
         if self.atomic is not None:
             return self._atomic_can_run()
-        return bool(self.events or self.running or self.mailbox or self.changes != self._checked and self.conditions)
+        if self.events or self.running or self.mailbox:
+            return True
+        return self.changes != self._checked and bool(self.conditions or self.goal_conditions)
 
     @property
     def wake_at(self) -> float | None:
@@ -271,8 +276,8 @@ class Mind:
         """A goal of its own, with its event."""
         relevant = self.plans.relevant("+", operator, literal.sig)
         annots = with_source(literal.annots)
-        if self.listeners:
-            self.hear(relevant, literal.args, annots)
+        if self.plans.has_meta:
+            self.meta(relevant, literal.args, annots, "pending")
         self.post(relevant, detach(literal.args), annots)
 
     def add_belief(self, literal: Literal, last: bool = False) -> None:
@@ -316,7 +321,7 @@ class Mind:
             self.suspended[intention.id] = intention
             return
         self._end_frames(intention)
-        if intention.stack:
+        if intention.stack and intention.waiting is None:
             self.running.append(intention)
 
     def fail_waiting(self, intention: Intention, failed: Failed) -> None:
@@ -325,6 +330,7 @@ class Mind:
         intention.waiting = None
         intention.action = None
         frame = intention.stack[-1]
+        assert intention.last is not None
         failure.step_failed(self, intention, intention.last, frame, failed)
 
     def fail_parent(self, intention: Intention, extra: tuple[Any, ...], where: str, failed: Failed) -> None:
@@ -346,7 +352,7 @@ class Mind:
 
     def drop(self, intention: Intention) -> None:
         """End an intention without any event; its action is cancelled and its branches go with it."""
-        _, token = self.waiting.pop(intention.id, (None, None))
+        token: Any = self.waiting.pop(intention.id, (None, None))[1]
         if isinstance(token, Wait):
             forget(self, token)
         elif isinstance(token, Timer):
@@ -380,14 +386,6 @@ class Mind:
         if frame[PLAN].atomic and not any(f[PLAN].atomic for f in intention.stack) and self.atomic is intention:
             self.atomic = None
 
-    def trigger_fits(self, plan: Plan, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> bool:
-        """Whether an event unifies with a plan's trigger, contexts aside."""
-        made = Instantiation(dict(plan.values), {}).term(plan.syntax.trigger.literal)
-        trail: list[Any] = []
-        fits = unify(made, Literal(relevant.sig, args, annots), trail)
-        undo(trail, 0)
-        return fits
-
     def hear(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
         """Tell those who wait for an event."""
         for wait in list(self.listeners):
@@ -404,13 +402,13 @@ class Mind:
 
     def meta(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], state: str) -> None:
         """The event ``^!g[state(S)]`` if there is a plan for it."""
-        from agentd.language.order import annotations
+        from agentd.language.order import sorted_annots
         from agentd.language.terms import atom, signature
 
         meta = self.plans.relevant("^", relevant.goal, relevant.sig)
         if meta.plans:
             told = Literal(signature("state", 1), (atom(state),))
-            self.post(meta, resolve_all(args), annotations((*resolve_all(annots), told)))
+            self.post(meta, resolve_all(args), sorted_annots((*resolve_all(annots), told)))
 
     def read_clock(self) -> float:
         """The mission time now; a reading within a cycle is an input."""
@@ -436,6 +434,8 @@ class Mind:
                 self._checked = self.changes
                 if self.conditions:
                     check_conditions(self)
+                if self.goal_conditions:
+                    check_goal_conditions(self)
             if self.atomic is not None:
                 if not self._atomic_cycle():
                     return
@@ -464,8 +464,12 @@ class Mind:
         trail: list[Any] = [] if intention is None else intention.trail
         mark = len(trail)
         frame = None
+        if self.listeners and relevant.goal:
+            self.hear(relevant, args, annots)
         try:
-            for plan in relevant.plans:
+            if self.plans.has_nested:
+                frame = nested_frame(self, trail, relevant, args, annots, intention)
+            for plan in relevant.plans if frame is None else ():
                 frame = plan.select(self, trail, relevant, args, annots)
                 if frame is not None:
                     break
@@ -496,17 +500,30 @@ class Mind:
                         intention.trim(top[MARK])
                         frame[MARK] = min(frame[MARK], len(trail))
         stack.append(frame)
-        if plan.special:
-            self._entered(intention, plan)
+        plan = frame[PLAN]
+        if plan.special or self.plans.has_meta:
+            self._entered(intention, frame)
+            if not stack:
+                return True
         if intention.suspended is not None:
             self.suspended[intention.id] = intention
         else:
             self.running.append(intention)
         return True
 
-    def _entered(self, intention: Intention, plan: Plan) -> None:
+    def _entered(self, intention: Intention, frame: Frame) -> None:
+        """A plan that needs more than a frame is about to begin."""
+        plan: Plan = frame[PLAN]
+        if self.plans.has_meta and frame[RELEVANT].operator == "+" and frame[RELEVANT].goal:
+            self.meta(frame[RELEVANT], frame[ARGS], frame[ANNOTS], "executing")
         if plan.atomic:
             self.atomic = intention
+        if plan.condition is not None:
+            if condition_holds(self, intention, frame):
+                frame[STEP] = None
+                self._end_frames(intention)
+            else:
+                self.goal_conditions.append((intention, frame))
 
     def _context_failed(self, plan: Plan, error: Exception) -> None:
         what = "is too deep" if isinstance(error, RecursionError) else str(error)
@@ -556,10 +573,11 @@ class Mind:
                 self._step_failed(intention, step, frame, Failed("recursion_too_deep", message))
                 return
         stack = intention.stack
-        if stack and stack[-1][STEP] is None:
+        if stack[-1][STEP] is None:
             self._end_frames(intention)
-        if stack:
-            self.running.append(intention)
+            if not stack or intention.waiting is not None:
+                return
+        self.running.append(intention)
 
     def _step_failed(self, intention: Intention, step: Any, frame: Frame, failed: Failed) -> None:
         if failed.error == "test_goal_failed" and not failed.args[0].startswith("Failed"):
@@ -576,9 +594,17 @@ class Mind:
             top = stack[-1]
             if top[STEP] is not None:
                 return
-            stack.pop()
-            if top[PLAN].special:
+            if top[PLAN].special or self.plans.has_meta:
+                if top[PLAN].condition is not None and not condition_holds(self, intention, top):
+                    self.await_something(intention, "goal condition")
+                    return
+                stack.pop()
                 self.left(intention, top)
+                if self.plans.has_meta and top[RELEVANT].operator == "+" and top[RELEVANT].goal:
+                    self.meta(top[RELEVANT], top[ARGS], top[ANNOTS], "achieved")
+                    self.meta(top[RELEVANT], top[ARGS], top[ANNOTS], "finished")
+            else:
+                stack.pop()
             if intention.trail:
                 intention.trim(top[MARK])
         self.gone(intention)
@@ -646,4 +672,3 @@ class Mind:
 
     def _too_deep(self) -> None:
         self.effects.append(Log("error", "a term or rule is too deep; what it was needed for is lost"))
-

@@ -38,9 +38,9 @@ def _agrees(percept: tuple[Any, ...], args: tuple[Any, ...], key: tuple[int, ...
 
 
 def _annots(literal: Literal) -> tuple[Any, ...]:
-    from agentd.language.order import annotations
+    from agentd.language.order import sorted_annots
 
-    return annotations((*literal.annots, *PERCEPT)) if literal.annots else PERCEPT
+    return sorted_annots((*literal.annots, *PERCEPT)) if literal.annots else PERCEPT
 
 
 def _add(mind: Any, literal: Literal, args: tuple[Any, ...]) -> list[Addition]:

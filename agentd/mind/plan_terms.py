@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from agentd.language import syntax
+from agentd.language.instantiate import instantiate
 from agentd.language.terms import Code, Literal, deref, proper
 from agentd.mind.code_terms import trigger_literal
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.plans import Plan
-from agentd.mind.unifier import resolve
+from agentd.mind.unifier import Trail, is_ground, resolve, undo, unify
+
+
+def is_label(label: Any) -> bool:
+    """Whether a plan's label names it (``@[tag]`` and a variable do not)."""
+    return isinstance(label, syntax.Structure) and bool(label.functor)
 
 
 def read_plan(text: str) -> syntax.Plan:
@@ -31,7 +38,7 @@ def add_plans(mind: Any, term: Any, source: Any, first: bool) -> None:
         if type(item) is str:
             plan = mind.plans.make(read_plan(item))
         elif type(item) is Code and isinstance(item.syntax, syntax.Plan):
-            plan = mind.plans.make(item.syntax, {name: resolve(v) for name, v in item.values.items()})
+            plan = mind.plans.make(item.syntax, {name: resolve(v) for name, v in item.values.items() if is_ground(v)})
         else:
             wrong_arguments("a plan, the text of a plan, or a list of them is needed")
         plan.source = source
@@ -43,7 +50,7 @@ def remove_plans(mind: Any, term: Any, source: Any) -> None:
     members = proper(term)
     for item in [term] if members is None else members:
         item = deref(item)
-        if type(item) is Code and isinstance(item.syntax, syntax.Plan) and item.syntax.label is not None:
+        if type(item) is Code and isinstance(item.syntax, syntax.Plan) and is_label(item.syntax.label):
             name = item.syntax.label.functor
         elif type(item) is Literal:
             name = item.sig.functor
@@ -68,7 +75,7 @@ def read_trigger(term: Any) -> Code:
             raise Failed("unknown", f"the trigger cannot be read: {errors}") from errors
     if type(term) is Code and isinstance(term.syntax, syntax.Trigger):
         return term
-    wrong_arguments("a trigger in braces or its text is needed")
+    return wrong_arguments("a trigger in braces or its text is needed")
 
 
 def relevant_plans(mind: Any, term: Any) -> list[Code]:
@@ -81,21 +88,24 @@ def plans_for(mind: Any, trigger: Code) -> list[Plan]:
     node = trigger.syntax
     if isinstance(node.literal, syntax.Variable):
         fits = [p.syntax.trigger for p in mind.plans]
-        return [
-            p for p, t in zip(mind.plans, fits, strict=True) if t.operator == node.operator and t.goal == node.goal
-        ]
+        return [p for p, t in zip(mind.plans, fits, strict=True) if t.operator == node.operator and t.goal == node.goal]
     literal = trigger_literal(trigger)
     relevant = mind.plans.relevant(node.operator, node.goal, literal.sig)
-    annots = literal.annots
-    return [p for p in relevant.plans if mind.trigger_fits(p, relevant, literal.args, annots)]
+    return [p for p in relevant.plans if _asked_fits(literal, p)]
+
+
+def _asked_fits(asked: Literal, plan: Plan) -> bool:
+    """Whether a trigger that is asked for unifies with that of a plan, which may ask for more annotations."""
+    trail: Trail = []
+    fits = unify(asked, instantiate(plan.syntax.trigger.literal, dict(plan.values)), trail)
+    undo(trail, 0)
+    return fits
 
 
 def term_of(plan: Plan) -> Code:
     """A plan of the library as a term, with its label."""
     node = plan.syntax
-    if node.label is None or not node.label.functor:
-        from dataclasses import replace
-
-        annots = None if node.label is None else node.label.annotations
+    if not is_label(node.label):
+        annots = node.label.annotations if isinstance(node.label, syntax.Structure) else None
         node = replace(node, label=syntax.Structure(plan.label.sig.functor, annotations=annots))
     return Code(node, plan.values)

@@ -10,7 +10,7 @@ from agentd.language.compile_plan import FRAME_HEADER, PlanCode, compile_fragmen
 from agentd.language.compile_terms import signature_of
 from agentd.language.emit import Ref
 from agentd.language.instantiate import Instantiation
-from agentd.language.terms import DEFAULT, SELF, Literal, Signature, atom, signature
+from agentd.language.terms import DEFAULT, SOURCE_SELF, Literal, Signature, atom, signature
 from agentd.mind.frames import Frame, Step
 
 _ATOMIC = signature("atomic")
@@ -54,6 +54,7 @@ class Plan:
         "atomic",
         "condition",
         "label",
+        "outer",
         "select",
         "slots",
         "source",
@@ -67,10 +68,17 @@ class Plan:
         self._library, self.syntax, self.label, self.values = library, node, label, values
         self.atomic = any(type(a) is Literal and a.sig is _ATOMIC for a in label.annots)
         self.special = self.atomic or node.goal_condition is not None or bool(node.subplans)
+        """Whether entering and leaving it takes more than a frame."""
         self.slots: dict[str, int] = {}
         self.around: dict[str, int] = {}
-        self.subplans: list[Plan] = []
+        self.subplans = [Plan(library, inner, atom("inner"), values) for inner in node.subplans]
+        self.outer: Plan | None = None
+        for inner in self.subplans:
+            inner.outer = self
         self.condition: Any = None
+        """For ``<:``, the function that asks whether the goal's condition holds, once loaded."""
+        self.source: Any = SOURCE_SELF.args[0]
+        """Who the plan comes from: the agent itself, or the one who told it."""
         self.select: Any = self._first_select
         self._size = FRAME_HEADER
 
@@ -86,6 +94,9 @@ class Plan:
         self.slots, self._size = code.slots, code.size
         namespace, _ = self._load(code)
         self.select = namespace["select"]
+        self.condition = namespace.get("condition")
+        for inner in self.subplans:
+            inner.around = {**self.around, **self.slots}
 
     def fragment(self, body: syntax.Body, values: dict[str, Any], following: Step | None) -> Step | None:
         """The first step of a body held by a variable, to run in a frame of this plan and lead on to ``following``."""
@@ -141,6 +152,7 @@ class PlanLibrary:
         self._relevant: dict[tuple[str, str, Signature], Relevant] = {}
         self._labels = 0
         self.has_meta = False
+        self.has_nested = False
 
     def provide(self, ref: Ref) -> Any:
         if ref.kind == "relevant":
@@ -153,14 +165,15 @@ class PlanLibrary:
         found = self._relevant.get(key)
         if found is None:
             found = self._relevant[key] = Relevant(self, operator, goal, sig)
-            found.plans.extend(p for p in self.plans if self._answers(p, found))
+            found.plans.extend(p for p in self.plans if self.answers(p, found))
         return found
 
     def known(self, operator: str, goal: str, sig: Signature) -> Relevant | None:
         return self._relevant.get((operator, goal, sig))
 
     @staticmethod
-    def _answers(plan: Plan, relevant: Relevant) -> bool:
+    def answers(plan: Plan, relevant: Relevant) -> bool:
+        """Whether a plan's trigger is of this kind."""
         trigger = plan.syntax.trigger
         if trigger.operator != relevant.operator or trigger.goal != relevant.goal:
             return False
@@ -175,34 +188,33 @@ class PlanLibrary:
         return Plan(self, node, self._label(node), values or {})
 
     def _label(self, node: syntax.Plan) -> Literal:
-        if node.label is not None and node.label.functor:
+        if isinstance(node.label, syntax.Structure) and node.label.functor:
             made = Instantiation({}, {}).term(node.label)
             assert isinstance(made, Literal)
             return made
         self._labels += 1
-        annots = () if node.label is None else Instantiation({}, {}).annots(node.label.annotations)
+        annots = (
+            Instantiation({}, {}).annots(node.label.annotations) if isinstance(node.label, syntax.Structure) else ()
+        )
         return Literal(signature(f"l__{self._labels}"), (), annots)
 
     def add(self, plan: Plan, first: bool = False) -> None:
         """Put a plan at the end of the library, or before all others."""
-        plan.source = getattr(plan, "source", None) or SELF[0].args[0]
         self.plans.insert(0 if first else len(self.plans), plan)
-        if plan.syntax.trigger.operator == "^":
-            self.has_meta = True
+        self._note(plan)
         literal = plan.syntax.trigger.literal
         if isinstance(literal, syntax.Structure):
             self.relevant(plan.syntax.trigger.operator, plan.syntax.trigger.goal, signature_of(literal))
         for relevant in self._relevant.values():
-            if plan not in relevant.plans and self._answers(plan, relevant):
+            if plan not in relevant.plans and self.answers(plan, relevant):
                 relevant.plans.insert(0 if first else len(relevant.plans), plan)
 
     def extend(self, nodes: list[syntax.Plan]) -> None:
         """Add the plans of a program at once."""
         for node in nodes:
             plan = self.make(node)
-            plan.source = atom("self")
             self.plans.append(plan)
-            self.has_meta |= node.trigger.operator == "^"
+            self._note(plan)
             literal = node.trigger.literal
             if isinstance(literal, syntax.Structure):
                 key = (node.trigger.operator, node.trigger.goal, signature_of(literal))
@@ -220,8 +232,15 @@ class PlanLibrary:
         if wild:
             order = {plan: n for n, plan in enumerate(self.plans)}
             for relevant in self._relevant.values():
-                relevant.plans.extend(p for p in wild if self._answers(p, relevant))
+                relevant.plans.extend(p for p in wild if self.answers(p, relevant))
                 relevant.plans.sort(key=lambda p: order[p])
+
+    def _note(self, plan: Plan) -> None:
+        """Remember what kinds of plans there are, so that only programs that use them pay for them."""
+        if plan.syntax.trigger.operator == "^":
+            self.has_meta = self.compiler.has_meta = True
+        if plan.subplans:
+            self.has_nested = True
 
     def remove(self, plan: Plan) -> None:
         """Take a plan out; instances of it that run go on."""

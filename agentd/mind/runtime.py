@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from agentd.language.order import annotations, distinct, ordered
+from agentd.language.order import distinct, ordered, sorted_annots
 from agentd.language.terms import (
     EMPTY,
     FALSE,
@@ -24,9 +24,22 @@ from agentd.mind.changes import believe, change_term, disbelieve, replace
 from agentd.mind.code_terms import call, capture
 from agentd.mind.failed import action_said_no, constraint_failed
 from agentd.mind.forks import fork, join
-from agentd.mind.goals import achieve_term, perform, qualify, run_term, test_event, test_failed, test_term
+from agentd.mind.goals import achieve_term, pending, perform, qualify, run_term, test_event, test_failed, test_term
+from agentd.mind.loops import next_round, present
 from agentd.mind.solve import arithmetic, order, solve, univ
-from agentd.mind.unifier import Rest, detach, open_list, open_structure, resolve, same, subsets, undo, unify, value
+from agentd.mind.unifier import (
+    Rest,
+    annots_with_tail,
+    detach,
+    open_list,
+    open_structure,
+    resolve,
+    same,
+    subsets,
+    undo,
+    unify,
+    value,
+)
 from agentd.mind.waiting import wait_until
 
 RUNTIME: Final[dict[str, Any]] = {
@@ -42,7 +55,8 @@ RUNTIME: Final[dict[str, Any]] = {
     "Var": Var,
     "achieve_term": achieve_term,
     "action_said_no": action_said_no,
-    "annotations": annotations,
+    "sorted_annots": sorted_annots,
+    "annots_with_tail": annots_with_tail,
     "arithmetic": arithmetic,
     "believe": believe,
     "call": call,
@@ -60,8 +74,11 @@ RUNTIME: Final[dict[str, Any]] = {
     "open_list": open_list,
     "open_structure": open_structure,
     "order": order,
+    "next_round": next_round,
     "ordered": ordered,
+    "pending": pending,
     "perform": perform,
+    "present": present,
     "qualify": qualify,
     "replace": replace,
     "resolve": resolve,

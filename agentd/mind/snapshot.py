@@ -68,5 +68,3 @@ def _goals(intention: Intention) -> list[GoalView]:
 
 def views_of_beliefs(mind: Any) -> list[BeliefView]:
     return [BeliefView(text(fact.bare()), text(fact)) for fact in mind.beliefs.facts()]
-
-

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from agentd.language.instantiate import calculate
-from agentd.language.order import annotations, compare
+from agentd.language.order import compare, sorted_annots
 from agentd.language.terms import (
     DEFAULT,
     EMPTY,
@@ -172,4 +172,4 @@ def _from_parts(parts: list[Any] | None) -> Any:
         functor, negated = functor[1:], True
     found = proper(annots) if annots is not EMPTY else []
     sig = signature(functor, len(args), negated, namespace)
-    return Literal(sig, tuple(args), annotations(found or ()))
+    return Literal(sig, tuple(args), sorted_annots(found or ()))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language.instantiate import calculate
-from agentd.language.order import annotations
+from agentd.language.order import sorted_annots
 from agentd.language.terms import (
     ARITHMETIC,
     DEFAULT,
@@ -22,6 +22,7 @@ from agentd.language.terms import (
     Open,
     Var,
     deref,
+    elements,
     equal,
     make_list,
     signature,
@@ -180,6 +181,14 @@ class Rest:
         self.tail = tail
 
 
+def annots_with_tail(annots: tuple[Any, ...], tail: Any) -> tuple[Any, ...]:
+    """``[a|T]`` as annotations: with the elements of T if it has a value, else T stands for the rest."""
+    end = deref(tail)
+    if type(end) is Var:
+        return (*sorted_annots(annots), Rest(end))
+    return sorted_annots((*annots, *elements(end)))
+
+
 def subset(left: tuple[Any, ...], right: tuple[Any, ...], trail: Trail) -> bool:
     """Whether each annotation on the left unifies with one on the right (the first choice that fits, no backtracking).
 
@@ -322,6 +331,11 @@ class Copier:
             if found is None:
                 found = self._fresh[node] = Var(node.name)
             return found
+        if type(node) is Code and node.values:
+            return Code(node.syntax, {name: self.copy(v) for name, v in node.values.items()}, node.bare)
+        if type(node) is Rest:
+            self.open = True
+            return Rest(self.copy(node.tail))
         if type(node) is Open:
             self.open = True
             annots = None if node.annots is None else tuple(self.copy(a) for a in node.annots)
@@ -343,7 +357,7 @@ class Copier:
             if total:
                 del done[-total:]
             annots = tuple(parts[arity:])
-            built = Literal(node.sig, tuple(parts[:arity]), annotations(annots) if len(annots) > 1 else annots)
+            built = Literal(node.sig, tuple(parts[:arity]), sorted_annots(annots) if len(annots) > 1 else annots)
         else:
             _, count, _ = node
             parts = done[-count - 1 :]
@@ -376,5 +390,7 @@ def detach(terms: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def same(left: Any, right: Any) -> bool:
-    """``==``: equality without binding, arithmetic computed."""
+    """``==``: equality without binding, arithmetic computed. Linked free variables are not equal (rule 25)."""
+    if type(left) is Var and type(right) is Var and left is not right and type(deref(left)) is Var:
+        return False
     return equal(resolve(left), resolve(right))

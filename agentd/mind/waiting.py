@@ -93,7 +93,9 @@ def wait_until(
     seconds = None if limit is None else milliseconds(limit)
     mark = len(intention.trail)
     if check(mind, intention, frame):
-        return None if elapsed is None else _bound(mind, intention, elapsed, 0.0)
+        if elapsed is not None:
+            _tell_elapsed(intention, elapsed, 0.0)
+        return None
     undo(intention.trail, mark)
     wait = Wait(intention, frame, mind.now)
     wait.check, wait.elapsed = check, elapsed
@@ -147,11 +149,12 @@ def ended(mind: Any, wait: Wait) -> None:
     """What was waited for has come (or the time is over and the program asked how long it was)."""
     forget(mind, wait)
     if wait.elapsed is not None:
-        _bound(mind, wait.intention, wait.elapsed, (mind.now - wait.since) * 1000.0)
+        _tell_elapsed(wait.intention, wait.elapsed, (mind.now - wait.since) * 1000.0)
     mind.resume_waiting(wait.intention)
 
 
-def _bound(mind: Any, intention: Intention, elapsed: Any, value: float) -> None:
+def _tell_elapsed(intention: Intention, elapsed: Any, value: float) -> None:
+    """Give the third argument of a wait the time that it took, in ms."""
     target = deref(elapsed)
     if type(target) is Var:
         unify(target, float(int(value)), intention.trail)

@@ -111,13 +111,14 @@ def namespace_set_prop(mind: Any, trail: Trail, name: Any, key: Any, term: Any) 
     return True
 
 
-@internal_action(".namespace_get_prop", (3, 4), backtracks=True)
+@internal_action(".namespace_get_prop", (2, 4), backtracks=True)
 def namespace_get_prop(
-    mind: Any, trail: Trail, name: Any, key: Any, term: Any, default: Any = None
+    mind: Any, trail: Trail, name: Any, key: Any, term: Any = None, default: Any = None
 ) -> Iterator[None]:
-    """``.namespace_get_prop(N, K, V[, Default])``: a missing key without default leaves V free and succeeds."""
+    """``.namespace_get_prop(N, K[, V[, Default]])``: a missing key without default leaves V free and succeeds."""
     known = mind.namespaces.get(_name(name), {})
     mark = len(trail)
+    term = Var() if term is None else term
     if type(deref(key)) is Var:
         for each, found in list(known.items()):
             if unify(key, atom(each), trail) and unify(term, found, trail):

@@ -143,10 +143,10 @@ def suspend(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
 
 
 def _pending(mind: Any, intention: Any, goal: Literal, trail: Trail) -> bool:
-    for relevant, args, annots, waiting in mind.events:
-        if waiting is intention and relevant.goal == "!" and unify(goal, Literal(relevant.sig, args, annots), trail):
-            return True
-    return False
+    return any(
+        waiting is intention and relevant.goal == "!" and unify(goal, Literal(relevant.sig, args, annots), trail)
+        for relevant, args, annots, waiting in mind.events
+    )
 
 
 @internal_action(".resume", 1)
@@ -176,5 +176,3 @@ def suspended(mind: Any, trail: Trail, goal: Any, reason: Any) -> Iterator[None]
             if unify(reason, atom(why.partition(" ")[0]), trail):
                 yield None
         undo(trail, mark)
-
-

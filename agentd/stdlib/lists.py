@@ -73,7 +73,7 @@ def delete(mind: Any, trail: Trail, *args: Any) -> bool:
         return _delete_positions([deref(w) for w in what], collection, result, trail)
     if len(what) > 1:
         wrong_arguments(".delete of a range takes two numbers")
-    if type(first) is str and type(collection) in (str, List):
+    if type(first) is str:
         whole = collection if type(collection) is str else text(resolve(collection))
         return unify(result, re.sub(first, "", whole), trail)
     members = proper(collection)
@@ -126,7 +126,9 @@ def maximum(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
     return bool(members) and unify(result, members[-1], trail)
 
 
-def _sets(what: str, left: Any, right: Any) -> tuple[list[Any], list[Any]]:
+def _sets(what: str, left: Any, right: Any, result: Any) -> tuple[list[Any], list[Any]]:
+    if type(deref(result)) not in (Var, List):
+        wrong_arguments(f"the result of {what} is a list")
     return distinct(members_of(left, what)), distinct(members_of(right, what))
 
 
@@ -136,25 +138,27 @@ def _in(item: Any, members: list[Any]) -> bool:
 
 @internal_action(".union", 3)
 def union(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
-    a, b = _sets(".union", left, right)
+    a, b = _sets(".union", left, right, result)
     return unify(result, make_list(distinct(a + b)), trail)
 
 
 @internal_action(".intersection", 3)
 def intersection(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
-    a, b = _sets(".intersection", left, right)
+    a, b = _sets(".intersection", left, right, result)
     return unify(result, make_list([x for x in a if _in(x, b)]), trail)
 
 
 @internal_action(".difference", 3)
 def difference(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
-    a, b = _sets(".difference", left, right)
+    a, b = _sets(".difference", left, right, result)
     return unify(result, make_list([x for x in a if not _in(x, b)]), trail)
 
 
 def _parts(what: str, pattern: Any, whole: Any, cuts: Any, trail: Trail) -> Iterator[None]:
-    whole = deref(whole)
+    whole, wanted = deref(whole), deref(pattern)
     members: Any = whole if type(whole) is str else members_of(whole, what)
+    if type(wanted) is not Var and type(wanted) is not type(whole):
+        wrong_arguments(f"both arguments of {what} are lists, or both strings")
     mark = len(trail)
     for start, end in cuts(len(members)):
         part = members[start:end]
@@ -219,6 +223,8 @@ def random(mind: Any, trail: Trail, *args: Any) -> Iterator[None]:
         target, times = args[1], _times(args[2]) if len(args) == 3 else 1
         if not members:
             return
+        if type(deref(target)) is not Var:
+            wrong_arguments("a variable is needed for a random member")
     else:
         if type(first) is not Var:
             wrong_arguments("the first argument of .random is a variable or a list")
@@ -302,5 +308,3 @@ def evaluate(mind: Any, trail: Trail, result: Any, query: Any) -> bool:
         break
     undo(trail, mark)
     return unify(result, holds, trail)
-
-

@@ -117,7 +117,7 @@ def median(mind: Any, items: Any) -> Any:
     numbers, members = _numbers(items), proper(items)
     if numbers is None or members is None or len(numbers) != len(members):
         return None
-    return float(statistics.median(numbers)) if numbers else _NAN
+    return float(statistics.median(numbers)) if numbers else None
 
 
 @function("math.std_dev", 1)

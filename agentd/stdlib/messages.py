@@ -87,5 +87,3 @@ def all_names(mind: Any, trail: Trail, result: Any) -> bool:
 
     names = [mind.name] if mind.agents is None else list(mind.agents())
     return unify(result, make_list([atom(n) for n in names]), trail)
-
-

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from agentd.language.numbers import double_text
+from agentd.language.numbers import double_text, number_text
 from agentd.language.term_text import printed, text
 from agentd.language.terms import List, Literal, Var, deref, split
 from agentd.mind.effects import Log, Print
@@ -33,7 +33,7 @@ def log(mind: Any, trail: Trail, level: Any, *args: Any) -> bool:
         raise Failed("unknown", ".log takes a level first")
     shown = _LEVELS.get(name.sig.functor, "debug" if name.sig.functor in ("fine", "finer", "finest") else "info")
     line = "".join([printed(resolve(a)) for a in args])
-    mind.effects.append(Print(line) if shown == "info" else Log(shown, line))
+    mind.effects.append(Log(shown, line) if shown == "debug" else Print(line))
     return True
 
 
@@ -72,15 +72,15 @@ def _formatted(value: Any, kind: str, digits: str | None) -> str:
 
         places = Decimal(1).scaleb(-(int(digits) if digits else 6))
         return str(Decimal(repr(value)).quantize(places, ROUND_HALF_UP))
-    return _java_text(value)
+    return double_text(value) if type(value) is float else _java_text(value)
 
 
 def _java_text(value: Any) -> str:
     if type(value) is float:
-        return double_text(value)
+        return number_text(value)
     if type(value) is List:
         members, _ = split(value)
-        return f"[{', '.join(text(m) for m in members)}]"
+        return f"[{', '.join(_java_text(deref(m)) for m in members)}]"
     return value if type(value) is str else text(value)
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from agentd.language.terms import SELF, Literal, Var, deref, make_list
+from agentd.language import syntax
+from agentd.language.terms import SELF, Code, Literal, Var, deref, make_list
 from agentd.mind.beliefs import with_source
-from agentd.mind.code_terms import trigger_literal
+from agentd.mind.code_terms import parts_of, trigger_literal
 from agentd.mind.plan_terms import add_plans, plans_for, read_trigger, relevant_plans, remove_plans, term_of
 from agentd.mind.unifier import Trail, detach, resolve, resolve_all, undo, unify
 from agentd.stdlib.registry import internal_action
@@ -41,6 +42,12 @@ def relevant(mind: Any, trail: Trail, trigger: Any, plans: Any, labels: Any = No
 @internal_action(".relevant_plan", 2, backtracks=True)
 def relevant_plan(mind: Any, trail: Trail, trigger: Any, plan: Any) -> Iterator[None]:
     mark = len(trail)
+    given = deref(plan)
+    if type(deref(trigger)) is Var and type(given) is Code and isinstance(given.syntax, syntax.Plan):
+        if unify(trigger, Code(given.syntax.trigger, given.values, bare=True), trail):
+            yield None
+        undo(trail, mark)
+        return
     for found in relevant_plans(mind, trigger):
         if unify(plan, found, trail):
             yield None
@@ -50,7 +57,12 @@ def relevant_plan(mind: Any, trail: Trail, trigger: Any, plan: Any) -> Iterator[
 @internal_action(".plan_label", 2, backtracks=True)
 def plan_label(mind: Any, trail: Trail, plan: Any, label: Any) -> Iterator[None]:
     mark = len(trail)
-    wanted = deref(label)
+    wanted, given = deref(label), deref(plan)
+    if type(given) is Code and isinstance(given.syntax, syntax.Plan) and given.syntax.label is not None:
+        if unify(label, parts_of(given)[0], trail):
+            yield None
+        undo(trail, mark)
+        return
     for found in list(mind.plans):
         if type(wanted) is Literal and wanted.sig.functor != found.label.sig.functor:
             continue

@@ -92,9 +92,7 @@ def substring(mind: Any, trail: Trail, *args: Any) -> Iterator[None]:
     part, whole = plain_text(first), plain_text(second)
     at = whole.find(part)
     while at >= 0:
-        if unify(args[2], float(at), trail) and (
-            len(args) == 3 or unify(args[3], float(at + len(part) - 1), trail)
-        ):
+        if unify(args[2], float(at), trail) and (len(args) == 3 or unify(args[3], float(at + len(part) - 1), trail)):
             yield None
         undo(trail, mark)
         at = whole.find(part, at + 1)
@@ -173,6 +171,8 @@ def term2string(mind: Any, trail: Trail, term: Any, string: Any) -> bool:
     term, string = deref(term), deref(string)
     if type(string) is Var:
         return unify(string, text(resolve(term)), trail)
+    if type(string) is not str and type(term) is Var:
+        string = plain_text(string)
     if type(string) is not str:
         raise Failed("internal_action", "the second argument of .term2string is a string")
     if type(term) is Var:

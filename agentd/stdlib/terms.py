@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from agentd.language import syntax
-from agentd.language.order import annotations
+from agentd.language.order import sorted_annots
 from agentd.language.terms import (
     EMPTY,
     Code,
@@ -43,7 +43,10 @@ def is_atom(mind: Any, trail: Trail, term: Any) -> bool:
 
 @internal_action(".number", 1)
 def is_number(mind: Any, trail: Trail, term: Any) -> bool:
-    return type(value(term)) is float
+    found = value(term)
+    if type(found) is Literal:  # a function that could not be computed still counts as a number
+        return bool(mind.compiler.is_function(found.sig.functor, found.sig.arity))
+    return type(found) is float
 
 
 @internal_action(".string", 1)
@@ -128,7 +131,7 @@ def add_annot(mind: Any, trail: Trail, term: Any, annot: Any, result: Any) -> bo
 def _annotated(term: Any, annot: Any) -> Any:
     term = resolve(term)
     if type(term) is Literal:
-        return term.with_annots(annotations((*term.annots, annot)))
+        return term.with_annots(sorted_annots((*term.annots, annot)))
     members = proper(term) if term is not EMPTY else None
     return term if members is None else make_list([_annotated(m, annot) for m in members])
 
@@ -144,7 +147,7 @@ def _nested(term: Any, who: Any) -> Any:
     if type(term) is Literal:
         inner = tuple(a for a in term.annots if is_source(a))
         others = [a for a in term.annots if not is_source(a)]
-        return term.with_annots(annotations((*others, source(who).with_annots(inner))))
+        return term.with_annots(sorted_annots((*others, source(who).with_annots(inner))))
     members = proper(term) if term is not EMPTY else None
     return term if members is None else make_list([_nested(m, who) for m in members])
 

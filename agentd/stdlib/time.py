@@ -121,5 +121,3 @@ def nano_time(mind: Any, trail: Trail, result: Any) -> bool:
 def system_time(mind: Any) -> float:
     """Milliseconds since the epoch."""
     return float(int((mind.epoch + mind.read_clock()) * 1000))
-
-
