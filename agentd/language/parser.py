@@ -11,7 +11,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from agentd.language.build import Builder, is_formula
+from agentd.language.build import Builder
+from agentd.language.build_terms import is_formula
 from agentd.language.errors import Problem, SyntaxErrors, problem_at, problem_on
 from agentd.language.lalr import Stopped, machine
 from agentd.language.lexer import BROKEN, END_OF_TEXT, Lexicon, Tokens, lexicon, tokenize
@@ -88,8 +89,7 @@ def _lexicon() -> Lexicon:
 
 def _parse(source: Source, start: str) -> tuple[Any, Tokens]:
     tokens = tokenize(source, _lexicon())
-    builder = Builder(source)
-    builder.end_of_text = tokens.starts[-1]
+    builder = Builder(source, tokens.starts[-1])
     recovery = _Recovery(source, tokens, start == "program")
     try:
         value = machine().run(tokens, start, builder, recovery)

@@ -10,7 +10,7 @@ from typing import TypeAlias, TypeVar
 
 from hypothesis import strategies as st
 
-from agentd.language.build import NOT_IN_CONDITIONS
+from agentd.language.build_terms import NOT_IN_CONDITIONS
 from agentd.language.syntax import (
     And,
     Arithmetic,
