@@ -13,6 +13,8 @@ from schemas.records import ActionStatus, Health, MindView, Perception
 MIND_PERIOD = 0.5
 """Wall seconds between two looks at a mind."""
 ANSWER_TIMEOUT = 2.0
+SILENCE = 5.0
+"""Wall seconds without an answer from a mind after which the user is told: whether it is done cannot be seen."""
 
 
 class Observer:
@@ -57,9 +59,17 @@ class Observer:
         return answered
 
     async def _watch_mind(self, agent: str) -> None:
+        loop = asyncio.get_running_loop()
+        heard, told = loop.time(), False
         while True:
-            await self.watching_minds.wait()
-            await self.look_at_mind(agent)
+            if not self.watching_minds.is_set():
+                await self.watching_minds.wait()
+                heard = loop.time()
+            if await self.look_at_mind(agent):
+                heard, told = loop.time(), False
+            elif loop.time() - heard > SILENCE and not told:
+                told = True
+                self.picture.journal.add(agent, f"has not shown its mind for {SILENCE:g} s", "warning")
             await asyncio.sleep(MIND_PERIOD)
 
     async def stop(self) -> None:
