@@ -8,7 +8,7 @@ from typing import Any
 from agentd.language import syntax
 from agentd.language.errors import SyntaxErrors
 from agentd.language.instantiate import instantiate
-from agentd.language.order import annotations
+from agentd.language.order import sorted_annots
 from agentd.language.parser import parse_term
 from agentd.language.printer import source_text
 from agentd.language.terms import (
@@ -234,7 +234,7 @@ class _FromWire:
 
     def _structure(self, term: wire.Structure) -> Literal:
         sig = signature(term.functor, len(term.args), term.negated, term.namespace or DEFAULT)
-        return Literal(sig, tuple(map(self.term, term.args)), annotations(map(self.term, term.annotations)))
+        return Literal(sig, tuple(map(self.term, term.args)), sorted_annots(map(self.term, term.annotations)))
 
     def _variable(self, term: wire.Variable) -> Any:
         variable = Var(term.name) if term.name.startswith("_") else self._values.setdefault(term.name, Var(term.name))

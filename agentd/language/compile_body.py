@@ -486,11 +486,12 @@ def _as_statement(formula: syntax.BodyFormula) -> syntax.BodyFormula:
     """``.foreach``, ``.loop``, ``.if_then_else`` and ``.fork`` are the statements that they stand for."""
     match formula:
         case syntax.Step(operator=Operator.ACTION, term=syntax.InternalAction(name=name, args=args)):
-            pass
-        case _:
-            return formula
+            return _statement(name, args, formula)
+    return formula
+
+
+def _statement(name: str, args: Any, formula: syntax.BodyFormula) -> syntax.BodyFormula:
     place = formula.position
-    condition: Any
     match name, args:
         case (".foreach", (condition, body)):
             return syntax.For(condition, _as_body(body), place)

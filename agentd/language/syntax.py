@@ -231,7 +231,7 @@ class Operator(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A formula of a body: an operator and its term (of ``+{ plan }`` a `PlanTerm`, of ``+{ h :- b }`` a `RuleTerm`)."""
+    """A formula of a body: an operator and its term (of ``+{ plan }`` a `PlanTerm`, of ``+{ rule }`` a `RuleTerm`)."""
 
     operator: Operator
     term: Term

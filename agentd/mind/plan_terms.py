@@ -51,7 +51,7 @@ def remove_plans(mind: Any, term: Any, source: Any) -> None:
     for item in [term] if members is None else members:
         item = deref(item)
         if type(item) is Code and isinstance(item.syntax, syntax.Plan) and is_label(item.syntax.label):
-            name = item.syntax.label.functor
+            name = str(getattr(item.syntax.label, "functor", ""))
         elif type(item) is Literal:
             name = item.sig.functor
         elif type(item) is str:

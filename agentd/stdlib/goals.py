@@ -83,7 +83,8 @@ def drop_all_events(mind: Any, trail: Trail) -> bool:
 @internal_action(".drop_all_desires", 0)
 def drop_all_desires(mind: Any, trail: Trail) -> bool:
     drop_all_events(mind, trail)
-    return drop_all_intentions(mind, trail)
+    drop_all_intentions(mind, trail)
+    return True
 
 
 def _end(mind: Any, goal: Any, trail: Trail, succeeded: bool) -> bool | None:
