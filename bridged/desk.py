@@ -133,8 +133,6 @@ class ActionDesk:
                 job.told_at = now
                 self._tell(job, self._status(job.action, "running", job.execution.waits_for, job.execution.feedback))
 
-    # ---- inside
-
     def _known(self, request: Action, follower: Follower) -> bool:
         """Answer a request for an id that was begun before."""
         job = self._jobs.get(request.id)

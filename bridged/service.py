@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterable
+from functools import partial
 
 import zenoh
 
@@ -14,6 +15,7 @@ from bridged.orders import Orders
 from commd.bus import Bus, Query
 from schemas import keys
 from schemas.manifest import ActionDescription, Manifest
+from schemas.percepts import PerceptSet
 from schemas.records import Action, ActionStatus, Cancel, Outcome, Perception, StopOrder
 
 MAX_STATUSES = 64
@@ -42,41 +44,26 @@ class Service:
     def open(self, board: PerceptBoard, desk: ActionDesk, orders: Orders) -> None:
         """Begin to serve."""
         bus, fleet = self._bus, self._bus.fleet
-
-        async def percepts(query: Query[Perception]) -> None:
-            self._repair(query, board)
-
-        async def actions(query: Query[Action]) -> None:
-            await self._act(query, desk)
-
-        async def cancels(query: Query[Cancel]) -> None:
-            self._cancel(query, desk)
-
-        async def stops(query: Query[StopOrder]) -> None:
-            await self._stop(query, orders)
-
         for agent in self._agents:
-            bus.serve(keys.percept(fleet, agent, "**"), Perception, percepts)
-            bus.serve(keys.action(fleet, agent, "*"), Action, actions)
-            bus.serve(keys.cancel(fleet, agent), Cancel, cancels)
-        bus.serve(keys.stop(fleet, self._robot), StopOrder, stops)
+            bus.serve(keys.percept(fleet, agent, "**"), Perception, partial(self._repair, agent, board.sets[agent]))
+            bus.serve(keys.action(fleet, agent, "*"), Action, partial(self._act, agent, desk))
+            bus.serve(keys.cancel(fleet, agent), Cancel, partial(self._cancel, agent, desk))
+        bus.serve(keys.stop(fleet, self._robot), StopOrder, partial(self._stop, orders))
 
-    def _repair(self, query: Query[Perception], board: PerceptBoard) -> None:
-        """Answer with every present belief, each on its own key."""
+    async def _repair(self, agent: str, present: PerceptSet, query: Query[Perception]) -> None:
+        """Answer with every present belief of an agent that the query asks for, each on its own key."""
         asked = zenoh.KeyExpr(query.key)
-        for agent, present in board.sets.items():
-            for perception in present.snapshot():
-                key = keys.percept(self._bus.fleet, agent, perception.name)
-                if asked.intersects(zenoh.KeyExpr(key)):
-                    query.reply(perception, key)
+        for perception in present.snapshot():
+            key = keys.percept(self._bus.fleet, agent, perception.name)
+            if asked.intersects(zenoh.KeyExpr(key)):
+                query.reply(perception, key)
 
-    async def _act(self, query: Query[Action], desk: ActionDesk) -> None:
+    async def _act(self, agent: str, desk: ActionDesk, query: Query[Action]) -> None:
         """Carry out an action asked for on a concrete key with a valid payload; describe it to anybody else."""
-        asked = keys.parse(query.key)
-        if not query.concrete or query.record is None or asked is None:
-            self._describe(query)
+        if not query.concrete or query.record is None:
+            self._describe(agent, query)
             return
-        _, agent, (_, name) = asked
+        name = query.key.rpartition("/")[2]
         statuses: asyncio.Queue[ActionStatus] = asyncio.Queue()
 
         def follow(status: ActionStatus) -> None:
@@ -91,29 +78,27 @@ class Service:
                 query.reply(status)
         query.reply(status)
 
-    def _describe(self, query: Query[Action]) -> None:
+    def _describe(self, agent: str, query: Query[Action]) -> None:
         asked = zenoh.KeyExpr(query.key)
-        for agent in self._agents:
-            for name, entry in self._manifest.actions.items():
-                key = keys.action(self._bus.fleet, agent, name)
-                if asked.intersects(zenoh.KeyExpr(key)):
-                    description = ActionDescription(
-                        name=name,
-                        signature=signature(name, entry),
-                        confirm=entry.confirm,
-                        deadline=float(entry.deadline),
-                        problem=query.error,
-                    )
-                    query.reply(description, key)
+        for name, entry in self._manifest.actions.items():
+            key = keys.action(self._bus.fleet, agent, name)
+            if asked.intersects(zenoh.KeyExpr(key)):
+                description = ActionDescription(
+                    name=name,
+                    signature=signature(name, entry),
+                    confirm=entry.confirm,
+                    deadline=float(entry.deadline),
+                    problem=query.error,
+                )
+                query.reply(description, key)
 
-    def _cancel(self, query: Query[Cancel], desk: ActionDesk) -> None:
-        asked = keys.parse(query.key)
-        if query.record is None or asked is None or not query.concrete:
+    async def _cancel(self, agent: str, desk: ActionDesk, query: Query[Cancel]) -> None:
+        if query.record is None or not query.concrete:
             query.reply_error(query.error or 'expected the id of an action: {"id": "..."}')
             return
-        query.reply(desk.cancel(asked[1], query.record.id))
+        query.reply(desk.cancel(agent, query.record.id))
 
-    async def _stop(self, query: Query[StopOrder], orders: Orders) -> None:
+    async def _stop(self, orders: Orders, query: Query[StopOrder]) -> None:
         if query.record is None or not query.concrete:
             query.reply_error(query.error or 'expected an order: {"order": "hold"}, land, rtl or release')
             return

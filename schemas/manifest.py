@@ -1,8 +1,4 @@
-"""The manifest of a robot (design section 12): its percepts, its actions, and how each is translated.
-
-A manifest is data: it names sources, fields, commands and ranges from closed vocabularies, and nothing in it is
-executed. Which sources, commands and confirmations exist is the driver's to say (`bridged.drivers`).
-"""
+"""Reads manifests (design section 12): every problem at once, each at its line."""
 
 from __future__ import annotations
 
@@ -10,184 +6,50 @@ import math
 import re
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
-from msgspec import Meta
 
 from schemas.durations import Duration
 from schemas.findings import Finding, Findings
-from schemas.records import Record
+from schemas.manifest_entries import (
+    ActionDescription,
+    ActionEntry,
+    Field,
+    FieldValue,
+    Manifest,
+    Parameter,
+    ParameterType,
+    PerceptEntry,
+    Retry,
+    RobotEntry,
+    Value,
+)
 from schemas.shipped import shipped, shipped_names
 from schemas.toml_lines import line_of, toml_lines
 
-Positive = Annotated[float, Meta(gt=0, le=1e6)]
-Factor = Annotated[float, Meta(ge=-1e15, le=1e15)]
-ParameterType = Literal["float", "int", "boolean", "string"]
-Value = bool | int | float | str
-S = TypeVar("S", bound=msgspec.Struct)
+__all__ = [
+    "ActionDescription",
+    "ActionEntry",
+    "Field",
+    "FieldValue",
+    "Manifest",
+    "Parameter",
+    "ParameterType",
+    "PerceptEntry",
+    "Retry",
+    "RobotEntry",
+    "Value",
+    "find_manifest",
+    "load_manifest",
+    "read_manifest",
+]
 
+S = TypeVar("S", bound=msgspec.Struct)
 _FUNCTOR = re.compile(r"[a-z][A-Za-z0-9_]*")
 _WRONG_FIELD = re.compile(r"at `\$\.([A-Za-z0-9_]+)")
 _NAMED_FIELD = re.compile(r"field `([^`]+)`")
 _SYNTAX_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
-
-
-class _Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
-    """A table of the manifest: an unknown field is an error, so that a typing mistake cannot pass unnoticed."""
-
-
-class Field(_Entry, frozen=True, kw_only=True):
-    """A value in a message of the robot: `value * scale + offset`."""
-
-    field: str
-    """Path in the message, such as `voltages.0`."""
-    scale: Factor = 1.0
-    offset: Factor = 0.0
-    absent: float | None = None
-    """The raw value by which the robot says that it does not know (65535, -1): then there is no percept."""
-
-
-class PerceptEntry(_Entry, frozen=True, kw_only=True):
-    """How one percept is made from what the robot says."""
-
-    source: str
-    """Message of the robot's protocol, such as `GLOBAL_POSITION_INT`."""
-    args: tuple[str | Field, ...] = ()
-    buf: Literal["update", "add"] = "update"
-    """`update` replaces the belief, `add` keeps every one (events)."""
-    key: tuple[Annotated[int, Meta(ge=0)], ...] = ()
-    """Positions of the arguments that tell beliefs of this name apart; none = there is one."""
-    rate: Positive | None = None
-    """At most so many changes a second are told; also what a stream of the source is asked for."""
-    ttl: Duration | None = None
-    """The belief goes when its source has been silent for so long; none = it stays."""
-    deadband: Annotated[float, Meta(ge=0)] = 0.0
-    """Numbers that moved by no more than this, in the unit of the percept, are not a change."""
-
-    @property
-    def arity(self) -> int:
-        """Number of arguments of the belief."""
-        return len(self.args)
-
-    def fields(self) -> tuple[Field, ...]:
-        """The arguments in their long form."""
-        return tuple(Field(field=arg) if isinstance(arg, str) else arg for arg in self.args)
-
-
-class Parameter(_Entry, frozen=True, kw_only=True):
-    """An argument of an action: what it must be."""
-
-    name: str
-    type: ParameterType | tuple[ParameterType, ...] = "float"
-    unit: str = ""
-    min: float | None = None
-    max: float | None = None
-
-    @property
-    def types(self) -> tuple[ParameterType, ...]:
-        """The types of which the argument must have one."""
-        return (self.type,) if isinstance(self.type, str) else self.type
-
-    def __str__(self) -> str:
-        text = f"{self.name}: {' or '.join(self.types)}"
-        if self.min is not None or self.max is not None:
-            low = "" if self.min is None else f"{self.min:g}"
-            high = "" if self.max is None else f"{self.max:g}"
-            text += f" {low}..{high}"
-        return f"{text} {self.unit}".rstrip()
-
-
-class FieldValue(_Entry, frozen=True, kw_only=True):
-    """What goes into a field of a command: an argument of the action, converted."""
-
-    param: str
-    scale: Factor = 1.0
-    table: str = ""
-    """The argument is looked up in this table of the driver, such as `modes`."""
-
-
-class Retry(_Entry, frozen=True, kw_only=True):
-    """How often a command is sent again when nothing answers. Wall seconds: they do not shrink with `speed`."""
-
-    times: Annotated[int, Meta(ge=0, le=20)] = 3
-    every: Duration = Duration(0.7)
-
-
-class ActionEntry(_Entry, frozen=True, kw_only=True):
-    """How one action is carried out, and how its success is known."""
-
-    params: tuple[Parameter, ...] = ()
-    command: str = ""
-    """MAVLink command, such as `MAV_CMD_NAV_TAKEOFF`."""
-    message: str = ""
-    """MAVLink message to send instead of a command, such as `SET_POSITION_TARGET_GLOBAL_INT`."""
-    frame: Literal["relative", "amsl"] | None = None
-    """What an altitude counts from: home, or mean sea level."""
-    fields: dict[str, Value | FieldValue] = {}
-    """Fields of the command or message: a parameter's name, a number, or a conversion."""
-    confirm: str
-    """By which state of the robot success is known; one of those that the driver offers."""
-    tolerance: Positive | None = None
-    """How near is there, in metres; none = the confirmation's own."""
-    deadline: Duration = Duration(60)
-    retry: Retry = Retry()
-    cancel: Literal["hold", "none"] = "none"
-    """What the robot does when the action is cancelled or out of time; `none` = it goes on."""
-    motion: bool = True
-    """It moves the robot: one such action at a time."""
-    supersedes: bool = False
-    """It ends a motion that is running instead of being refused as busy."""
-
-    @property
-    def arity(self) -> int:
-        """Number of arguments."""
-        return len(self.params)
-
-
-class RobotEntry(_Entry, frozen=True, kw_only=True):
-    """What kind of robot this is."""
-
-    driver: str
-    vehicle: str = ""
-    """Which of the driver's vehicle tables holds, such as `arducopter`."""
-    link_loss: Duration = Duration(5)
-    """Silence after which the robot counts as not connected; wall seconds at least."""
-
-
-class Manifest(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """A robot, declaratively. Made by `load_manifest`."""
-
-    robot: RobotEntry
-    percepts: dict[str, PerceptEntry] = {}
-    actions: dict[str, ActionEntry] = {}
-    file: str = ""
-    lines: dict[tuple[str, ...], int] = {}
-
-    def finding(self, message: str, *path: str) -> Finding:
-        """Return a finding at the line of the table or key at `path`, such as `"actions", "takeoff", "confirm"`."""
-        return Finding(self.file, line_of(self.lines, path), 0, message)
-
-    def percept_arities(self) -> dict[str, int]:
-        """Each percept's name and number of arguments."""
-        return {name: entry.arity for name, entry in self.percepts.items()}
-
-    def action_arities(self) -> dict[str, int]:
-        """Each action's name and number of arguments."""
-        return {name: entry.arity for name, entry in self.actions.items()}
-
-
-class ActionDescription(Record, frozen=True, kw_only=True):
-    """What a bridge answers to a query for an action that is not a request to act: what the action is."""
-
-    name: str
-    signature: str
-    """Such as `takeoff(altitude: float 1..120 m)`."""
-    confirm: str = ""
-    deadline: float = 0.0
-    """Mission seconds."""
-    problem: str = ""
-    """What was wrong with the payload of the query."""
 
 
 def find_manifest(name: str, relative_to: Path | None = None) -> Path | None:

@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
-from schemas.findings import Finding
-from schemas.manifest import ActionEntry, Manifest
+from schemas.manifest import ActionEntry
 
 Value = bool | int | float | str
 """An argument of an action, after it was checked against the manifest."""
@@ -84,7 +83,3 @@ class Driver(Protocol):
 
     def notes(self) -> list[str]:
         """Warnings that hold now, in words."""
-
-
-CheckManifest = Callable[[Manifest], list[Finding]]
-"""What a driver says of a manifest that names it: sources, commands and confirmations that it does not know."""

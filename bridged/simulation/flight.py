@@ -13,7 +13,7 @@ SPOOL_UP_S = 3.3
 LIFT_DELAY_S = 0.98
 """From the takeoff command until the copter moves (recorded: 5 cm high 1.4 s after it)."""
 
-RETURN_PAUSE_S = 2.15
+RETURN_PAUSE_S = 1.5
 """Time that the arrival over home takes before the loiter time of RTL begins (recorded)."""
 
 TOUCHDOWN_TO_LANDED_S = 1.7
@@ -314,4 +314,4 @@ def _apart(one: Vector, other: Vector) -> float:
 
 
 _STOP = Limits(accel=2.5)
-_HARD_STOP = Limits(accel=3.0)
+_HARD_STOP = Limits(accel=3.3, release=1.2)

@@ -14,14 +14,14 @@ from dataclasses import dataclass
 GRAVITY = 9.81
 """m/s²"""
 
-_RESPONSE_S = 0.15
-"""Time in which too high a target speed is corrected."""
+_POSITION_GAIN = 0.57  # 1/s: metres off the target to m/s
+_VELOCITY_GAIN = 0.925  # 1/s: m/s off to m/s²
+_INTEGRAL_GAIN = 0.844  # 1/s²
+_DRAG = 0.193  # 1/s: m/s² of drag per m/s
+_TILT_LAG_S = 0.05
 
-_POSITION_GAIN = 0.5  # 1/s: metres off the target to m/s
-_VELOCITY_GAIN = 1.1  # 1/s: m/s off to m/s²
-_INTEGRAL_GAIN = 1.3  # 1/s²
-_DRAG = 0.27  # 1/s: m/s² of drag per m/s
-_TILT_LAG_S = 0.1
+_CLIMB_RESPONSE_S = 0.15
+"""Time in which a wrong vertical speed is corrected, within the limits of acceleration."""
 
 _BRAKE_JERK = 10.0
 """m/s³ while slowing down, whatever the mode allows for speeding up: a plan to stop must hold."""
@@ -53,13 +53,14 @@ class Limits:
     speed: float = 10.0
     climb: float = 2.5
     descent: float = 1.5
-    accel: float = 2.24
-    brake: float = 1.47  # deceleration that a stop at the goal is planned with
-    jerk: float = 10.0
-    settle: float = 2.5  # 1/s: speed per metre in the last decimetres
+    accel: float = 2.5
+    brake: float = 1.456  # deceleration that a stop at the goal is planned with
+    jerk: float = 3.1
+    settle: float = 2.3  # 1/s: speed per metre in the last decimetres
     climb_accel: float = 1.1
     climb_brake: float = 0.58
-    response: float = 0.15  # s: time in which the wished speed is reached, within accel and jerk
+    response: float = 0.15  # s in which a higher speed is reached, within accel and jerk
+    release: float = 0.15  # s in which a lower speed is reached
 
 
 @dataclass(slots=True)
@@ -172,11 +173,11 @@ class Motion:
         """One step with this velocity as the wish."""
         north, east = velocity.north - self.north.target_velocity, velocity.east - self.east.target_velocity
         speeding_up = north * self.north.target_velocity + east * self.east.target_velocity >= 0
-        response = limits.response if speeding_up else _RESPONSE_S
+        response = limits.response if speeding_up else limits.release
         north, east = _clip(north / response, east / response, limits.accel)
         most = (limits.jerk if speeding_up else _BRAKE_JERK) * dt
         more_north, more_east = _clip(north - self.north.target_accel, east - self.east.target_accel, most)
-        up = (velocity.up - self.up.target_velocity) / _RESPONSE_S
+        up = (velocity.up - self.up.target_velocity) / _CLIMB_RESPONSE_S
         up = max(-limits.climb_accel, min(limits.climb_accel, up))
         most = (limits.jerk if up * self.up.target_velocity >= 0 else _BRAKE_JERK) * dt
         more_up = max(-most, min(most, up - self.up.target_accel))

@@ -172,9 +172,6 @@ def test_a_flood_of_different_events_stays_bounded(board: Board) -> None:
     assert board.board.dropped == 50
 
 
-# ---- the copy of the set at the agent
-
-
 def test_an_agents_copy_follows_and_its_digest_agrees(board: Board) -> None:
     copy = PerceptSet()
     board.hear("MODE", name="GUIDED", armed=False)

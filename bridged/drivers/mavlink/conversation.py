@@ -12,9 +12,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.commands import Commands, Identity
 from bridged.drivers.mavlink.failsafe import FailsafeCheck
-from bridged.drivers.mavlink.flight import TEXT_WINDOW, Flight, Steps, Task
+from bridged.drivers.mavlink.flight import TEXT_WINDOW, Call, Flight, Steps, Task
 from bridged.drivers.mavlink.modes import MODE_TABLES
-from bridged.drivers.mavlink.procedures import Call, Procedure, secure, stay
+from bridged.drivers.mavlink.procedures import Procedure, secure, stay
 from bridged.drivers.mavlink.streams import Streams
 from bridged.drivers.mavlink.texts import Texts
 from bridged.drivers.mavlink.vehicle import Vehicle
@@ -76,8 +76,6 @@ class Conversation:
         self._overridden = False
         self._override: _Override | None = None
 
-    # ---- what comes in
-
     def receive(self, message: dialect.MAVLink_message, now: float) -> None:
         """Take in one message from the link, whoever sent it."""
         sender = (message.get_srcSystem(), message.get_srcComponent())
@@ -119,8 +117,6 @@ class Conversation:
         if self.vehicle.connected:
             self.failsafe.tick(now)
         self._step()
-
-    # ---- what is to be done
 
     def begin(self, task: Task, procedure: Procedure, call: Call) -> Task:
         """Start a procedure; its first step is taken at once."""
@@ -167,8 +163,6 @@ class Conversation:
             heard = f"; heard only system {others}" if others else ""
             return [f"no heartbeat from system {self.identity.vehicle}{heard}", *self.failsafe.notes()]
         return self.streams.notes() + self.failsafe.notes()
-
-    # ---- inside
 
     def _step(self) -> None:
         """Let every procedure look at the flight once; one that others have overridden waits only for its end."""

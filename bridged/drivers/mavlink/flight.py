@@ -41,6 +41,18 @@ class Task(Execution):
     """What it has sent: taken back when it ends early."""
 
 
+@dataclass(frozen=True, slots=True)
+class Call:
+    """An action of the manifest with its arguments filled in."""
+
+    number: int = 0
+    parameters: Parameters = (0.0,) * 7
+    retry: Retry = field(default_factory=Retry)
+    target: Place | None = None
+    frame: int = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+    tolerance: float | None = None
+
+
 class Flight:
     """One vehicle, as the procedures see it. `now` is in mission seconds and moves with each message and tick."""
 

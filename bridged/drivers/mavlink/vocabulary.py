@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink.flight import Call
 from bridged.drivers.mavlink.modes import MODE_TABLES, ModeTable
-from bridged.drivers.mavlink.procedures import PROCEDURES, Call
+from bridged.drivers.mavlink.procedures import PROCEDURES
 from bridged.drivers.mavlink.vehicle import Place
 from bridged.drivers.robot import Value
 from schemas.findings import Finding

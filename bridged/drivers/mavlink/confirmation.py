@@ -1,0 +1,178 @@
+"""The waits that procedures are made of: for an acknowledgement, for a state, for the next HEARTBEAT.
+
+Each is a part of a generator: it yields until something changes, and every wait is bounded by a patience of its own or
+by the deadline of the action.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.commands import Command
+from bridged.drivers.mavlink.flight import TEXT_WINDOW, Call, Flight, Task
+from bridged.drivers.mavlink.vehicle import Place
+from bridged.drivers.robot import Outcome
+from schemas.manifest import Retry
+
+MODE_ATTEMPTS = 4
+"""A mode that is acknowledged but falls back is asked for again: ArduCopter does that while it boots."""
+SETTLE = (4.0, 1.5)
+"""Mission and wall seconds in which an acknowledged change must show in a HEARTBEAT."""
+ASK_REASONS_EVERY = (5.0, 1.0)
+"""Mission and wall seconds between requests for the reasons why the vehicle is not ready."""
+TARGET_ATTEMPTS = 5
+TARGET_WAIT = (1.5, 0.7)
+"""Mission and wall seconds for the vehicle to report the target (message 87, asked for at 2 Hz) before it is resent."""
+TARGET_NEAR = 1.0
+"""Metres between the target sent and the one reported; rounding and frame conversion cost centimetres."""
+
+
+def enter(flight: Flight, task: Task, call: Call, mode: int) -> Generator[None, None, Outcome | None]:
+    """Send a command that changes the mode until it sticks. Returns the failure, None if the mode is steady."""
+    vehicle, before = flight.vehicle, flight.vehicle.mode
+    asked, name = flight.now, flight.vehicle.modes.name(mode)
+
+    def shown() -> bool:
+        return vehicle.mode == mode
+
+    command = None
+    for _ in range(MODE_ATTEMPTS):
+        flight.expect_mode(mode)
+        command = flight.submit(task, call.number, call.parameters, call.retry)
+        refusal = yield from acknowledged(flight, task, command, shown)
+        if refusal is not None:
+            return refusal
+        flight.expect_mode(mode)
+        task.waits_for = f"two HEARTBEATs in {name}; the vehicle is in {vehicle.mode_name}"
+        if (yield from steady(flight, shown)):
+            return None
+        if vehicle.mode not in (before, mode):
+            break
+    said = f"{name} was acknowledged, but the vehicle is in {vehicle.mode_name}"
+    return Outcome("failed", flight.with_texts(said, asked))
+
+
+def acknowledged(
+    flight: Flight, task: Task, command: Command, effect: Callable[[], bool]
+) -> Generator[None, None, Outcome | None]:
+    """Wait until a command is accepted or its effect shows without that. Returns the refusal or the silence.
+
+    A refusal of a repetition may mean that the first one worked, so the effect is waited for longer then.
+    """
+    asked = flight.now
+    while not effect() and not command.accepted:
+        if command.refused:
+            patience = flight.now + flight.wait(*(TEXT_WINDOW if command.sent == 1 else SETTLE))
+            while flight.now < patience and not effect():
+                yield
+            if effect():
+                return None
+            said = f"the vehicle refused {command.name} ({command.result_name})"
+            return Outcome("refused", flight.with_texts(said, asked))
+        if command.silent:
+            said = f"no acknowledgement of {command.name} after sending it {command.sent} times, and no effect"
+            return Outcome("failed", f"{said}; {flight.state_in_words()}")
+        task.waits_for = f"the acknowledgement of {command.name}"
+        yield
+    command.may_repeat = lambda: False
+    return None
+
+
+def steady(flight: Flight, shown: Callable[[], bool]) -> Generator[None, None, bool]:
+    """Whether a state shows soon and still does at the next HEARTBEAT."""
+    vehicle, patience = flight.vehicle, flight.now + flight.wait(*SETTLE)
+    while not shown():
+        if flight.now > patience:
+            return False
+        yield
+    beats, patience = vehicle.heartbeats, flight.now + flight.wait(*SETTLE)
+    while shown() and vehicle.heartbeats == beats and flight.now <= patience:
+        yield
+    return shown() and vehicle.heartbeats > beats
+
+
+def ready(flight: Flight, task: Task) -> Generator[None, None, None]:
+    """Wait until the vehicle is ready to be armed, asking it for its reasons meanwhile."""
+    ask_at = began = flight.now
+    while missing := flight.vehicle.not_ready():
+        said = flight.texts.since(max(began, flight.now - flight.wait(*ASK_REASONS_EVERY)))
+        task.waits_for = "readiness: " + "; ".join([*missing, *([said] if said else [])])
+        if flight.now >= ask_at and flight.vehicle.connected:
+            ask_at = flight.now + flight.wait(*ASK_REASONS_EVERY)
+            flight.submit(task, dialect.MAV_CMD_RUN_PREARM_CHECKS, (0.0,) * 7, Retry(times=0))
+        yield
+
+
+def target_taken(flight: Flight, task: Task, call: Call) -> Generator[None, None, Outcome | None]:
+    """Send the target until the vehicle reports it as its own. Returns the refusal, None if it does."""
+    vehicle, asked = flight.vehicle, flight.now
+    if call.target is None:
+        raise ValueError(f"{task.name}: a call without a target")
+    if vehicle.mode != vehicle.modes.guided:
+        wanted = vehicle.modes.name(vehicle.modes.guided)
+        return Outcome("refused", f"position targets are taken in {wanted} only; {flight.state_in_words()}")
+    if not vehicle.aloft:
+        return Outcome("refused", f"position targets are taken in flight only; {flight.state_in_words()}")
+    home = flight.altitude_of_home()
+    if home is None:
+        return Outcome("refused", "the vehicle's altitude is not known yet")
+    if broken := flight.outside_limits(above_home(flight, call)):
+        return Outcome("refused", broken)
+    relative = call.frame == dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+    for _ in range(TARGET_ATTEMPTS):
+        flight.send_target(call.target, call.frame)
+        seen, patience = vehicle.targets, flight.now + flight.wait(*TARGET_WAIT)
+        task.waits_for = "the vehicle to report the target as its own"
+        while flight.now <= patience:
+            yield
+            if not vehicle.armed:
+                return Outcome("failed", flight.with_texts("the vehicle disarmed", asked))
+            if vehicle.targets > seen and vehicle.target is not None:
+                home = flight.altitude_of_home() or home
+                height = call.target.altitude + (home if relative else 0.0)
+                aside = vehicle.target.distance(call.target)
+                if aside <= TARGET_NEAR and abs(vehicle.target.altitude - height) <= TARGET_NEAR:
+                    return None
+    own = "it reports no target of its own"
+    if vehicle.target is not None and vehicle.targets > seen:
+        own = f"its own target is {vehicle.target.distance(call.target):.0f} m from there"
+    said = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?), {own}"
+    return Outcome("refused", flight.with_texts(said, asked))
+
+
+def above_home(flight: Flight, call: Call) -> Place:
+    """The target of a call with its altitude in metres above home."""
+    target = call.target or Place(0.0, 0.0, 0.0)
+    if call.frame == dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT:
+        return target
+    return Place(target.latitude, target.longitude, target.altitude - (flight.altitude_of_home() or 0.0))
+
+
+def down(flight: Flight, task: Task) -> Generator[None, None, None]:
+    """Wait until the vehicle has landed and disarmed."""
+    while not parked(flight):
+        position, away = flight.vehicle.position, from_home(flight)
+        if position is not None:
+            task.feedback = {"altitude": round(position.altitude, 2)}
+            if away is not None:
+                task.feedback["distance"] = round(away, 2)
+            task.waits_for = f"landing and disarming; it is at {position.altitude:.1f} m, {metres(away)} from home"
+        yield
+
+
+def parked(flight: Flight) -> bool:
+    """Whether the vehicle stands disarmed."""
+    return flight.vehicle.connected and not flight.vehicle.armed and not flight.vehicle.aloft
+
+
+def from_home(flight: Flight) -> float | None:
+    """Metres over ground from home, None if nothing tells."""
+    position, home = flight.vehicle.position, flight.vehicle.home
+    return None if position is None or home is None else home.distance(position)
+
+
+def metres(distance: float | None) -> str:
+    """A distance in words."""
+    return "an unknown distance" if distance is None else f"{distance:.1f} m"
