@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from agentd.language.source import Source
 from schemas.findings import Finding
 
+_WIDTH = 110
+"""Characters of a source line that are shown."""
+
 
 @dataclass(frozen=True, slots=True, order=True)
 class Problem:
@@ -20,10 +23,20 @@ class Problem:
     def __str__(self) -> str:
         lines = [str(self.finding)]
         if self.excerpt:
-            lines.append(f"    {self.excerpt}")
-            if self.caret:
-                lines.append(" " * (4 + self.caret - 1) + "^")
+            excerpt, caret = self._clipped()
+            lines.append(f"    {excerpt}")
+            if caret:
+                lines.append(" " * (4 + caret - 1) + "^")
         return "\n".join(lines)
+
+    def _clipped(self) -> tuple[str, int]:
+        """The excerpt and caret, of a very long line only what is around the caret."""
+        if len(self.excerpt) <= _WIDTH:
+            return self.excerpt, self.caret
+        begin = max(0, min(self.caret - _WIDTH // 2, len(self.excerpt) - _WIDTH))
+        before, after = "..." * (begin > 0), "..." * (begin + _WIDTH < len(self.excerpt))
+        caret = self.caret - begin + len(before) if self.caret else 0
+        return before + self.excerpt[begin : begin + _WIDTH] + after, caret
 
 
 class SyntaxErrors(ValueError):

@@ -61,7 +61,12 @@ def _surroundings(states: list[int]) -> list[str]:
         word = words.get(symbol)
         if symbol in ("PLUS", "MINUS", "CARET"):
             word = "trigger" if found[-1] in ("program", "body", "label") else None
-        if word and not (word == "trigger" and found[-1] == "trigger"):
+        if word in (")", "]"):
+            while found[-1] not in ("(", "[") and len(found) > 1:
+                found.pop()
+            if len(found) > 1:
+                found.pop()  # what is closed surrounds nothing
+        elif word and not (word == "trigger" and found[-1] == "trigger"):
             found.append(word)
     return found
 

@@ -30,6 +30,8 @@ def _not_equal(place: Place) -> str | None:
 def _assignment(place: Place) -> str | None:
     if place.text == ":" and place.after == "=":
         return "a variable gets its value by = and not by :="
+    if place.text == "is" and place.kind_before == "VARIABLE":
+        return "there is no 'is'; = computes: X = Y + 1"
     return None
 
 
@@ -118,6 +120,46 @@ def _missing_dot_before_sign(place: Place) -> str | None:
 _NO_DOT = "a plan begins here, but the one before it does not end with a '.'"
 
 
+def _missing_semicolon(place: Place) -> str | None:
+    """A formula begins right behind one that is complete, in a body."""
+    if "SEMICOLON" not in place.expected or place.kind not in _BEGIN_FORMULA or place.kind_before not in _END_TERM:
+        return None
+    opened = _open_bracket(place)
+    texts, types = place.tokens.texts, place.tokens.types
+    if opened is not None and texts[opened] != "{":
+        return None
+    for index in range(place.index - 1, opened if opened is not None else -1, -1):
+        if types[index] == "_END" or texts[index] == ":-":
+            return None
+        if texts[index] == "<-":
+            break
+    else:
+        if opened is None:
+            return None
+    return f"a ; is missing before {place.found}"
+
+
+_BEGIN_FORMULA = frozenset(
+    (
+        "NAME",
+        "QUOTED",
+        "INTERNAL",
+        "VARIABLE",
+        "BANG",
+        "BANG_BANG",
+        "QUERY",
+        "IF",
+        "WHILE",
+        "FOR",
+        "ADD_FIRST",
+        "ADD_LAST",
+    )
+)
+_END_TERM = frozenset(
+    ("NAME", "QUOTED", "INTERNAL", "VARIABLE", "NUMBER", "STRING", "TRUE", "FALSE", "RPAR", "RSQB", "RBRACE")
+)
+
+
 def _unclosed(place: Place) -> str | None:
     """Something that ends a formula or a plan comes while a bracket is open, or a bracket closes another."""
     if place.text not in (";", ".", "<-", ":-", "}", ")", "]", "") or place.text == _CLOSERS.get(place.before):
@@ -181,5 +223,6 @@ TELLTALES: tuple[Callable[[Place], str | None], ...] = (
     _missing_dot,
     _missing_dot_before_sign,
     _rule_arrow,
+    _missing_semicolon,
     _unclosed,
 )

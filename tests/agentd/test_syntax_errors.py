@@ -50,6 +50,14 @@ def test_each_example_of_a_mistake_gets_its_message(text: str, message: str) -> 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ("+!g <- a b.", "a ; is missing before 'b'"),
+        ("+!g <- .print(1) .print(2).", "a ; is missing before '.print'"),
+        ("+!g <- a(1) !b.", "a ; is missing before '!'"),
+        ("+!g <- !a(1)[x] b.", "a ; is missing before 'b'"),
+        ("+!g <- X = f(1) if (a) { b }.", "a ; is missing before 'if'"),
+        ("+!g <- ?a ?b.", "a ; is missing before '?'"),
+        ("+!g <- X = { a b }.", "a ; is missing before 'b'"),
+        ("b(1) b(2).", "the belief before 'b' does not end with a '.'"),
         ("+!g <- foo; bar; a b c.", "a ; is missing before 'b'"),
         ("+!g <- if (x) { while (y) { a b } }.", "a ; is missing before 'b'"),
         ("+!g(X) : c(X) & d(X), e <- a.", "the formulas of a context are joined by & (and) or |, not by a comma"),
@@ -60,6 +68,7 @@ def test_each_example_of_a_mistake_gets_its_message(text: str, message: str) -> 
         ("+!g <- a; +!h.", "+! begins a plan; is a '.' missing before it? in a body, a goal is !g"),
         ("b. <- a.", "'<-' cannot stand here after '.'; expected a belief, a goal, a plan or the end of the text"),
         ("+!g <- !h; & a.", "'&' cannot stand here after ';'; expected a formula of a plan body, '.', '}' or ')'"),
+        ("+!g : X is 3 <- a.", "there is no 'is'; = computes: X = Y + 1"),
         ("+!g <- X := 3.", "a variable gets its value by = and not by :="),
         ("+!g <- !while.", "'while' is a keyword and cannot be used as a name"),
         ("b(X) :- X = 3 mod.", "a number or variable is missing after the operator"),
@@ -97,6 +106,14 @@ def test_an_error_shows_its_place_its_line_and_a_caret() -> None:
         '     +!start <- .print("a"), b.\n'
         "                           ^"
     )
+
+
+def test_of_a_very_long_line_only_the_part_around_the_error_is_shown() -> None:
+    _, excerpt, caret = str(errors_of("+!g <- " + "a; " * 500 + "b c; " + "d; " * 500 + "e.")).splitlines()
+    assert len(excerpt) < 130
+    assert excerpt.startswith("    ...")
+    assert excerpt.endswith("...")
+    assert excerpt[caret.index("^")] == "c"
 
 
 def test_errors_of_several_plans_are_told_in_one_run() -> None:
