@@ -201,7 +201,7 @@ def _robot(robot: RobotSeen, width: int) -> list[Text]:
 
 def _spark(track: Track, width: int) -> str:
     """Return the altitude of the last minute or so as a line of bars."""
-    heights = [point.altitude for point in track.points[-width * 20 :: 20] if point.altitude is not None]
+    heights = [altitude for _, altitude in track.heights[-width * 20 :: 20]]
     top = max([*heights, 1.0])
     return "".join(_BARS[max(0, min(7, round(height / top * 7)))] for height in heights)
 

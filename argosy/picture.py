@@ -131,10 +131,12 @@ class Picture:
                 self._state(robot, mode, _is_true(connected), _is_true(armed))
             case "altitude", (value,):
                 robot.altitude = to_float(value)
+                if robot.altitude is not None:
+                    robot.track.climbed(self._now(), robot.altitude)
             case "global_pos", (latitude, longitude):
                 robot.position = _pair(latitude, longitude)
                 if robot.position is not None:
-                    robot.track.moved(self._now(), *robot.position, robot.altitude)
+                    robot.track.moved(self._now(), *robot.position)
             case "home_pos", (latitude, longitude):
                 robot.home = robot.track.home = _pair(latitude, longitude)
             case "battery", (_, _, remaining):

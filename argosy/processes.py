@@ -64,7 +64,7 @@ class Kind:
     """For whom one is started: a board, a robot, or the agents of a board (separated by spaces)."""
     command: Callable[[Setup, str], list[str]]
     """The module to run and its arguments."""
-    orphaned: signal.Signals = signal.SIGKILL
+    orphaned: Callable[[Setup, str], signal.Signals] = lambda setup, subject: signal.SIGKILL
     """What the kernel sends it when `argosy run` itself is killed."""
     measured: bool = True
     """Whether it counts as one of the daemons that a board runs in flight."""
@@ -97,7 +97,7 @@ KINDS: tuple[Kind, ...] = (
             *("bridged", "serve", s.file, robot, "--router", s.router, *_speed(s)),
             *("--state", str(s.state)),
         ],
-        orphaned=signal.SIGTERM,  # it brings an armed vehicle home before it leaves
+        orphaned=lambda s, robot: signal.SIGTERM if robot in s.real else signal.SIGKILL,  # a real one is brought home
     ),
     Kind(
         "agentd",
@@ -114,6 +114,7 @@ class Process:
     kind: Kind
     subject: str
     argv: tuple[str, ...]
+    orphaned: signal.Signals = signal.SIGKILL
 
     @property
     def name(self) -> str:
@@ -125,7 +126,7 @@ def plan(setup: Setup) -> list[Process]:
     """Return every process of the mission on this machine, in the order of the start."""
     python = (sys.executable, "-P", "-m")  # -P: a user's folder `schemas/` must not come before ours
     return [
-        Process(kind, subject, (*python, *kind.command(setup, subject)))
+        Process(kind, subject, (*python, *kind.command(setup, subject)), kind.orphaned(setup, subject))
         for kind in KINDS
         for subject in kind.subjects(setup)
     ]

@@ -133,7 +133,7 @@ def _profile(svg: Svg, flown: Flown, lanes: dict[str, int], rows: int) -> None:
     _modes(svg, frame, first, flown.until)
     frame.draw_axes(svg, "s of mission", "m above home")
     for name, track in flown.tracks.items():
-        line = [frame.at(point.at, point.altitude) for point in track.points if point.altitude is not None]
+        line = [frame.at(at, altitude) for at, altitude in track.heights if at <= frame.x_range[1]]
         svg.polyline(line, _colours(flown)[name], stroke_width=2)
     for action in flown.actions:
         if action.id in lanes:

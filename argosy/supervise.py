@@ -86,7 +86,7 @@ class Supervisor:
 
     async def start(self, process: Process) -> Child:
         """Start a process. Raises OSError if the system has none to give."""
-        launcher = (sys.executable, "-I", "-S", _LAUNCHER, str(int(process.kind.orphaned)), str(os.getpid()))
+        launcher = (sys.executable, "-I", "-S", _LAUNCHER, str(int(process.orphaned)), str(os.getpid()))
         handle = await asyncio.create_subprocess_exec(
             *launcher,
             *process.argv,

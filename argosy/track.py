@@ -14,12 +14,11 @@ EARTH_RADIUS = 6_378_137.0
 
 @dataclass(frozen=True)
 class Point:
-    """A place at a time: mission seconds, degrees, metres above home (None = not known)."""
+    """A place at a time: mission seconds, degrees."""
 
     at: float
     latitude: float
     longitude: float
-    altitude: float | None
 
 
 @dataclass
@@ -27,21 +26,23 @@ class Track:
     """What the observer saw of a flight."""
 
     points: list[Point] = field(default_factory=list)
+    heights: list[tuple[float, float]] = field(default_factory=list)
+    """Mission seconds and metres above home. Not part of the points: a vehicle may climb and stay in its place."""
     modes: list[tuple[float, str]] = field(default_factory=list)
     armed_at: list[tuple[float, bool]] = field(default_factory=list)
     home: tuple[float, float] | None = None
-    every: int = 1
-    """One of so many positions is kept now."""
-    _seen: int = 0
 
-    def moved(self, at: float, latitude: float, longitude: float, altitude: float | None) -> None:
+    def moved(self, at: float, latitude: float, longitude: float) -> None:
         """Add a position."""
-        self._seen += 1
-        if self._seen % self.every == 0:
-            self.points.append(Point(at, latitude, longitude, altitude))
+        self.points.append(Point(at, latitude, longitude))
         if len(self.points) > MAX_POINTS:
             del self.points[1::2]
-            self.every *= 2
+
+    def climbed(self, at: float, altitude: float) -> None:
+        """Add an altitude."""
+        self.heights.append((at, altitude))
+        if len(self.heights) > MAX_POINTS:
+            del self.heights[1::2]
 
     def changed_mode(self, at: float, mode: str) -> None:
         """Add a change of mode."""
@@ -58,7 +59,7 @@ class Track:
 
     def highest(self) -> float | None:
         """Return the greatest altitude in metres above home."""
-        return max((point.altitude for point in self.points if point.altitude is not None), default=None)
+        return max((altitude for _, altitude in self.heights), default=None)
 
     def armed(self, at: float) -> bool:
         """Whether the vehicle was armed at a time."""

@@ -93,4 +93,4 @@ def test_nothing_is_left_when_argosy_itself_is_killed_in_flight(start: Start, si
     running.until("uav: takeoff(5) succeeded")
     running.process.send_signal(signal.SIGKILL)
     running.process.wait(10)
-    assert running.left_running(patience=45) == []  # the bridge tries to bring the vehicle home for 30 s at most
+    assert running.left_running() == []

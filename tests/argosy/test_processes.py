@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -122,3 +123,8 @@ def test_a_robot_without_simulate_is_real_in_any_case() -> None:
 def test_links_that_are_one_in_truth_are_found(one: str, other: str, collide: bool) -> None:
     text = TWO.replace("udpin:0.0.0.0:14550", one).replace("tcp:127.0.0.1:5760", other)
     assert bool(check_links(mission(text))) == collide
+
+
+def test_when_argosy_is_killed_only_the_bridge_of_a_real_robot_lives_on_to_bring_it_home() -> None:
+    setup = Setup(mission(), "tcp/127.0.0.1:9000", 1.0, frozenset({"uav1"}), Path("/state"))
+    assert [process.name for process in plan(setup) if process.orphaned != signal.SIGKILL] == ["bridged uav1"]

@@ -74,7 +74,7 @@ def test_names_from_outside_cannot_break_the_picture() -> None:
 def test_a_vehicle_that_never_moved_still_has_a_picture() -> None:
     track = Track(home=HOME)
     for second in range(5):
-        track.moved(float(second), *HOME, None)
+        track.moved(float(second), *HOME)
     ElementTree.fromstring(draw(Flown("still", {"uav1": track}, [], 5.0)))
 
 
