@@ -124,9 +124,7 @@ def _plan(svg: Svg, flown: Flown, origin: tuple[float, float]) -> None:
 
 def _profile(svg: Svg, flown: Flown, lanes: dict[str, int], rows: int) -> None:
     """Altitude over mission time, the modes behind it, the actions below it."""
-    heights = [
-        point.altitude for track in flown.tracks.values() for point in track.points if point.altitude is not None
-    ]
+    heights = [altitude for track in flown.tracks.values() for _, altitude in track.heights]
     top, bottom = max([*heights, 5.0]) * 1.18, min([*heights, 0.0])
     frame = Frame(MARGIN, 660, WIDTH - 2 * MARGIN, 190, (0.0, max(flown.until, 1.0)), (bottom - top * 0.02, top))
     first = next(iter(flown.tracks.values()), Track())
