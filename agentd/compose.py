@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file, parse_formula, parse_program
@@ -52,18 +53,18 @@ def _item(
     return found
 
 
-def done_formulas(mission: Mission, agent: str) -> dict[str, Formula]:
-    """Return the formulas that must hold for this agent, by their text. Raises Findings for one that does not parse."""
+def endings(mission: Mission, agent: str, field: Literal["done", "failed"]) -> dict[str, Formula]:
+    """Return the `done` or `failed` formulas of this agent, by text. Raises Findings for one that does not parse."""
     formulas: dict[str, Formula] = {}
     findings: list[Finding] = []
-    for index, done in enumerate(mission.done):
-        if done.agent != agent:
+    for index, ending in enumerate(mission.done if field == "done" else mission.failed):
+        if ending.agent != agent:
             continue
         try:
-            formulas[done.formula] = parse_formula(done.formula, mission.positions.file)
+            formulas[ending.formula] = parse_formula(ending.formula, mission.positions.file)
         except SyntaxErrors as errors:
-            message = f"`{done.formula}`: {errors.findings[0].message}"
-            findings.append(mission.positions.finding(("done", index), message))
+            message = f"`{ending.formula}`: {errors.findings[0].message}"
+            findings.append(mission.positions.finding((field, index), message))
     if findings:
         raise Findings(findings)
     return formulas

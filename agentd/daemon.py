@@ -6,7 +6,7 @@ import asyncio
 import logging
 from argparse import ArgumentParser, Namespace
 
-from agentd.compose import compose, done_formulas
+from agentd.compose import compose, endings
 from agentd.host import Host, Part
 from agentd.language.compile import compile_program
 from commd.bus import open_bus
@@ -82,4 +82,5 @@ def prepare(mission: Mission, agent: str, seed: int) -> Part:
         manifest = load_manifest(named, mission.path.parent)
         deadlines = {name: float(entry.deadline) for name, entry in manifest.actions.items()}
     program = compile_program(compose(mission, agent))
-    return Part(agent, program, robot, deadlines, done_formulas(mission, agent), seed)
+    done, failed = endings(mission, agent, "done"), endings(mission, agent, "failed")
+    return Part(agent, program, robot, deadlines, done, failed, seed)

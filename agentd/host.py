@@ -50,6 +50,7 @@ class Part:
     deadlines: dict[str, float]
     """Mission seconds per action of the robot's manifest."""
     done: dict[str, Formula]
+    failed: dict[str, Formula]
     seed: int = 0
 
 
@@ -247,6 +248,7 @@ class Host:
             ),
             prints=tuple(self._prints),
             done={text: mind.query(formula) for text, formula in self.part.done.items()},
+            failed={text: mind.query(formula) for text, formula in self.part.failed.items()},
         )
 
     def health(self) -> Health:

@@ -106,6 +106,7 @@ class _Top(FileModel, frozen=True, kw_only=True):
     agents: dict[str, Any]
     robots: dict[str, Any] = {}
     done: str | tuple[str, ...] = ()
+    failed: str | tuple[str, ...] = ()
     timeout: Duration = Duration(900)
     speed: Annotated[float, msgspec.Meta(gt=0, le=100)] = 1.0
     restart: Literal["never", "on-failure"] = "never"
@@ -115,8 +116,8 @@ class _Top(FileModel, frozen=True, kw_only=True):
 
 
 @dataclass(frozen=True)
-class Done:
-    """One formula over the beliefs of one agent that must hold for the mission to be done."""
+class Ending:
+    """A formula over the beliefs of one agent that the mission's end depends on."""
 
     agent: str
     formula: str
@@ -131,7 +132,10 @@ class Mission:
     boards: dict[str, Board]
     agents: dict[str, Agent]
     robots: dict[str, Robot]
-    done: tuple[Done, ...]
+    done: tuple[Ending, ...]
+    """The mission is done when all of them hold."""
+    failed: tuple[Ending, ...]
+    """The mission has failed when one of them holds."""
     timeout: float
     """Mission seconds."""
     speed: float
@@ -180,7 +184,8 @@ def read_mission(text: str, path: Path) -> Mission:
         boards=boards,
         agents=agents,
         robots=robots,
-        done=_done(top.done),
+        done=_endings(top.done),
+        failed=_endings(top.failed),
         timeout=float(top.timeout),
         speed=top.speed,
         restart=top.restart,
@@ -216,11 +221,9 @@ def _entries(
     return entries
 
 
-def _done(done: str | tuple[str, ...]) -> tuple[Done, ...]:
-    formulas = (done,) if isinstance(done, str) else done
-    return tuple(
-        Done(agent.strip(), formula.strip()) for agent, _, formula in (text.partition(":") for text in formulas)
-    )
+def _endings(texts: str | tuple[str, ...]) -> tuple[Ending, ...]:
+    split = (text.partition(":") for text in ((texts,) if isinstance(texts, str) else texts))
+    return tuple(Ending(agent.strip(), formula.strip()) for agent, _, formula in split)
 
 
 def _check(mission: Mission) -> list[Finding]:
@@ -254,12 +257,13 @@ def _check(mission: Mission) -> list[Finding]:
             wrong(
                 ("robots", name, "link"), f"`{robot.link}` is the link of robot `{other}` already: one robot per link"
             )
-    for index, done in enumerate(mission.done):
-        path = ("done", index) if ("done", index) in where.values else ("done",)
-        if not done.formula:
-            wrong(path, "expected `agent: formula`, such as `uav: mission_done`")
-        elif done.agent not in mission.agents:
-            wrong(path, f"there is no agent `{done.agent}`{did_you_mean(done.agent, mission.agents)}")
+    for field, endings in (("done", mission.done), ("failed", mission.failed)):
+        for index, ending in enumerate(endings):
+            path = (field, index) if (field, index) in where.values else (field,)
+            if not ending.formula:
+                wrong(path, "expected `agent: formula`, such as `uav: mission_done`")
+            elif ending.agent not in mission.agents:
+                wrong(path, f"there is no agent `{ending.agent}`{did_you_mean(ending.agent, mission.agents)}")
     return findings
 
 

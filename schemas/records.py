@@ -173,3 +173,5 @@ class MindView(Record, frozen=True, kw_only=True):
     """The last lines that the agent printed, oldest first."""
     done: dict[str, bool] = {}
     """The mission's `done` formulas of this agent and whether they hold."""
+    failed: dict[str, bool] = {}
+    """The mission's `failed` formulas of this agent and whether they hold."""

@@ -24,7 +24,6 @@
      .print("taking off to ", Altitude, " m");
      takeoff(Altitude).
 
-// A vehicle that has just booted refuses to arm until its estimators agree: that is worth another try.
 +!armed : state(_, _, true).
 +!armed <- arm_motors(true).
 
@@ -41,3 +40,6 @@
 -!safe[reason(Reason)]
   <- .print("could not return: ", Reason, "; landing here");
      land.
+
+// The bridge was lost in flight, which failed the mission, and is back: what still flies comes home.
++state(_, true, true) : mission_failed(_) & not .intend(safe) <- !safe.
