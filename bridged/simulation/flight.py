@@ -314,4 +314,4 @@ def _apart(one: Vector, other: Vector) -> float:
 
 
 _STOP = Limits(accel=2.5)
-_HARD_STOP = Limits(accel=3.3, release=1.2)
+_HARD_STOP = Limits(accel=3.4, release=1.1)

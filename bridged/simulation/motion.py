@@ -15,9 +15,9 @@ GRAVITY = 9.81
 """m/s²"""
 
 _POSITION_GAIN = 0.57  # 1/s: metres off the target to m/s
-_VELOCITY_GAIN = 0.925  # 1/s: m/s off to m/s²
-_INTEGRAL_GAIN = 0.844  # 1/s²
-_DRAG = 0.193  # 1/s: m/s² of drag per m/s
+_VELOCITY_GAIN = 1.1  # 1/s: m/s off to m/s²
+_INTEGRAL_GAIN = 0.84  # 1/s²
+_DRAG = 0.24  # 1/s: m/s² of drag per m/s
 _TILT_LAG_S = 0.05
 
 _CLIMB_RESPONSE_S = 0.15
@@ -56,7 +56,7 @@ class Limits:
     accel: float = 2.5
     brake: float = 1.456  # deceleration that a stop at the goal is planned with
     jerk: float = 3.1
-    settle: float = 2.3  # 1/s: speed per metre in the last decimetres
+    settle: float = 2.0  # 1/s: speed per metre in the last decimetres
     climb_accel: float = 1.1
     climb_brake: float = 0.58
     response: float = 0.15  # s in which a higher speed is reached, within accel and jerk

@@ -48,10 +48,13 @@ def test_each_recorded_exchange_is_answered_as_recorded(name: str) -> None:
     assert not healed, "\n".join(healed)
 
 
-def test_all_exchanges_of_the_index_are_compared() -> None:
-    assert sum(len(exchanges_of(name)) for name in FILES) == EXCHANGES
-    listed = len(KNOWN_DIFFERENCES)
-    print(f"\nindex: {EXCHANGES - listed} of {EXCHANGES} exchanges as recorded, {listed} listed differences")
+def test_all_exchanges_of_the_index_are_answered_as_recorded_but_the_listed_ones() -> None:
+    answers = [not differences(playback_of(name), entry) for name in FILES for entry in exchanges_of(name)]
+    print(
+        f"\nindex: {sum(answers)} of {len(answers)} exchanges as recorded, {len(KNOWN_DIFFERENCES)} listed differences"
+    )
+    assert len(answers) == EXCHANGES
+    assert sum(answers) >= EXCHANGES - len(KNOWN_DIFFERENCES)
 
 
 def reply_of(entry: Record, kind: str) -> Record:
