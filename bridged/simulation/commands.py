@@ -6,7 +6,7 @@ is above home, as ArduCopter does.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -55,11 +55,12 @@ class Command:
 
 @dataclass(slots=True)
 class Desk:
-    """What commands act on, and the messages that they answer with."""
+    """What commands act on, and the messages that they answer with besides the acknowledgement."""
 
     copter: Copter
     streams: Streams
-    replies: list[dialect.MAVLink_message]
+    ahead: list[dialect.MAVLink_message] = field(default_factory=list)  # sent before the acknowledgement
+    after: list[dialect.MAVLink_message] = field(default_factory=list)
     reboot_wanted: bool = False
 
     def carry_out(self, command: Command) -> Result:
@@ -201,7 +202,7 @@ def _send(message: int) -> "Action":
         built = telemetry.BUILDERS[message](desk.copter)
         if built is None:
             return Result.FAILED
-        desk.replies.append(built)
+        desk.after.append(built)
         return Result.ACCEPTED
 
     return action
@@ -226,7 +227,7 @@ def _get_interval(desk: Desk, command: Command) -> Result:
     wanted = _number(command.params[0])
     if not 0 <= wanted <= 65535:
         return Result.FAILED
-    desk.replies.append(dialect.MAVLink_message_interval_message(wanted, desk.streams.interval_us(wanted)))
+    desk.ahead.append(dialect.MAVLink_message_interval_message(wanted, desk.streams.interval_us(wanted)))
     return Result.ACCEPTED if desk.streams.knows(wanted) else Result.FAILED
 
 

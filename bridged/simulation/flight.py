@@ -240,6 +240,7 @@ class Flight:
             accel = 1.1
         limits = Limits(climb=self._limits().climb, climb_accel=accel, jerk=40.0)
         motion.go(Vector(motion.north.target, motion.east.target, goal), limits, dt)
+        self._turn(self.heading_wish, dt)
         off = goal - motion.up.position
         if not self.reached and (off < 0.03 or (off < 0.15 and motion.up.velocity < 0.15)):
             self.reached = True

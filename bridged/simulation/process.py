@@ -22,28 +22,42 @@ MOST_CATCH_UP_S = 1.0
 class Simulation:
     """One vehicle on one link, at `speed` times real time."""
 
-    def __init__(self, vehicle: Vehicle, speed: float) -> None:
+    def __init__(self, vehicle: Vehicle, speed: float, address: LinkAddress) -> None:
         self.vehicle = vehicle
         self.speed = speed
+        self.address = address
         self._wake = asyncio.Event()
         self._link: Link | None = None
         self._seen = 0.0
 
-    async def run(self, address: LinkAddress, stop: asyncio.Event, started: Callable[[], None]) -> None:
+    async def run(self, stop: asyncio.Event, started: Callable[[], None]) -> None:
         """Flies until `stop` is set; `started` is called once. Raises LinkError if the link cannot be opened."""
         self._seen = asyncio.get_running_loop().time()
-        self._link = await open_link(address, self._receive, system=self.vehicle.system, component=COMPONENT)
-        started()
         waiting = asyncio.create_task(stop.wait())
         waiting.add_done_callback(lambda _: self._wake.set())
         try:
+            await self._switch_on()
+            started()
+            reboots = self.vehicle.reboots
             while not stop.is_set():
                 self._wake.clear()
                 self._catch_up()
+                if self.vehicle.reboots != reboots:
+                    reboots = self.vehicle.reboots
+                    await self._switch_on()  # another socket: the vehicle speaks from another port (recorded)
                 await self._pause()
         finally:
             waiting.cancel()
-            await self._link.close()
+            await self._switch_off()
+
+    async def _switch_on(self) -> None:
+        await self._switch_off()
+        self._link = await open_link(self.address, self._receive, system=self.vehicle.system, component=COMPONENT)
+
+    async def _switch_off(self) -> None:
+        link, self._link = self._link, None
+        if link is not None:
+            await link.close()
 
     async def _pause(self) -> None:
         await asyncio.sleep(TICK_S)
@@ -80,4 +94,4 @@ async def simulate(
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop.set)
-    await Simulation(vehicle, speed).run(address, stop, started)
+    await Simulation(vehicle, speed, address).run(stop, started)

@@ -67,6 +67,7 @@ class Vehicle:
         if not 1 <= system <= 255:
             raise ValueError(f"a system id lies between 1 and 255, got {system}")
         self.system = system
+        self.reboots = 0
         self._boot: BootKind = boot
         self._power_on(start, heading, Parameters(system), Mission())
 
@@ -115,6 +116,7 @@ class Vehicle:
             if self._reboot_in <= 0:
                 copter = self.copter
                 copter.mission.rewind()
+                self.reboots += 1
                 self._power_on(copter.place, copter.motion.heading, copter.parameters, copter.mission)
             return []
         self.copter.step(STEP_S)
@@ -201,13 +203,13 @@ class Vehicle:
         return []
 
     def _command(self, message: dialect.MAVLink_message, command: Command) -> Messages:
-        desk = Desk(self.copter, self._streams, [])
+        desk = Desk(self.copter, self._streams)
         result = desk.carry_out(command)
         sender = (message.get_srcSystem(), message.get_srcComponent())
         ack = dialect.MAVLink_command_ack_message(command.number, int(result), 0, 0, *sender)
         if desk.reboot_wanted:
             self._reboot_in = REBOOT_SILENCE_S
-        return [ack, *desk.replies]
+        return [*desk.ahead, ack, *desk.after]
 
     def _parameter(self, message: dialect.MAVLink_message, kind: str) -> Messages:
         parameters = self.copter.parameters
