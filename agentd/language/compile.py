@@ -41,8 +41,13 @@ def compile_program(program: syntax.Program, load: Load | None = None) -> Compil
 
     Raises `DirectiveError` for an unknown or wrong directive, and what ``load`` raises.
     """
+    return in_namespace(program, DEFAULT, load)
+
+
+def in_namespace(program: syntax.Program, namespace: str, load: Load | None = None) -> CompiledProgram:
+    """`compile_program` of a file that is loaded into a namespace."""
     expansion = _Expansion(load)
-    expansion.file(program, DEFAULT)
+    expansion.file(program, namespace)
     return CompiledProgram(
         program.file,
         tuple(expansion.beliefs),

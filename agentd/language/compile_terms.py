@@ -231,10 +231,10 @@ class TermCompiler:
             (a,) = operands
             if node.operator == "+":
                 return f"value({a})"
-            return self.function.assign(f"-{a} if type({a}) is float else arithmetic({operator}, {a})")
+            return self.function.assign(f"-{a} if type({a}) is float else arithmetic(m, {operator}, {a})")
         a, b = operands
         if node.operator not in _DIRECT:
-            return self.function.assign(f"arithmetic({operator}, {a}, {b})")
+            return self.function.assign(f"arithmetic(m, {operator}, {a}, {b})")
         checks = [
             f"type({name}) is float" for name, part in zip(operands, node.operands, strict=True) if not _is_number(part)
         ]
@@ -242,7 +242,7 @@ class TermCompiler:
             checks.append(b)
         quick = f"{a} {node.operator} {b}"
         if checks:
-            quick += f" if {' and '.join(checks)} else arithmetic({operator}, {a}, {b})"
+            quick += f" if {' and '.join(checks)} else arithmetic(m, {operator}, {a}, {b})"
         return self.function.assign(quick)
 
     # --- matching ---

@@ -5,10 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from agentd.language import syntax
+from agentd.language.instantiate import instantiate
+from agentd.language.syntax import Operator
 from agentd.language.terms import Literal
-from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT
-from agentd.mind.intentions import Intention
+from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP
+from agentd.mind.intention_terms import ahead
+from agentd.mind.intentions import Intention, values_of
 from agentd.mind.unifier import Trail, undo, unify
+
+_ACHIEVING = (Operator.ACHIEVE, Operator.ACHIEVE_NEW_FOCUS)
 
 
 def goal_frames(intention: Intention) -> Iterator[tuple[int, Literal]]:
@@ -64,6 +70,21 @@ def drop_intention(mind: Any, goal: Literal, trail: Trail) -> bool:
             mind.drop(intention)
         undo(trail, mark)
     return own
+
+
+def has_ahead(intention: Intention, goal: Literal, trail: Trail) -> bool:
+    """Whether the innermost plan of an intention has ``!goal`` or ``!!goal`` still before it."""
+    if not intention.stack:
+        return False
+    frame = intention.stack[-1]
+    for step in ahead(frame[STEP]):
+        node = step.syntax
+        if isinstance(node, syntax.Step) and node.operator in _ACHIEVING:
+            mark = len(trail)
+            if unify(goal, instantiate(node.term, values_of(frame)), trail):
+                return True
+            undo(trail, mark)
+    return False
 
 
 def drop_event(mind: Any, goal: Literal, trail: Trail) -> bool:

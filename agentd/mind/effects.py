@@ -56,4 +56,17 @@ class StopTeam:
     delay: float = 0.0
 
 
-Effect: TypeAlias = PerformAction | CancelAction | SendMail | Print | Log | StopTeam
+@dataclass(frozen=True, slots=True)
+class TeamRequest:
+    """Something that only the one who runs the team can do; the answer is a `TeamReply` with this id.
+
+    ``what`` is ``create``, ``kill``, ``clone``, ``df_register``, ``df_deregister``, ``df_search``, ``df_subscribe``,
+    ``save`` or ``include``; ``arguments`` are strings and numbers as each needs.
+    """
+
+    id: int
+    what: str
+    arguments: tuple[Any, ...]
+
+
+Effect: TypeAlias = PerformAction | CancelAction | SendMail | Print | Log | StopTeam | TeamRequest

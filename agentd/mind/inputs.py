@@ -57,6 +57,16 @@ class ActionDone:
 
 
 @dataclass(frozen=True, slots=True)
+class TeamReply:
+    """The answer to a `TeamRequest`: a term (or what the request is for), or the error that its intention gets."""
+
+    id: int
+    value: Any = None
+    error: str = ""
+    message: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class GoalAdded:
     """A goal to achieve, as ``!g`` in the program would have it; source(self) if it names none."""
 
@@ -94,6 +104,7 @@ Input: TypeAlias = (
     | PerceptRemoved
     | Mail
     | ActionDone
+    | TeamReply
     | GoalAdded
     | BeliefAdded
     | SignalRaised

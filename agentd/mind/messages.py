@@ -263,11 +263,15 @@ class Question:
     def timed_out(self, mind: Any) -> None:
         self.finish(mind, make_list(self.found) if self.many else atom("timeout"))
 
-    def finish(self, mind: Any, value: Any) -> None:
+    def forget(self, mind: Any) -> None:
+        """No answer is waited for any more."""
         if self.timer is not None:
             self.timer.cancelled = True
         for msg_id in self.ids:
             mind.questions.pop(msg_id, None)
+
+    def finish(self, mind: Any, value: Any) -> None:
+        self.forget(mind)
         trail = self.intention.trail
         mark = len(trail)
         if unify(self.answer, value, trail):

@@ -31,15 +31,17 @@ from agentd.mind.inputs import (
     PerceptRemoved,
     PerceptReplaced,
     SignalRaised,
+    TeamReply,
     TimeRead,
 )
 from agentd.mind.intentions import Intention
 from agentd.mind.library import Library
-from agentd.mind.messages import receive
+from agentd.mind.messages import Question, receive
 from agentd.mind.nested import check_goal_conditions, condition_holds, nested_frame
 from agentd.mind.plans import Plan, PlanLibrary
 from agentd.mind.runtime import RUNTIME
 from agentd.mind.snapshot import BeliefView, IntentionView, views_of_beliefs, views_of_intentions
+from agentd.mind.team import Request
 from agentd.mind.unifier import detach, resolve_all, undo, unify
 from agentd.mind.waiting import Timer, Timers, Wait, check_conditions, ended, forget
 
@@ -57,7 +59,7 @@ class Mind:
     mission time when the program asks for it within a cycle; each reading is an input (`TimeRead`). Without a clock
     time stands still within a call of `step`. ``on_input`` is told each input with the number of the cycle that took
     it: fed again in the same cycles they lead to the same effects. ``agents`` tells who can be sent to (None: nobody
-    asks). ``ask_timeout`` in seconds bounds synchronous asks without a limit of their own. ``epoch`` is the Unix time
+    asks). ``has_team`` says that somebody answers each `TeamRequest`. ``ask_timeout`` in seconds bounds synchronous asks without a limit of their own. ``epoch`` is the Unix time
     of mission time 0, and ``zone`` where it is told, for ``.date`` and ``.time``.
     """
 
@@ -72,6 +74,7 @@ class Mind:
         clock: Callable[[], float] | None = None,
         on_input: Callable[[int, Input], None] | None = None,
         agents: Callable[[], Iterable[str]] | None = None,
+        has_team: bool = False,
         ask_timeout: float | None = None,
         epoch: float = 0.0,
         zone: tzinfo = UTC,
@@ -116,9 +119,12 @@ class Mind:
         """Properties of namespaces (``.namespace_set_prop``)."""
         self.future_events: list[Timer] = []
         """Events that ``.at`` raises when they are due."""
-        self.agents = agents
+        self.agents, self.has_team = agents, has_team
+        self.requests: dict[int, Request] = {}
+        """What the team was asked for and has not answered."""
         self.ask_timeout = ask_timeout
         self.epoch, self.zone = epoch, zone
+        self._warned: dict[str, None] = {}
         self._intention_count = 0
         self._queries: dict[int, tuple[Any, Any]] = {}
         self._load(program)
@@ -190,6 +196,20 @@ class Mind:
         for plan in list(self.plans):
             if plan.label.sig.functor == getattr(label, "functor", None):
                 self.plans.remove(plan)
+
+    def copy_from(self, other: Mind) -> None:
+        """Take over another mind's beliefs, rules and plans, without their events (``.clone``)."""
+        for predicate in other.beliefs.predicates():
+            own = self.beliefs.predicate(predicate.sig)
+            for entry in list(predicate.entries.values()):
+                if type(entry) is RuleClause:
+                    self.add_rule(entry.syntax, entry.values)
+                else:
+                    own.add(entry.args, entry.annots)
+        known = {id(plan.syntax) for plan in self.plans}
+        for plan in other.plans:
+            if id(plan.syntax) not in known:
+                self.plans.add(self.plans.make(plan.syntax, plan.values))
 
     # --- what others may ask and do ---
 
@@ -360,8 +380,10 @@ class Mind:
         elif hasattr(token, "branches"):
             for branch in list(token.branches):
                 self.drop(branch)
-        elif isinstance(token, str):
-            self.questions.pop(token, None)
+        elif isinstance(token, int):
+            self.requests.pop(token, None)
+        elif isinstance(token, Question):
+            token.forget(self)
         if intention.action is not None:
             self.effects.append(CancelAction(intention.action))
             intention.action = None
@@ -417,6 +439,14 @@ class Mind:
             if self._on_input is not None:
                 self._on_input(self.cycle, TimeRead(self.now))
         return self.now
+
+    def warn_once(self, text: str) -> None:
+        """A warning that is told the first time only (of the last thousand)."""
+        if text not in self._warned:
+            if len(self._warned) > 1000:
+                self._warned.clear()
+            self._warned[text] = None
+            self.effects.append(Log("warning", text))
 
     # --- the cycle ---
 
@@ -645,6 +675,10 @@ class Mind:
                     added += percepts.update(self, item)
                 case ActionDone():
                     self._action_done(item)
+                case TeamReply():
+                    request = self.requests.pop(item.id, None)
+                    if request is not None:
+                        request.answered(self, item)
                 case GoalAdded(literal=literal):
                     self.add_goal(literal)
                 case BeliefAdded(literal=literal):

@@ -7,6 +7,7 @@ from typing import Any
 
 from agentd.language.instantiate import calculate
 from agentd.language.order import compare, sorted_annots
+from agentd.language.term_text import text
 from agentd.language.terms import (
     DEFAULT,
     EMPTY,
@@ -129,9 +130,15 @@ def order(left: Any, right: Any) -> int:
     return compare(value(left), value(right))
 
 
-def arithmetic(operator: str, *operands: Any) -> Any:
+def arithmetic(mind: Any, operator: str, *operands: Any) -> Any:
     """An operation in generated code whose operands are not simply numbers."""
-    return calculate(operator, operands)
+    result = calculate(operator, operands)
+    if result != result:
+        for operand in operands:
+            operand = value(operand)
+            if type(operand) is not float and type(operand) is not Var and type(operand) is not Expression:
+                mind.warn_once(f"'{text(operand)}' is not a number; {operator} gives NaN")
+    return result
 
 
 def univ(left: Any, right: Any, trail: Trail) -> bool:

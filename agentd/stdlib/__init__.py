@@ -11,6 +11,7 @@ from agentd.stdlib import (  # noqa: F401 - imported for their registrations
     plans,
     strings,
     system,
+    team,
     terms,
     time,
 )

@@ -8,6 +8,7 @@ from typing import Any
 from agentd.language.terms import Literal, deref
 from agentd.mind import dropping
 from agentd.mind.failed import wrong_arguments
+from agentd.mind.intention_terms import stack_of, state_of
 from agentd.mind.unifier import Trail, undo, unify
 from agentd.stdlib.registry import internal_action
 
@@ -110,6 +111,31 @@ def succeed_goal(mind: Any, trail: Trail, goal: Any) -> bool | None:
 def fail_goal(mind: Any, trail: Trail, goal: Any) -> bool | None:
     """``.fail_goal(G)``: as if the plan for G had failed."""
     return _end(mind, goal, trail, False)
+
+
+@internal_action(".drop_future_intention", 1, suspends=True)
+def drop_future_intention(mind: Any, trail: Trail, goal: Any) -> bool | None:
+    """``.drop_future_intention(G)``: intentions whose innermost plan still has ``!G`` or ``!!G`` ahead."""
+    pattern, own = _goal(goal), False
+    for intention in mind.all_intentions():
+        mark = len(trail)
+        if dropping.has_ahead(intention, pattern, trail):
+            own |= intention is mind.current
+            mind.drop(intention)
+        undo(trail, mark)
+    return _own_end(mind, own)
+
+
+@internal_action(".intention", (2, 4), backtracks=True)
+@internal_action(".current_intention", (2, 4), backtracks=True)
+def intention(mind: Any, trail: Trail, number: Any, state: Any, stack: Any = None, own: Any = None) -> Iterator[None]:
+    """``.intention(Id, State[, Stack[, current]])``: each intention (or the own one), innermost plan first."""
+    mark = len(trail)
+    for each in [mind.current] if own is not None else mind.all_intentions():
+        fits = unify(number, float(each.id), trail) and unify(state, state_of(mind, each), trail)
+        if fits and (stack is None or unify(stack, stack_of(each), trail)):
+            yield None
+        undo(trail, mark)
 
 
 @internal_action(".done", 0, suspends=True)

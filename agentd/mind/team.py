@@ -1,0 +1,48 @@
+"""Asking the one who runs the team: agents to create and to kill, the directory of services, files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from agentd.mind.effects import TeamRequest
+from agentd.mind.failed import Failed
+from agentd.mind.inputs import TeamReply
+from agentd.mind.intentions import Intention
+from agentd.mind.unifier import undo, unify
+
+Use = Callable[[Any], None]
+
+
+class Request:
+    """An intention that waits for the team's answer, and what it does with it."""
+
+    def __init__(self, intention: Intention, result: Any, use: Use | None) -> None:
+        self.intention, self.result, self.use = intention, result, use
+
+    def answered(self, mind: Any, reply: TeamReply) -> None:
+        """Go on with the answer, or fail with its error."""
+        intention = self.intention
+        if reply.error:
+            mind.fail_waiting(intention, Failed(reply.error, reply.message))
+            return
+        if self.use is not None:
+            self.use(reply.value)
+        mark = len(intention.trail)
+        if self.result is not None and not unify(self.result, reply.value, intention.trail):
+            undo(intention.trail, mark)
+            mind.fail_waiting(intention, Failed("ia_failed"))
+            return
+        mind.resume_waiting(intention)
+
+
+def request(mind: Any, what: str, arguments: tuple[Any, ...], result: Any = None, use: Use | None = None) -> bool:
+    """Send a request; the running intention waits. ``result`` is unified with the answer."""
+    if not mind.has_team:
+        raise Failed("action_failed", f"nobody here can do what '{what}' asks for")
+    mind.action_count += 1
+    intention = mind.current
+    mind.effects.append(TeamRequest(mind.action_count, what, arguments))
+    mind.requests[mind.action_count] = Request(intention, result, use)
+    mind.await_something(intention, f"team {what}", mind.action_count)
+    return True

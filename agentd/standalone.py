@@ -1,0 +1,248 @@
+"""A team of agents in one process, without any bus: what carries out the effects of its minds."""
+
+from __future__ import annotations
+
+import gc
+import sys
+import time
+from collections.abc import Callable, Iterator
+from datetime import timedelta, timezone
+from pathlib import Path
+from typing import Any
+
+from agentd.language.compile import CompiledProgram, DirectiveError, compile_program, in_namespace
+from agentd.language.errors import SyntaxErrors
+from agentd.language.parser import parse_file
+from agentd.language.terms import EMPTY, atom, make_list, signature
+from agentd.language.terms import Literal as Term
+from agentd.mind import Mind
+from agentd.mind.effects import CancelAction, Effect, Log, PerformAction, Print, SendMail, StopTeam, TeamRequest
+from agentd.mind.inputs import ActionDone, Mail, SignalRaised, TeamReply
+
+CYCLES_A_TURN = 2000
+"""A mind with nothing to hand out gives way to the others after so many cycles."""
+
+SLEEP = 3600.0
+"""Without timers nothing in this process can wake an agent: so long a sleep, in seconds, is as good as any."""
+
+
+class Team:
+    """The agents of one run. ``out`` takes what they print; ``seed`` starts the random numbers of the first."""
+
+    def __init__(
+        self, programs: list[tuple[str, CompiledProgram]], seed: int = 0, out: Callable[[str], object] | None = None
+    ) -> None:
+        self._begun = time.monotonic()
+        self._epoch = time.time()
+        self._write = out or sys.stdout.write
+        self._seed = seed
+        self._stop: tuple[float, int] | None = None
+        self._kills: list[tuple[float, str]] = []
+        self._services: list[tuple[str, str]] = []
+        self._subscribers: list[tuple[str, str]] = []
+        self.minds: dict[str, Mind] = {}
+        for name, program in programs:
+            self._add(name, program)
+
+    def _add(self, name: str, program: CompiledProgram) -> Mind:
+        zone = timezone(timedelta(seconds=time.localtime().tm_gmtoff))
+        mind = self.minds[name] = Mind(
+            name,
+            program,
+            seed=self._seed + len(self.minds),
+            start=self._clock(),
+            clock=self._clock,
+            agents=lambda: tuple(self.minds),
+            has_team=True,
+            epoch=self._epoch,
+            zone=zone,
+        )
+        return mind
+
+    def _clock(self) -> float:
+        return time.monotonic() - self._begun
+
+    def run(self, timeout: float | None, exit_when_idle: bool) -> int:
+        """Run until the team stops (its exit code), is idle (0), or ``timeout`` seconds are over (1)."""
+        gc.collect()
+        gc.freeze()
+        try:
+            return self._run(timeout, exit_when_idle)
+        finally:
+            sys.stdout.flush()
+
+    def _run(self, timeout: float | None, exit_when_idle: bool) -> int:
+        while True:
+            busy = self._turns()
+            now = self._clock()
+            if self._stop is not None and self._stop[0] <= now:
+                return self._stop[1]
+            if timeout is not None and now >= timeout:
+                print(f"agentd: not done after {timeout:g} s", file=sys.stderr)
+                return 1
+            if busy:
+                continue
+            sys.stdout.flush()
+            if exit_when_idle and not list(self._due(None)):
+                return 0
+            wake = min(self._due(timeout), default=now + SLEEP)
+            time.sleep(max(0.0, wake - now))
+
+    def _turns(self) -> bool:
+        """Let each mind that has something to do run for a while; whether there was one."""
+        busy = False
+        for mind in list(self.minds.values()):
+            due = mind.wake_at
+            if not mind.ready and (due is None or due > self._clock()):
+                continue
+            busy = True
+            for effect in mind.run(self._clock(), CYCLES_A_TURN):
+                self._carry_out(mind, effect)
+                if self._stop is not None and self._stop[0] <= self._clock():
+                    return True
+        for due, name in [k for k in self._kills if k[0] <= self._clock()]:
+            self._kills.remove((due, name))
+            self._kill(name)
+        return busy
+
+    def _due(self, timeout: float | None) -> Iterator[float]:
+        """The times at which something has to happen."""
+        if timeout is not None:
+            yield timeout
+        if self._stop is not None:
+            yield self._stop[0]
+        for due, _ in self._kills:
+            yield due
+        for mind in self.minds.values():
+            if mind.wake_at is not None:
+                yield mind.wake_at
+
+    # --- effects ---
+
+    def _carry_out(self, mind: Mind, effect: Effect) -> None:
+        match effect:
+            case Print(text=text):
+                self._write(f"[{mind.name}] {text}\n")
+            case Log(level=level, text=text):
+                if level != "debug":
+                    print(f"[{mind.name}] {level}: {text}", file=sys.stderr)
+            case SendMail():
+                self._send(mind, effect)
+            case PerformAction(id=number, name=name):
+                mind.feed(ActionDone(number, False, f"there is no environment that could perform {name}"))
+            case CancelAction():
+                pass
+            case StopTeam(exit_code=code, delay=delay):
+                self._stop = (self._clock() + delay, code)
+                if delay:
+                    for other in self.minds.values():
+                        other.feed(SignalRaised.named("jag_shutting_down", delay * 1000.0))
+            case TeamRequest():
+                mind.feed(self._answer(mind, effect))
+
+    def _send(self, mind: Mind, mail: SendMail) -> None:
+        for receiver in list(self.minds.values()):
+            if receiver.name == mail.receiver or (mail.receiver is None and receiver is not mind):
+                receiver.feed(Mail(mind.name, mail.performative, mail.content, mail.msg_id, mail.in_reply_to))
+
+    # --- requests ---
+
+    def _answer(self, mind: Mind, request: TeamRequest) -> TeamReply:
+        what, args = request.what, request.arguments
+        try:
+            return TeamReply(request.id, getattr(self, f"_do_{what}")(mind, *args))
+        except _No as no:
+            return TeamReply(request.id, None, no.error, str(no))
+        except (SyntaxErrors, DirectiveError) as error:
+            return TeamReply(request.id, None, "unknown", str(error))
+
+    def _free_name(self, name: str) -> str:
+        number, free = 0, name
+        while free in self.minds:
+            number += 1
+            free = f"{name}_{number}"
+        return free
+
+    def _do_create(self, mind: Mind, name: str, path: str) -> str:
+        name = self._free_name(name)
+        program = CompiledProgram(name)
+        if path:
+            program = self._read(mind, path)
+        self._add(name, program)
+        return name
+
+    def _do_clone(self, mind: Mind, name: str) -> str:
+        name = self._free_name(name)
+        clone = self._add(name, CompiledProgram(mind.program.file, plans=mind.program.plans))
+        clone.copy_from(mind)
+        return name
+
+    def _read(self, mind: Mind, path: str) -> CompiledProgram:
+        base = Path(mind.program.file).parent
+        try:
+            return compile_program(parse_file(base / path), lambda included: parse_file(included))
+        except OSError as error:
+            raise _No("unknown", f"cannot read {path}: {error.strerror or error}") from error
+
+    def _do_kill(self, mind: Mind, name: str, delay: float) -> Any:
+        if name not in self.minds:
+            raise _No("ia_failed", f"there is no agent '{name}'")
+        if delay:
+            self._kills.append((self._clock() + delay, name))
+        else:
+            self._kill(name)
+        return EMPTY
+
+    def _kill(self, name: str) -> None:
+        self.minds.pop(name, None)
+        self._services = [s for s in self._services if s[0] != name]
+        self._subscribers = [s for s in self._subscribers if s[0] != name]
+
+    def _do_df_register(self, mind: Mind, service: str) -> Any:
+        if (mind.name, service) not in self._services:
+            self._services.append((mind.name, service))
+            for subscriber, wanted in self._subscribers:
+                if wanted == service:
+                    self._tell_provider(subscriber, mind.name, service)
+        return EMPTY
+
+    def _do_df_deregister(self, mind: Mind, service: str) -> Any:
+        self._services = [s for s in self._services if s != (mind.name, service)]
+        return EMPTY
+
+    def _do_df_search(self, mind: Mind, service: str) -> Any:
+        return make_list([atom(name) for name, offered in self._services if offered == service])
+
+    def _do_df_subscribe(self, mind: Mind, service: str) -> Any:
+        self._subscribers.append((mind.name, service))
+        for name, offered in self._services:
+            if offered == service:
+                self._tell_provider(mind.name, name, service)
+        return EMPTY
+
+    def _tell_provider(self, subscriber: str, provider: str, service: str) -> None:
+        told = Term(signature("provider", 2), (atom(provider), atom(service)))
+        if subscriber in self.minds:
+            self.minds[subscriber].feed(Mail("df", "tell", told))
+
+    def _do_save(self, mind: Mind, path: str, text: str) -> Any:
+        try:
+            Path(path).write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise _No("unknown", f"cannot write {path}: {error.strerror or error}") from error
+        return EMPTY
+
+    def _do_include(self, mind: Mind, path: str, namespace: str) -> CompiledProgram | None:
+        for place in (Path(mind.program.file).parent / path, Path(path)):
+            if place.is_file():
+                return in_namespace(parse_file(place), namespace, lambda included: parse_file(included))
+        print(f"[{mind.name}] error: cannot include {path}: there is no such file", file=sys.stderr)
+        return None
+
+
+class _No(Exception):
+    """A request that cannot be fulfilled."""
+
+    def __init__(self, error: str, message: str) -> None:
+        super().__init__(message)
+        self.error = error

@@ -1,0 +1,88 @@
+"""The team: creating, cloning and ending agents, the directory of services, files of the agent."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language.terms import List, Literal, Var, deref, proper
+from agentd.mind.failed import wrong_arguments
+from agentd.mind.loading import include_program, program_text
+from agentd.mind.team import request
+from agentd.mind.unifier import Trail
+from agentd.stdlib.messages import name_of
+from agentd.stdlib.registry import internal_action
+from agentd.stdlib.strings import plain_text
+
+
+@internal_action(".create_agent", (1, 3), suspends=True)
+def create_agent(mind: Any, trail: Trail, name: Any, file: Any = None, options: Any = None) -> bool:
+    """``.create_agent(Name[, File[, Options]])``: a free name is made up from its own and bound to a string."""
+    wanted, path = deref(name), deref(file) if file is not None else ""
+    if type(path) is not str:
+        wrong_arguments("the file of a new agent is a string")
+    if options is not None and type(deref(options)) is not List:
+        wrong_arguments("the options of a new agent are a list")
+    if type(wanted) is Var:
+        made_up = wanted.name[:1].lower() + wanted.name[1:]
+        return request(mind, "create", (made_up, path), wanted)
+    return request(mind, "create", (name_of(wanted), path))
+
+
+@internal_action(".clone", 1, suspends=True)
+def clone(mind: Any, trail: Trail, name: Any) -> bool:
+    """``.clone("name")``: an agent with the same beliefs and plans, without the goals."""
+    wanted = deref(name)
+    if type(wanted) is not str:
+        wrong_arguments("the name of a clone is a string")
+    return request(mind, "clone", (wanted,))
+
+
+@internal_action(".kill_agent", (1, 2), suspends=True)
+def kill_agent(mind: Any, trail: Trail, name: Any, delay: Any = 0.0) -> bool:
+    """``.kill_agent(Name[, Ms])``."""
+    pause = deref(delay)
+    if type(pause) is not float:
+        wrong_arguments("the delay of .kill_agent is a number of milliseconds")
+    return request(mind, "kill", (name_of(name), pause / 1000.0))
+
+
+@internal_action(".df_register", (1, 2), suspends=True)
+def df_register(mind: Any, trail: Trail, service: Any, kind: Any = None) -> bool:
+    return request(mind, "df_register", (plain_text(service),))
+
+
+@internal_action(".df_deregister", (1, 2), suspends=True)
+def df_deregister(mind: Any, trail: Trail, service: Any, kind: Any = None) -> bool:
+    return request(mind, "df_deregister", (plain_text(service),))
+
+
+@internal_action(".df_search", (2, 3), suspends=True)
+def df_search(mind: Any, trail: Trail, service: Any, *rest: Any) -> bool:
+    """``.df_search(Service[, Type], List)``: the names of those who offer it."""
+    return request(mind, "df_search", (plain_text(service),), rest[-1])
+
+
+@internal_action(".df_subscribe", (1, 2), suspends=True)
+def df_subscribe(mind: Any, trail: Trail, service: Any, kind: Any = None) -> bool:
+    """``.df_subscribe(Service)``: beliefs ``provider(Agent, Service)`` for those there and those to come."""
+    return request(mind, "df_subscribe", (plain_text(service),))
+
+
+@internal_action(".save_agent", (1, 2), suspends=True)
+def save_agent(mind: Any, trail: Trail, file: Any, goals: Any = None) -> bool:
+    """``.save_agent(File[, Goals])``: beliefs, rules, these goals and the plans as source text."""
+    path = deref(file)
+    if type(path) is not str:
+        wrong_arguments("the file to save to is a string")
+    return request(mind, "save", (path, program_text(mind, proper(goals) or [] if goals is not None else [])))
+
+
+@internal_action(".include", (1, 2), suspends=True)
+def include(mind: Any, trail: Trail, file: Any, namespace: Any = None) -> bool:
+    """``.include(File[, Namespace])``: adds the beliefs, goals and plans of a file."""
+    path = deref(file)
+    if type(path) is not str:
+        wrong_arguments("the file to include is a string")
+    name = deref(namespace) if namespace is not None else None
+    into = name.sig.functor if type(name) is Literal else "default"
+    return request(mind, "include", (path, into), use=lambda program: include_program(mind, program))
