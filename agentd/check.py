@@ -29,6 +29,17 @@ from schemas.findings import Finding, Findings
 EXIT_DONE = 0
 EXIT_BAD_INPUT = 2
 
+STATEMENTS: dict[str, range | set[int]] = {
+    ".foreach": {2},
+    ".loop": {2},
+    ".if_then_else": {2, 3},
+    ".fork": range(2, 1 << 30),
+}
+"""Internal actions that the compiler reads as `for`, `while`, `if` and forks, with their numbers of arguments."""
+
+OF_THE_DAEMONS = {"bridge": 1, "override": 1, "restarted": 1}
+"""Beliefs that no manifest declares: `bridge(up)`, `override(Mode)`, `restarted(N)` (design sections 5 and 9)."""
+
 
 def check_program(
     program: Program,
@@ -73,11 +84,8 @@ def _standard_library() -> tuple[Arities, Arities]:
     import agentd.stdlib
     from agentd.stdlib.registry import ACTIONS, FUNCTIONS
 
-    load = getattr(agentd.stdlib, "load", None)
-    if load is not None:
-        load()
-    actions = {name: _union(action.arities for action in group) for name, group in ACTIONS.items()}
-    functions: dict[str, set[int]] = {}
+    actions = {name: _union(action.arities for action in group) for name, group in ACTIONS.items()} | STATEMENTS
+    functions: dict[str, set[int]] = {".count": {1}}
     for name, arity in FUNCTIONS:
         functions.setdefault(name, set()).add(arity)
     return actions, functions
@@ -161,7 +169,7 @@ def _manifest(name: str | None) -> tuple[Arities | None, Arities | None]:
     from schemas.manifest import load_manifest
 
     manifest = load_manifest(name, Path.cwd())
-    return manifest.action_arities(), manifest.percept_arities()
+    return manifest.action_arities(), {**manifest.percept_arities(), **OF_THE_DAEMONS}
 
 
 def _check_file(file: str, actions: Arities | None, percepts: Arities | None) -> tuple[list[Finding], list[str]]:

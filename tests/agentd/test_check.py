@@ -245,6 +245,16 @@ def test_the_depth_of_a_program_is_no_problem() -> None:
         findings_of(text)
 
 
+def test_the_standard_library_is_known() -> None:
+    text = """!g.
++!g : .length("ab", 2) & .count(n(_)) > 0
+   <- .print(math.max(1, 2), system.time); .foreach(n(_), { .wait(10) }); .if_then_else(n(_), { .done }, { .fail }).
+n(1)."""
+    assert check_program(parse_program(text, "a.asl")) == []
+    (finding,) = check_program(parse_program("+!g <- .lenght([], 0).", "a.asl"))
+    assert finding.message.endswith("did you mean .length?")
+
+
 # --- the command -----------------------------------------------------------------------------------------------------
 
 
@@ -297,10 +307,11 @@ def test_the_command_prints_json(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 def test_the_command_checks_against_a_shipped_manifest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "a.asl"
-    path.write_text("+!g : state(_,_,_,_) <- take_off(5).\n")
+    path.write_text("+!g : state(_,_,_,_) & bridge(up) <- take_off(5).\n")
     assert check("--manifest", "arducopter", str(path)) == 2
     err = capsys.readouterr().err
     assert "the percept state has 3 arguments, not 4" in err
     assert "did you mean takeoff?" in err
+    assert "bridge" not in err
     assert check("--manifest", "no_such_robot", str(path)) == 2
     assert "no_such_robot" in capsys.readouterr().err
