@@ -370,3 +370,34 @@ def test_deadlines_scale_with_speed_but_the_wait_for_an_acknowledgement_does_not
 
 def action_of(heard: list[ActionStatus], attempt: int = 1) -> Action:
     return Action(id=heard[0].id, parameters=heard[0].parameters, attempt=attempt)
+
+
+def test_a_parked_vehicle_is_asked_for_little_and_one_at_work_for_its_full_rates(sky: Sky) -> None:
+    def heard_per_second(seconds: float) -> float:
+        before = sky.bridge.driver.counters()["messages"]
+        sky.wait(seconds)
+        return (sky.bridge.driver.counters()["messages"] - before) / seconds
+
+    sky.wait(5)
+    assert heard_per_second(10) < 8
+    sky.flying()
+    assert heard_per_second(5) > 15
+    assert sky.do("land").state == "succeeded"
+    sky.wait(15)
+    assert heard_per_second(10) < 8
+    assert sky.bridge.board.expired == 0, "what comes slower does not age"
+
+
+def test_streams_that_another_station_slows_down_are_asked_for_again(sky: Sky) -> None:
+    sky.flying()
+    for number in (33, 245):
+        slow = dialect.MAVLink_command_long_message(
+            1, 1, dialect.MAV_CMD_SET_MESSAGE_INTERVAL, 0, number, -1, *(0,) * 5
+        )
+        sky.vehicle.receive(slow)
+    before = sky.bridge.driver.counters()["streams_requested"]
+    sky.forward(lambda: sky.bridge.driver.counters()["streams_requested"] >= before + 2, "the requests", 10)
+    seen = len([one for agent, one in sky.percepts if one.name == "global_pos"])
+    sky.do("setpoint", *GOAL)
+    sky.wait(2)
+    assert len([one for agent, one in sky.percepts if one.name == "global_pos"]) > seen + 10

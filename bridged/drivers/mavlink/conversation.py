@@ -24,6 +24,8 @@ from schemas.mission import Failsafe, Limits
 
 HEARTBEAT_EVERY = 1.0
 """Mission seconds."""
+IDLE_AFTER = (10.0, 2.0)
+"""Mission and wall seconds for which the streams stay full after the last action, disarmed."""
 MAX_STRANGERS = 8
 """System ids of others on the link that are remembered for the error."""
 MAX_TASKS = 16
@@ -72,6 +74,7 @@ class Conversation:
         self._tasks: dict[Task, Steps] = {}
         self._strangers: set[int] = set()
         self._heartbeat_at = 0.0
+        self._idle_at = 0.0
         self._in_control = False
         self._overridden = False
         self._override: _Override | None = None
@@ -112,6 +115,7 @@ class Conversation:
                 self._send(_HEARTBEAT)
         if self.vehicle.connected and now - self.vehicle.heard_at > self._link_loss:
             self._lost()
+        self._pace()
         self.commands.tick(now)
         self.streams.tick(now, lambda: self.vehicle.home is not None)
         if self.vehicle.connected:
@@ -130,6 +134,7 @@ class Conversation:
             self._override = replace(self._override, until=self.flight.now)
             self._fail_overridden()
         self._tasks[task] = self._when_connected(task, procedure, call)
+        self._pace()
         self._step()
         return task
 
@@ -177,6 +182,13 @@ class Conversation:
                 task.end(stop.value)
                 if task.takes_control and stop.value.state == "succeeded":
                     self._control_taken()
+
+    def _pace(self) -> None:
+        """Full streams while the vehicle is armed or something is asked of it, and a little longer."""
+        now = self.flight.now
+        if self.vehicle.armed or self._tasks:
+            self._idle_at = now + self.flight.wait(*IDLE_AFTER)
+        self.streams.pace(now < self._idle_at, now)
 
     def _when_connected(self, task: Task, procedure: Procedure, call: Call) -> Steps:
         while not self.vehicle.connected:

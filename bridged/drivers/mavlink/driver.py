@@ -22,7 +22,7 @@ from schemas.mission import Robot
 
 TICK = 0.25
 """Wall seconds between looks at the time when no message comes; at speed N the vehicle's second is 1/N of one."""
-TICKS_PER_VEHICLE_SECOND = 4.0
+TICKS_PER_VEHICLE_SECOND = 2.0
 log = logging.getLogger("mavlink")
 
 

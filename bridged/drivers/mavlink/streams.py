@@ -30,6 +30,8 @@ SPORADIC = frozenset({"POSITION_TARGET_GLOBAL_INT"})
 """Sent only in some states of the vehicle: their silence proves nothing."""
 DEFAULT_RATE = 2.0
 """Hz for a percept whose manifest names no rate."""
+IDLE_RATE = 1.0
+"""Hz at most while the vehicle stands disarmed and nothing is asked of it: a parked robot costs next to nothing."""
 WINDOW = 4.0
 """Mission and wall seconds over which the rate is judged."""
 HOME_EVERY = 5.0
@@ -42,13 +44,16 @@ class _Stream:
     number: int
     name: str
     rate: float
+    """Hz while the vehicle is at work."""
+    asked: float = 0.0
+    """Hz asked for last."""
     denied: bool = False
     received: int = 0
     pending: Command | None = None
 
     def starved(self, window: float) -> bool:
         """Whether fewer than half of the messages came in the `window` seconds that end now."""
-        return not self.denied and self.name not in SPORADIC and self.received < self.rate * window / 2
+        return not self.denied and self.name not in SPORADIC and self.received < self.asked * window / 2
 
 
 class Streams:
@@ -63,6 +68,7 @@ class Streams:
         self._streams = {stream.name: stream for stream in _wanted(manifest)}
         self._judge_at = math.inf
         self._home_at = math.inf
+        self._at_work = False
         self._starved: list[str] = []
 
     def count(self, name: str) -> None:
@@ -77,6 +83,17 @@ class Streams:
         self._open_window(now)
         self._home_at = now
 
+    def pace(self, at_work: bool, now: float) -> None:
+        """Ask for the full rates, or for what is enough while nothing happens."""
+        if at_work == self._at_work:
+            return
+        self._at_work = at_work
+        if self._judge_at < math.inf:
+            for stream in self._streams.values():
+                if stream.asked != self._rate(stream):
+                    self._ask(stream, now)
+            self._open_window(now)
+
     def stop(self) -> None:
         """Judge nothing while the link is lost."""
         self._judge_at = self._home_at = math.inf
@@ -90,6 +107,8 @@ class Streams:
                     dialect.MAV_RESULT_UNSUPPORTED,
                 )
                 stream.pending = None
+                if stream.asked != self._rate(stream) and self._judge_at < math.inf:
+                    self._ask(stream, now)
         if now >= self._judge_at:
             starved = [stream for stream in self._streams.values() if stream.starved(self._window)]
             self._starved = [stream.name for stream in starved]
@@ -106,12 +125,16 @@ class Streams:
         notes = [f"the vehicle does not know {stream.name}" for stream in self._streams.values() if stream.denied]
         return notes + [f"{name} comes too seldom; asked again" for name in self._starved]
 
+    def _rate(self, stream: _Stream) -> float:
+        return stream.rate if self._at_work else min(stream.rate, IDLE_RATE)
+
     def _ask(self, stream: _Stream, now: float) -> None:
-        if stream.pending is None or stream.pending.over:
-            self.requested += 1
-            stream.pending = self._submit(
-                dialect.MAV_CMD_SET_MESSAGE_INTERVAL, stream.number, round(1e6 / stream.rate), now
-            )
+        if stream.pending is not None:
+            return  # its acknowledgement must not be taken for that of another; `tick` asks again if need be
+        rate = self._rate(stream)
+        self.requested += 1
+        stream.asked = rate
+        stream.pending = self._submit(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, stream.number, round(1e6 / rate), now)
 
     def _submit(self, command: int, number: int, interval: float, now: float) -> Command:
         parameters = (float(number), float(interval), 0.0, 0.0, 0.0, 0.0, 0.0)
