@@ -81,7 +81,6 @@ def check_program(
 
 def _standard_library() -> tuple[Arities, Arities]:
     """The internal actions and functions of the standard library, with the arguments that they take."""
-    import agentd.stdlib
     from agentd.stdlib.registry import ACTIONS, FUNCTIONS
 
     actions = {name: _union(action.arities for action in group) for name, group in ACTIONS.items()} | STATEMENTS

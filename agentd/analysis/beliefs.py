@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from agentd.analysis.calls import Arities, arguments, finding, near, takes
-from agentd.analysis.survey import Mention, Survey
+from agentd.analysis.mentions import Mention, Survey
 from schemas.findings import Finding
 
 _TRUTH = {("true", 0), ("false", 0)}

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from typing import TypeAlias
 
-from agentd.analysis.survey import ANY_ARITY, Call, Survey
+from agentd.analysis.mentions import ANY_ARITY, Call, Survey
 from agentd.language.syntax import And, Body, Not, Operator, Or, Position, Step, Structure
 from schemas.findings import Finding
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from agentd.analysis.calls import arguments, finding, near
-from agentd.analysis.survey import PlacedPlan, Survey
+from agentd.analysis.mentions import PlacedPlan, Survey
 from agentd.language.syntax import Plan, Structure, Variable
 from schemas.findings import Finding
 

@@ -1,11 +1,11 @@
-"""What a program mentions, and as what: goals, beliefs, actions, internal actions, plans. One walk, no recursion."""
+"""The walk through a program that finds what it mentions. One walk, no recursion."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
 from typing import TypeAlias
 
+from agentd.analysis.mentions import ANY_ARITY, Call, Mention, PlacedPlan, Survey
 from agentd.language.syntax import (
     And,
     Arithmetic,
@@ -27,7 +27,6 @@ from agentd.language.syntax import (
     Or,
     Plan,
     PlanTerm,
-    Position,
     Relation,
     Rule,
     RuleTerm,
@@ -41,8 +40,6 @@ from agentd.language.syntax import (
 )
 
 DEFAULT = "default"
-ANY_ARITY = -1
-"""The arity of a registered function that takes any number of arguments."""
 
 QUERIES = {
     ".findall": 1,
@@ -62,74 +59,6 @@ PLAN_MAKERS = frozenset((".add_plan", ".include", ".create_agent"))
 
 _ADDITIONS = frozenset((Operator.ADD, Operator.ADD_NEW_FOCUS, Operator.ADD_FIRST, Operator.ADD_LAST, Operator.UPDATE))
 _ELSEWHERE = frozenset(("self", "percept"))
-
-
-@dataclass(frozen=True, slots=True)
-class Mention:
-    """A literal where it stands. ``name`` is qualified (``ns::b``) outside the default namespace.
-
-    ``inverted``: under an odd number of ``not``. ``from_others``: asks for a source that is neither self nor percept.
-    """
-
-    name: str
-    arity: int
-    position: Position
-    inverted: bool = False
-    from_others: bool = False
-
-    @property
-    def indicator(self) -> tuple[str, int]:
-        return self.name, self.arity
-
-
-@dataclass(frozen=True, slots=True)
-class Call:
-    """An internal action or function where it stands; ``as_term``: as a value and not as a step or condition."""
-
-    action: InternalAction
-    as_term: bool
-
-
-@dataclass(frozen=True, slots=True)
-class PlacedPlan:
-    """A plan with the qualified name of its trigger; None when that is a variable."""
-
-    plan: Plan
-    name: str | None
-
-    @property
-    def arity(self) -> int:
-        literal = self.plan.trigger.literal
-        return len(literal.args) if isinstance(literal, Structure) else 0
-
-    @property
-    def event(self) -> str:
-        """``+!``, ``-``, ``+?`` and so on."""
-        return self.plan.trigger.operator + self.plan.trigger.goal
-
-
-@dataclass(slots=True)
-class Survey:
-    """Everything that a program mentions, in no particular order.
-
-    ``families`` are plans that are tried together: those of a program, those nested in one plan. ``open_beliefs`` and
-    ``open_plans`` say that beliefs or plans are made at run time which no survey can see.
-    """
-
-    achieved: list[Mention] = field(default_factory=list)
-    tested: list[Mention] = field(default_factory=list)
-    asked: list[Mention] = field(default_factory=list)
-    added: list[Mention] = field(default_factory=list)
-    actions: list[Mention] = field(default_factory=list)
-    calls: list[Call] = field(default_factory=list)
-    plans: list[PlacedPlan] = field(default_factory=list)
-    families: list[list[PlacedPlan]] = field(default_factory=list)
-    rules: list[Rule] = field(default_factory=list)
-    beliefs: list[Belief] = field(default_factory=list)
-    bodies: list[Body] = field(default_factory=list)
-    functions: set[tuple[str, int]] = field(default_factory=set)
-    open_beliefs: bool = False
-    open_plans: bool = False
 
 
 Includes: TypeAlias = Callable[[Directive, str], Iterable[Item]]

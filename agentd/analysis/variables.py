@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import TypeAlias
 
-from agentd.analysis.survey import Survey
+from agentd.analysis.mentions import Survey
 from agentd.language.syntax import (
     And,
     Arithmetic,

@@ -1,0 +1,78 @@
+"""What a program mentions, and as what: goals, beliefs, actions, internal actions, plans."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from agentd.language.syntax import Belief, Body, InternalAction, Plan, Position, Rule, Structure
+
+ANY_ARITY = -1
+"""The arity of a registered function that takes any number of arguments."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mention:
+    """A literal where it stands. ``name`` is qualified (``ns::b``) outside the default namespace.
+
+    ``inverted``: under an odd number of ``not``. ``from_others``: asks for a source that is neither self nor percept.
+    """
+
+    name: str
+    arity: int
+    position: Position
+    inverted: bool = False
+    from_others: bool = False
+
+    @property
+    def indicator(self) -> tuple[str, int]:
+        return self.name, self.arity
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """An internal action or function where it stands; ``as_term``: as a value and not as a step or condition."""
+
+    action: InternalAction
+    as_term: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedPlan:
+    """A plan with the qualified name of its trigger; None when that is a variable."""
+
+    plan: Plan
+    name: str | None
+
+    @property
+    def arity(self) -> int:
+        literal = self.plan.trigger.literal
+        return len(literal.args) if isinstance(literal, Structure) else 0
+
+    @property
+    def event(self) -> str:
+        """``+!``, ``-``, ``+?`` and so on."""
+        return self.plan.trigger.operator + self.plan.trigger.goal
+
+
+@dataclass(slots=True)
+class Survey:
+    """Everything that a program mentions, in no particular order.
+
+    ``families`` are plans that are tried together: those of a program, those nested in one plan. ``open_beliefs`` and
+    ``open_plans`` say that beliefs or plans are made at run time which no survey can see.
+    """
+
+    achieved: list[Mention] = field(default_factory=list)
+    tested: list[Mention] = field(default_factory=list)
+    asked: list[Mention] = field(default_factory=list)
+    added: list[Mention] = field(default_factory=list)
+    actions: list[Mention] = field(default_factory=list)
+    calls: list[Call] = field(default_factory=list)
+    plans: list[PlacedPlan] = field(default_factory=list)
+    families: list[list[PlacedPlan]] = field(default_factory=list)
+    rules: list[Rule] = field(default_factory=list)
+    beliefs: list[Belief] = field(default_factory=list)
+    bodies: list[Body] = field(default_factory=list)
+    functions: set[tuple[str, int]] = field(default_factory=set)
+    open_beliefs: bool = False
+    open_plans: bool = False
