@@ -7,12 +7,13 @@ import sys
 from argparse import ArgumentParser, Namespace
 from contextlib import suppress
 from pathlib import Path
+from typing import Literal
 
 from agentd.check import check_program
-from agentd.compose import compose, done_formulas
+from agentd.compose import compose, endings
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file, parse_literal
-from agentd.language.syntax import Program
+from agentd.language.syntax import Formula, Program, Structure
 from argosy.mentions import beliefs_of, mentioned
 from argosy.outline import Outline, outline
 from argosy.processes import check_links
@@ -20,11 +21,14 @@ from bridged.preparation import prepare
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.findings import Finding, Findings
 from schemas.manifest import Manifest, load_manifest
-from schemas.mission import Mission, load_mission
+from schemas.mission import Ending, Mission, load_mission
 from schemas.positions import Steps, did_you_mean
 
 OF_THE_DAEMONS = {"bridge": 1, "override": 1, "restarted": 1}
 """Beliefs that no manifest declares: `bridge(up)`, `override(Mode)`, `restarted(N)` (design sections 5 and 9)."""
+
+
+_FIELDS: tuple[Literal["done", "failed"], ...] = ("done", "failed")
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -84,7 +88,7 @@ def check_mission(path: str | Path) -> tuple[Mission | None, list[Finding]]:
                 told |= mentioned(its) if other != agent and its is not None else set()
             findings += _against(program, manifest, told)
     if mission is not None:
-        findings += _done(mission, programs, manifests)
+        findings += _endings(mission, programs, manifests)
     return mission, sorted(set(findings))
 
 
@@ -152,29 +156,33 @@ def _against(program: Program, manifest: Manifest | None, told: set[tuple[str, i
     return check_program(program, actions, {**percepts, **OF_THE_DAEMONS}, beliefs=told)
 
 
-def _done(
+def _endings(
     mission: Mission, programs: dict[str, Program | None], manifests: dict[str, Manifest | None]
 ) -> list[Finding]:
-    """A formula about a belief that no program and no manifest ever mentions can never hold."""
+    """A `done` or `failed` about a belief that no program and no manifest ever mentions can never hold."""
     findings: list[Finding] = []
     known: set[tuple[str, int]] = {("true", 0), ("false", 0)}
     for program in programs.values():
         known |= mentioned(program) if program is not None else set()
     for manifest in manifests.values():
         known |= set(manifest.percept_arities().items()) if manifest is not None else set()
-    everything_read = None not in programs.values() and None not in manifests.values()
-    for agent in mission.agents:
-        try:
-            formulas = done_formulas(mission, agent)
-        except Findings as found:
-            findings += found.findings
-            continue
-        for text, formula in formulas.items() if everything_read else ():
-            for functor, arity in beliefs_of(formula) - known:
+    if None in programs.values() or None in manifests.values():
+        return findings  # what cannot be read may mention it
+    for field in _FIELDS:
+        for index, one in enumerate(mission.done if field == "done" else mission.failed):
+            for functor, arity in sorted(beliefs_of(_formula(mission, one, field, findings)) - known):
                 belief, others = f"{functor}/{arity}", [f"{name}/{number}" for name, number in known]
                 hint = did_you_mean(belief, others)
-                index = [(one.agent, one.formula) for one in mission.done].index((agent, text))
                 near = hint if hint.startswith(", did") else ""
-                where: Steps = ("done", index) if ("done", index) in mission.positions.values else ("done",)
-                findings.append(mission.positions.finding(where, f"done: no program ever believes `{belief}`{near}"))
+                where: Steps = (field, index) if (field, index) in mission.positions.values else (field,)
+                findings.append(mission.positions.finding(where, f"{field}: no program ever believes `{belief}`{near}"))
     return findings
+
+
+def _formula(mission: Mission, one: Ending, field: Literal["done", "failed"], findings: list[Finding]) -> Formula:
+    """Return the formula of an ending, or one that asks for nothing if it does not parse."""
+    try:
+        return endings(mission, one.agent, field)[one.formula]
+    except Findings as found:
+        findings += [finding for finding in found.findings if finding not in findings]
+    return Structure("true")

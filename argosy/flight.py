@@ -177,6 +177,8 @@ class Flight:
                 if isinstance(error, StartupFailed | BusClosed):
                     return Ending(EXIT_FAILED, f"failed at the start: {error}")
                 raise error
+            if why := self._picture.failed():
+                return Ending(EXIT_FAILED, f"failed: {why}")
             if self._picture.done():
                 return Ending(EXIT_DONE, "done")
             if self.status.now() - self._marks.get("startup", self.status.now()) > self._mission.timeout:

@@ -6,7 +6,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from argosy.journal import Journal
+from argosy.journal import Journal, printable
 from argosy.track import Track
 from schemas import keys
 from schemas.mission import Mission
@@ -49,6 +49,8 @@ class AgentSeen:
     intentions: tuple[IntentionView, ...] = ()
     prints: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT_PRINTS))
     done: dict[str, bool] = field(default_factory=dict)
+    failed: dict[str, bool] = field(default_factory=dict)
+    beliefs: tuple[str, ...] = ()
     cycle: int = 0
 
 
@@ -200,12 +202,22 @@ class Picture:
         for formula, holds in view.done.items():
             if holds and not agent.done.get(formula):
                 self.journal.add(agent.name, f"done: {formula}", "good")
-        agent.done = dict(view.done)
+        agent.done, agent.failed, agent.beliefs = dict(view.done), dict(view.failed), view.beliefs
 
     def printed(self, agent: str, text: str) -> None:
         """An agent's program printed a line."""
         self.agents[agent].prints.append(text)
         self.journal.add(agent, text, "print")
+
+    def failed(self) -> str:
+        """Return in words which `failed` formula of the mission holds; nothing if none does."""
+        for one in self.mission.failed:
+            agent = self.agents[one.agent]
+            if agent.failed.get(one.formula, False):
+                name = one.formula.partition("(")[0]
+                believed = next((text for text in agent.beliefs if text.partition("(")[0] == name), one.formula)
+                return f"{one.agent} believes {printable(believed.rpartition('[source(')[0] or believed)}"
+        return ""
 
     def done(self) -> bool:
         """Whether every `done` formula of the mission holds; a mission without one is never done."""

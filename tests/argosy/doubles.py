@@ -103,6 +103,8 @@ async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
             cycle=int(clock.wall() * 10),
             intentions=() if done else (running,),
             done={"mission_done": done},
+            failed={"mission_failed(_)": done and FAULT == "gives-up"},
+            beliefs=('mission_failed("too windy")[source(self)]',) if done else (),
         )
         query.reply(view)
 

@@ -43,6 +43,10 @@ class Recording:
         running = (IntentionView(id=1, state="waiting", stack=stack, at="uav.asl:41"),) if stack else ()
         self.picture.mind(MindView(agent="uav", intentions=running, done={"mission_done": done}))
 
+    def fail(self, *beliefs: str) -> None:
+        """Play a look into the mind of an agent that has given up."""
+        self.picture.mind(MindView(agent="uav", failed={"mission_failed(_)": True}, beliefs=beliefs))
+
     def health(self, name: str, daemon: str, **fields: object) -> None:
         """Play the health of a daemon."""
         self.picture.heard_health(keys.health("single-uav", name, daemon), Health(daemon=daemon, **fields))  # type: ignore[arg-type]

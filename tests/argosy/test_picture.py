@@ -42,6 +42,14 @@ def test_the_mission_is_done_when_every_formula_holds() -> None:
     assert recording.lines == ["uav: done: mission_done"]
 
 
+def test_a_mission_that_failed_says_what_its_agent_believes() -> None:
+    recording = Recording()
+    recording.mind("+!fly_mission")
+    assert recording.picture.failed() == ""
+    recording.fail("altitude(0)[source(percept)]", 'mission_failed("Arm: low battery")[source(self)]')
+    assert recording.picture.failed() == 'uav believes mission_failed("Arm: low battery")'
+
+
 def test_a_vehicle_that_falls_silent_is_told() -> None:
     recording = Recording()
     recording.percept("state", "GUIDED", True, False)

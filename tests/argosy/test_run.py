@@ -34,7 +34,7 @@ def test_a_mission_that_is_done_ends_with_0_a_summary_and_a_report(
     assert "uav: goto(-27.603683,-48.518052,40) succeeded after" in out
     assert "single-uav: done" in out
     assert "MB at most" in out
-    assert "of a core, for 3.0 s after the end" in out
+    assert "of a core for 3.0 s after the end" in out
     assert err == ""
     ElementTree.parse(tmp_path / "report" / "track.svg")
     assert "uav1: mode RTL" in (tmp_path / "report" / "mission.log").read_text()
@@ -127,6 +127,12 @@ def test_a_mission_that_is_not_done_in_time_fails_and_says_what_was_missing(star
     code, _, err = ended(start(single_uav, "--speed", "10", fault="never-done"))
     assert code == 1
     assert "error: failed: not done within 30s of mission time (3 s here); expected uav: mission_done" in err
+
+
+def test_a_mission_that_its_agent_gives_up_fails_at_once(start: Start, single_uav: Path) -> None:
+    code, _, err = ended(start(single_uav, "--speed", "10", fault="gives-up"))
+    assert code == 1
+    assert 'error: failed: uav believes mission_failed("too windy")\n' in err
 
 
 def test_a_port_that_is_in_use_is_told_with_the_option_that_names_another(
