@@ -26,6 +26,8 @@ from agentd.language.emit import Function, Ref
 _MAX_LOOPS = 8
 """So deep loops nest in one function; beyond, a generator takes over."""
 _MAX_INDENT = 40
+_MOST_CONJUNCTS = 6
+"""A longer conjunction is split into generators."""
 
 _COMPARISONS = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "==": "==", "\\==": "!="}
 
@@ -44,6 +46,10 @@ class FormulaCompiler(TermCompiler):
             self._apart(node, scope, then)
             return
         match node:
+            case syntax.And() if len(parts := conjuncts(node)) > _MOST_CONJUNCTS:
+                half = len(parts) // 2
+                first, second = _conjunction(parts[:half]), _conjunction(parts[half:])
+                self._apart(first, scope, lambda inner: self._apart(second, inner, then))
             case syntax.And(left=left, right=right):
                 self.formula(left, scope, lambda inner: self.formula(right, inner, then))
             case syntax.Or():
@@ -300,6 +306,20 @@ class FormulaCompiler(TermCompiler):
         counter = self.function.assign("0", "c")
         self.formula(query, dict(scope), lambda _: self.function.emit(f"{counter} += 1"))
         return self.function.assign(f"float({counter})")
+
+
+def conjuncts(node: Any) -> list[Any]:
+    """The members of a conjunction from left to right."""
+    if isinstance(node, syntax.And):
+        return [*conjuncts(node.left), *conjuncts(node.right)]
+    return [node]
+
+
+def _conjunction(parts: list[Any]) -> Any:
+    node = parts[0]
+    for part in parts[1:]:
+        node = syntax.And(node, part)
+    return node
 
 
 def _qualified(node: Any) -> bool:

@@ -9,7 +9,6 @@ from typing import Any, TypeAlias
 from agentd.language import syntax
 from agentd.language.emit import Function, Unit
 from agentd.language.instantiate import instantiate
-from agentd.language.numbers import UndefinedNumber
 from agentd.language.terms import DEFAULT, EMPTY, SELF, List, Literal, Signature, atom, signature
 
 Scope: TypeAlias = dict[str, str]
@@ -57,8 +56,8 @@ def is_constant(node: Any) -> bool:
             return all(map(is_constant, args)) and (annots is None or is_constant(annots))
         case syntax.ListTerm(items=items, tail=tail):
             return all(map(is_constant, items)) and (tail is None or is_constant(tail))
-        case syntax.Arithmetic(operands=operands):
-            return all(map(_is_number, operands))
+        case syntax.Arithmetic():
+            return _is_number(node)
     return False
 
 
@@ -68,9 +67,10 @@ def _is_plain_atom(node: Any) -> bool:
 
 
 def _is_number(node: Any) -> bool:
-    return isinstance(node, syntax.Number) or (
-        isinstance(node, syntax.Arithmetic) and all(map(_is_number, node.operands))
-    )
+    """Whether a node is a numeral, or arithmetic over numerals (but ``div``, which may have no value)."""
+    if isinstance(node, syntax.Arithmetic):
+        return node.operator != "div" and all(map(_is_number, node.operands))
+    return isinstance(node, syntax.Number)
 
 
 class TermCompiler:
@@ -93,10 +93,7 @@ class TermCompiler:
     def build(self, node: syntax.Term, scope: Scope) -> str:
         """An expression for a term. Variables that are new get a cell and are added to ``scope``."""
         if is_constant(node):
-            try:
-                return self._constant_term(node)
-            except UndefinedNumber:
-                pass
+            return self._constant_term(node)
         match node:
             case syntax.Variable():
                 return self._variable(node, scope)

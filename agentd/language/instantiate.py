@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from agentd.language import syntax
-from agentd.language.numbers import OPERATIONS
+from agentd.language.numbers import OPERATIONS, UndefinedNumber
 from agentd.language.order import sorted_annots
 from agentd.language.terms import (
     DEFAULT,
@@ -53,7 +53,11 @@ class Instantiation:
             case syntax.InternalAction(name=name, args=args):
                 return self._call(name, tuple(self.term(a) for a in args))
             case syntax.Arithmetic(operator=operator, operands=operands):
-                return calculate(operator, tuple(self.term(o) for o in operands))
+                built = tuple(self.term(o) for o in operands)
+                try:
+                    return calculate(operator, built)
+                except UndefinedNumber:
+                    return Expression(operator, built)
             case syntax.Relation(operator=operator, left=left, right=right):
                 return Expression(operator, (self.term(left), self.term(right)))
             case syntax.And(left=left, right=right):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 from agentd.language import syntax
 from agentd.language.instantiate import instantiate
+from agentd.language.numbers import UndefinedNumber
 from agentd.language.order import sorted_annots
 from agentd.language.term_text import text
 from agentd.language.terms import Code, Literal, atom, signature
@@ -33,7 +35,9 @@ def code_of(step: Step, frame: Frame) -> Any:
     formula = step.syntax
     values = values_of(frame)
     if isinstance(formula, syntax.Step):
-        term = resolve(instantiate(formula.term, dict(values)))
+        term = instantiate(formula.term, dict(values))
+        with suppress(UndefinedNumber):
+            term = resolve(term)
         if not formula.operator.value or formula.operator is syntax.Operator.TEST:
             return term
     return Code(syntax.Body((formula,), formula.position), values, bare=True)

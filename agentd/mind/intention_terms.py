@@ -51,4 +51,3 @@ def ahead(step: Step | None) -> list[Step]:
         found.append(step)
         step = step.next
     return found
-

@@ -40,4 +40,3 @@ def program_text(mind: Any, goals: list[Any]) -> str:
     lines += [f"!{text(resolve(goal))}." for goal in goals]
     lines += [f"{code_text(Code(plan.syntax, plan.values, bare=True))}." for plan in mind.plans]
     return "\n".join(lines) + "\n"
-

@@ -45,10 +45,8 @@ from agentd.mind.team import Request
 from agentd.mind.unifier import detach, resolve_all, undo, unify
 from agentd.mind.waiting import Timer, Timers, Wait, check_conditions, ended, forget
 
-MOST_EVENTS: Final = 100_000
-"""So many events may wait; an agent that raises more floods itself, and the newest are dropped."""
-MOST_INTENTIONS: Final = 100_000
-"""So many intentions may be active; beyond, an event that would start another one waits in the queue."""
+MOST_FOCUSES: Final = 100_000
+"""So many events and intentions there may be; an agent that raises more floods itself, and the newest are dropped."""
 
 
 class Mind:
@@ -59,8 +57,9 @@ class Mind:
     mission time when the program asks for it within a cycle; each reading is an input (`TimeRead`). Without a clock
     time stands still within a call of `step`. ``on_input`` is told each input with the number of the cycle that took
     it: fed again in the same cycles they lead to the same effects. ``agents`` tells who can be sent to (None: nobody
-    asks). ``has_team`` says that somebody answers each `TeamRequest`. ``ask_timeout`` in seconds bounds synchronous asks without a limit of their own. ``epoch`` is the Unix time
-    of mission time 0, and ``zone`` where it is told, for ``.date`` and ``.time``.
+    asks). ``has_team`` says that somebody answers each `TeamRequest`. ``ask_timeout`` in seconds bounds synchronous
+    asks without a limit of their own. ``epoch`` is the Unix time of mission time 0, and ``zone`` where it is told, for
+    ``.date`` and ``.time``.
     """
 
     def __init__(
@@ -281,12 +280,10 @@ class Mind:
 
     def post(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
         """Queue an event that starts an intention of its own."""
-        if len(self.events) >= MOST_EVENTS:
+        if len(self.events) + len(self.running) + len(self.waiting) >= MOST_FOCUSES:
             self.dropped_events += 1
-            if self.dropped_events == 1:
-                event = Literal(relevant.sig, args)
-                text = f"more than {MOST_EVENTS} events wait; {relevant.text}{event} and further ones are dropped"
-                self.effects.append(Log("warning", text))
+            event = f"{relevant.text}{relevant.sig.indicator}"
+            self.warn_once(f"more than {MOST_FOCUSES} events and intentions; events such as {event} are dropped")
             return
         if annots is not SELF:
             annots = resolve_all(annots)

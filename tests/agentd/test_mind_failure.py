@@ -1,0 +1,53 @@
+"""Failure: handlers, what they are told, and what is told when there is none."""
+
+from __future__ import annotations
+
+from tests.agentd.minds import run
+
+
+def test_a_failure_without_handler_names_plan_goal_formula_and_place() -> None:
+    world = run("!start.\n+!start <- !sub(1).\n+!sub(X) <-\n   X > 3.")
+    (line,) = world.logs
+    assert "test.asl:4" in line
+    assert "(1 > 3)" in line
+    assert "constraint_failed" in line
+    assert "+!sub(X)" in line
+    assert "+!sub(1), +!start" in line
+
+
+def test_bindings_made_before_the_failure_are_gone_for_the_handler() -> None:
+    world = run('!s. +!s <- !read(X); .print("X=", X). +!read(Y) <- !deep(Y); .fail. +!deep(5). -!read(Y) <- Y = 6.')
+    assert world.prints == ["X=6"]
+
+
+def test_a_binding_of_an_inner_goal_survives_the_failure_of_a_later_one() -> None:
+    world = run('!s. +!s <- !get(X); !bad; .print(X). +!get(7). +!bad <- !get(Y); .fail. -!bad <- .print("handled").')
+    assert world.prints == ["handled", "7"]
+
+
+def test_a_failing_handler_climbs_to_the_goal_below() -> None:
+    world = run('!s. +!s <- !a. +!a <- !b. +!b <- .fail. -!b <- .fail. -!a <- .print("a handles").')
+    assert world.prints == ["a handles"]
+
+
+def test_a_goal_without_applicable_plan_is_told_with_the_plans_that_were_tried() -> None:
+    world = run("!g(1).\n+!g(X) : X > 5 <- .print(never).")
+    (line,) = world.logs
+    assert "no applicable plan: +!g(1)" in line
+    assert "(line 2)" in line
+
+
+def test_div_by_zero_fails_the_plan_only() -> None:
+    world = run('!a. !b. +!a <- X = 1 div 0. -!a[error(E)] <- .print(E). +!b <- .print("b").')
+    assert sorted(world.prints) == ["b", "undefined_number"]
+
+
+def test_an_error_inside_a_context_only_makes_it_false() -> None:
+    world = run('!g. +!g : .nth(9,[a],X) <- .print(never). +!g : not .nth(9,[a],X) <- .print("second").')
+    assert world.prints == ["second"]
+
+
+def test_a_division_by_zero_in_a_context_is_told() -> None:
+    world = run("!g. +!g : X = 1 div 0 <- .print(never). -!g[error(E)] <- .print(E).")
+    assert world.prints == ["no_applicable"]
+    assert any("div" in line for line in world.logs)

@@ -1,0 +1,97 @@
+"""``agentd run``: output, exit codes, messages between agents, sleeping."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import psutil
+import pytest
+
+
+def _run(*arguments: str | Path, timeout: float = 60) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "agentd", "run", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
+
+
+@pytest.fixture
+def program(tmp_path: Path):
+    def write(text: str, name: str = "agent.asl") -> Path:
+        path = tmp_path / name
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_prints_go_to_stdout_with_the_agents_name_and_nothing_else_does(program) -> None:
+    path = program('!s. +!s <- .print("a"); .print("b\\nc"); +x; .fail.')
+    done = _run(f"bob={path}", "--exit-when-idle")
+    assert done.stdout == "[bob] a\n[bob] b\nc\n"
+    assert "ia_failed" in done.stderr
+    assert done.returncode == 0
+
+
+def test_an_agent_without_a_name_is_named_after_its_file(program) -> None:
+    done = _run(program("!s. +!s <- .my_name(N); .print(N); .stopMAS.", "scout.asl"))
+    assert done.stdout == "[scout] scout\n"
+
+
+def test_stopping_the_team_ends_with_its_exit_code(program) -> None:
+    assert _run(program("!s. +!s <- .stopMAS.")).returncode == 0
+    assert _run(program("!s. +!s <- .stopMAS(0, 3).")).returncode == 3
+
+
+def test_a_timeout_ends_with_one_and_says_so(program) -> None:
+    done = _run(program("!s. +!s <- .wait(60000)."), "--timeout", "0.3")
+    assert done.returncode == 1
+    assert "not done after 0.3 s" in done.stderr
+
+
+def test_a_file_that_does_not_parse_ends_with_two_the_line_and_a_caret(program) -> None:
+    path = program('!s.\n+!s <- .print("a") .print("b").\n')
+    done = _run(path)
+    assert done.returncode == 2
+    assert f"{path}:2:" in done.stderr
+    assert "error:" in done.stderr
+    assert "^" in done.stderr
+    assert done.stdout == ""
+
+
+def test_a_missing_file_and_a_missing_include_end_with_two(program, tmp_path: Path) -> None:
+    assert _run(tmp_path / "nowhere.asl").returncode == 2
+    done = _run(program('{ include("nowhere.asl") }'))
+    assert done.returncode == 2
+    assert "agent.asl:1:" in done.stderr
+
+
+def test_agents_send_one_another_messages(program) -> None:
+    ping = program("!s. +!s <- .send(pong, tell, ball(1)). +ball(N)[source(S)] <- .print(N, S); .stopMAS.", "ping.asl")
+    pong = program("+ball(N) <- .send(ping, tell, ball(N+1)).", "pong.asl")
+    assert _run(ping, pong).stdout == "[ping] 2pong\n"
+
+
+def test_an_unanswered_question_ends_at_its_time_limit(program) -> None:
+    ann = program("!s. +!s <- .send(bob, askOne, q(_), A, 200); .print(A); .stopMAS.", "ann.asl")
+    bob = program("+?q(X) <- .wait(60000); X = 1.", "bob.asl")
+    assert _run(ann, bob).stdout == "[ann] timeout\n"
+
+
+def test_an_external_action_fails_because_there_is_no_environment(program) -> None:
+    done = _run(program("!s. +!s <- fly(1). -!s[error(E)] <- .print(E)."), "--exit-when-idle")
+    assert done.stdout == "[agent] action_failed\n"
+
+
+def test_a_waiting_agent_sleeps(program) -> None:
+    path = program("!s. +!s <- .print(ready); .wait(600000).")
+    with subprocess.Popen([sys.executable, "-m", "agentd", "run", str(path)], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"[agent] ready\n"
+        watched = psutil.Process(process.pid)
+        before = watched.cpu_times()
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(timeout=1.0)
+        after = watched.cpu_times()
+        process.terminate()
+    assert (after.user + after.system) - (before.user + before.system) < 0.1

@@ -1,0 +1,74 @@
+"""The corpus of programs with the output that Jason 3.3 printed for them: byte for byte."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+NOT_YET = {
+    line.split()[0]: line.partition(" ")[2].strip()
+    for line in (HERE / "NOT_YET.txt").read_text().splitlines()
+    if line.strip() and not line.startswith("#")
+}
+
+
+def _single(folder: str) -> list[str]:
+    return [f"{folder}/{path.stem}" for path in sorted((HERE / folder).glob("*.asl"))]
+
+
+CASES = [
+    *_single("core"),
+    *_single("stdlib"),
+    *(f"mas/{d.name}" for d in sorted((HERE / "mas").iterdir()) if d.is_dir()),
+]
+
+
+def _arguments(case: str) -> tuple[list[str], Path, str]:
+    """The agents of a case, the file with the expected output, and the source texts."""
+    path = HERE / case
+    if case.startswith("mas/"):
+        lines = (path / "mas.txt").read_text().splitlines()
+        agents = [f"{name}={path / file}" for name, file in (line.split() for line in lines if line.strip())]
+        return agents, path / "expected.out", "".join(p.read_text() for p in sorted(path.glob("*.asl")))
+    program = path.with_suffix(".asl")
+    return [f"bob={program}"], path.with_suffix(".out"), program.read_text()
+
+
+def _by_agent(output: str) -> dict[str, list[str]]:
+    """The lines of each agent apart; a line without a prefix goes on with the one before."""
+    found: dict[str, list[str]] = {}
+    agent = ""
+    for line in output.splitlines():
+        match = re.match(r"\[(\w+)\] ", line)
+        agent = match.group(1) if match else agent
+        found.setdefault(agent, []).append(line)
+    return found
+
+
+def _run(case: str, folder: Path) -> tuple[str, str, str]:
+    agents, expected, source = _arguments(case)
+    command = [sys.executable, "-m", "agentd", "run", *agents, "--exit-when-idle", "--timeout", "60"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr, done.stderr
+    if "expects: error" in source or "expects: warning" in source:
+        assert done.stderr.strip(), "the case expects a warning or an error to be told"
+    return done.stdout, expected.read_text(), source
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if case not in NOT_YET])
+def test_a_program_prints_what_jason_printed(case: str, tmp_path: Path) -> None:
+    output, expected, source = _run(case, tmp_path)
+    if "// order: per-agent" in source:
+        assert _by_agent(output) == _by_agent(expected)
+    else:
+        assert output == expected
+
+
+def test_the_list_of_missing_cases_names_only_cases_of_the_corpus() -> None:
+    assert set(NOT_YET) <= set(CASES)
