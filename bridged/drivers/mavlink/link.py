@@ -11,8 +11,10 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.address import LinkAddress
-from bridged.drivers.mavlink.endpoints import Endpoint, open_endpoint
+from bridged.drivers.mavlink.endpoint import Endpoint, Supervised
 from bridged.drivers.mavlink.peer import LinkCounters, LinkError, Peer
+from bridged.drivers.mavlink.serial_line import open_serial
+from bridged.drivers.mavlink.sockets import TcpListener, UdpEndpoint, call_tcp
 from bridged.drivers.mavlink.wire import Encoder, Framer
 
 __all__ = ["Link", "LinkAddress", "LinkCounters", "LinkError", "OnPacket", "OnState", "Peer", "open_link"]
@@ -152,5 +154,18 @@ async def open_link(
     backoff until `close`; `on_state` tells.
     """
     link = Link(address, on_packet, system, component, on_state)
-    link.attach(await open_endpoint(link))
+    link.attach(await _open_endpoint(link))
     return link
+
+
+async def _open_endpoint(link: Link) -> Endpoint:
+    match link.address.kind:
+        case "udpin" | "udpout":
+            return await UdpEndpoint.open(link)
+        case "tcpin":
+            return await TcpListener.open(link)
+        case "tcp":
+            return Supervised(link, lambda: call_tcp(link))
+        case "serial":
+            # A device that is missing now is an error now; one that is lost later is waited for.
+            return Supervised(link, lambda: open_serial(link), opened=await open_serial(link))
