@@ -24,7 +24,7 @@ from schemas.mission import Failsafe, Limits
 
 HEARTBEAT_EVERY = 1.0
 """Mission seconds."""
-IDLE_AFTER = (10.0, 2.0)
+IDLE_AFTER = (3.0, 1.0)
 """Mission and wall seconds for which the streams stay full after the last action, disarmed."""
 MAX_STRANGERS = 8
 """System ids of others on the link that are remembered for the error."""
