@@ -105,20 +105,21 @@ class Screen:
         table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
         table.expand = True
         name = agent.name
-        for intention in agent.intentions or ():
+        actions = [action for action in self.status.picture.open_actions() if action.agent == agent.name]
+        for intention in agent.intentions:
             stack = printable(" ‹ ".join(intention.stack)) or f"intention {intention.id}"
-            table.add_row(name, Text.assemble(stack, (f"  {intention.at}", "dim")))
+            why = "" if actions or intention.state == "running" else f"  {intention.state} {intention.reason}".rstrip()
+            place = intention.at.rpartition("/")[2]
+            table.add_row(name, Text.assemble(stack, (printable(f"  {place}{why}"), "dim")))
             name = ""
         if name:
             up = self.status.picture.is_alive(agent.name, "agentd")
             table.add_row(name, Text("no intentions" if up else "not there yet", style="dim"))
-        for action in self.status.picture.open_actions():
-            if action.agent == agent.name:
-                told = "  ".join(f"{key} {value:.1f}" for key, value in action.feedback.items())
-                text = Text.assemble(
-                    ("▸ ", "blue"), (printable(action.text), "blue"), f"  {action.state} {action.age(now):.0f} s  "
-                )
-                table.add_row("", text.append(told, style="dim"))
+        for action in actions:
+            told = "  ".join(f"{key} {value:.1f}" for key, value in action.feedback.items())
+            age = f"  {action.state} {action.age(now):.0f} s  "
+            text = Text.assemble(("▸ ", "blue"), (printable(action.text), "blue"), age, (printable(told), "dim"))
+            table.add_row("", text)
         for line in list(agent.prints)[-_MOST_PRINTS:]:
             table.add_row("", Text(f"“{printable(line)}”", style="cyan"))
         return table
@@ -189,7 +190,7 @@ def _robot(robot: RobotSeen, width: int) -> list[Text]:
     ]
     if robot.altitude is not None:
         height = Text(f"{robot.altitude + 0.0:5.1f} m up", style="bold")
-        cells.append(height.append(f" {_spark(robot.track, 16)}", style="blue") if width >= 100 else height)
+        cells.append(height.append(f" {_spark(robot.track, 16):16}", style="blue") if width >= 100 else height)
     if robot.position is not None:
         if robot.home is not None:
             cells.append(Text(f"{distance(robot.position, robot.home):4.0f} m off home"))

@@ -52,16 +52,17 @@ def _left(robot: RobotSeen) -> str:
     told = [robot.mode, "armed" if robot.armed else "disarmed"]
     if robot.altitude is not None:
         told.append(f"{robot.altitude + 0.0:.1f} m above home")
+    left = ", ".join(told)
     if (highest := robot.track.highest()) is not None:
-        told.append(f"flew {robot.track.length():.0f} m over ground, {highest:.1f} m high at most")
-    return ", ".join(told)
+        left += f"; flew {robot.track.length():.0f} m, {highest:.1f} m high at most"
+    return left
 
 
 def _daemons(status: Status) -> list[str]:
     counts, health, meter = status.picture.counts, status.picture.health.values(), status.meter
     mail = sum(int(one.counters.get("delivered", 0)) for one in health)
     drops, bad = sum(one.drops for one in health), sum(one.bad_input for one in health)
-    heard = f"{counts['percepts']} percepts, {counts['statuses']} action statuses, {mail} letters"
+    heard = f"{counts['percepts']} percepts, {counts['statuses']} statuses, {mail} letters"
     lines = [_field("bus", f"{heard}; {drops} dropped, {bad} bad inputs"), "", f"  {TOGETHER}"]
     if samples := meter.flight_memory:
         most, mean = max(samples) / MEGABYTE, sum(samples) / len(samples) / MEGABYTE
