@@ -11,13 +11,14 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation import telemetry
+from bridged.simulation.arming import arming_problems
 from bridged.simulation.copter import Copter, Result
 from bridged.simulation.events import Severity
-from bridged.simulation.flight import GoTo
 from bridged.simulation.geo import Place
 from bridged.simulation.mission import GLOBAL_FRAMES, RELATIVE_FRAMES
 from bridged.simulation.modes import Mode
 from bridged.simulation.streams import Streams
+from bridged.simulation.tasks import GoTo
 
 FORCE = 21196.0
 """Parameter 2 of COMPONENT_ARM_DISARM: without checks."""
@@ -108,7 +109,7 @@ def _run_prearm_checks(desk: Desk, command: Command) -> Result:
     del command
     if desk.copter.armed:
         return Result.TEMPORARILY_REJECTED
-    for problem in desk.copter.arming_problems():
+    for problem in arming_problems(desk.copter):
         desk.copter.say(f"PreArm: {problem}", Severity.CRITICAL)
     return Result.ACCEPTED
 

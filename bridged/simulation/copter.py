@@ -1,8 +1,8 @@
 """The simulated copter without its MAVLink face: what it knows, what it refuses, what it does by itself."""
 
-import math
 from enum import IntEnum
 
+from bridged.simulation.arming import arming_problems
 from bridged.simulation.battery import Battery
 from bridged.simulation.boot import FIRST_HEARTBEAT_S, Boot, BootKind, Milestone
 from bridged.simulation.events import (
@@ -14,23 +14,14 @@ from bridged.simulation.events import (
     Severity,
     Text,
 )
-from bridged.simulation.flight import (
-    TOUCHDOWN_TO_DISARM_S,
-    Drift,
-    Flight,
-    GoTo,
-    Land,
-    Return,
-    Stop,
-    TakeOff,
-    Task,
-)
+from bridged.simulation.flight import TOUCHDOWN_TO_DISARM_S, Flight
 from bridged.simulation.geo import FlatMap, Place
 from bridged.simulation.guards import Fence, StationLink, StationWatch
 from bridged.simulation.mission import NAMES, Item, Mission, task_of
 from bridged.simulation.modes import Mode
 from bridged.simulation.motion import Motion, Vector
 from bridged.simulation.parameters import Parameters
+from bridged.simulation.tasks import Drift, GoTo, Land, Return, Stop, TakeOff, Task
 
 _GUARD_PERIOD_S = 0.2
 _YAW_ALIGNMENT_HEIGHT = 1.9
@@ -135,32 +126,11 @@ class Copter:
             return "init failed"
         return None
 
-    def arming_problems(self) -> list[str]:
-        """Why the motors cannot be armed now, in the vehicle's words; none if they can."""
-        if not self.passed(Milestone.READY):
-            return ["System not initialised"]
-        if not self.passed(Milestone.EKF_YAW):
-            return ["Need Alt Estimate"]
-        if not self.passed(Milestone.ACCELS_AGREE):
-            return ["Accels inconsistent"]
-        problems = []
-        if not self.passed(Milestone.HOME):
-            problems.append("AHRS: waiting for home")
-        if not self.passed(Milestone.GYROS_AGREE):
-            problems.append("Gyros inconsistent")
-        if not self.mode.armable:
-            problems.append(f"{self.mode.name} mode not armable")
-        elif self.mode.needs_position and not self.passed(Milestone.POSITION):
-            problems.append("Need Position Estimate")
-        if self.home is not None and self.fence.breach(self.motion.position, self.home_on_chart):
-            problems.append("vehicle outside fence")
-        return problems
-
     def arm(self, *, force: bool = False) -> Result:
         """Starts the motors and sets home here."""
         if self.armed:
             return Result.ACCEPTED
-        problems = self.arming_problems()
+        problems = arming_problems(self)
         if problems and not (force and self.passed(Milestone.READY)):
             for problem in problems:
                 self.say(f"Arm: {problem}", Severity.CRITICAL)
@@ -329,8 +299,3 @@ class Copter:
         if NAMES[item.command] == "WP":
             self.say(f"Reached command #{item.seq}")
         self._fly_item(self.mission.next_flyable(item.seq))
-
-
-def bearing(heading: float) -> float:
-    """Degrees from 0 to 360 of a heading in radians."""
-    return math.degrees(heading) % 360.0

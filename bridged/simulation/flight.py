@@ -1,11 +1,10 @@
-"""Flying: the tasks that a copter in the air carries out, and how it leaves and meets the ground."""
+"""Flying: how a copter carries out its task, leaves the ground and meets it again."""
 
 import math
-from dataclasses import dataclass
-from enum import Enum, IntEnum, auto
 
 from bridged.simulation.motion import Limits, Motion, Vector
 from bridged.simulation.parameters import Parameters
+from bridged.simulation.tasks import Drift, GoTo, Land, Landed, Return, Stage, Stop, TakeOff, Task
 
 SPOOL_UP_S = 3.3
 """From arming until the motors can lift (recorded: 5 cm high 3.7 s after arming)."""
@@ -27,77 +26,6 @@ _LEG_DONE = 0.3
 
 _LOOK_AHEAD_SPEED = 0.8
 """m/s: slower than this the copter does not turn to where it goes."""
-
-
-class Landed(IntEnum):
-    """landed_state of EXTENDED_SYS_STATE."""
-
-    ON_GROUND = 1
-    IN_AIR = 2
-    TAKEOFF = 3
-    LANDING = 4
-
-
-@dataclass(slots=True)
-class TakeOff:
-    """Straight up to `up` metres on the map."""
-
-    up: float
-
-
-@dataclass(slots=True)
-class GoTo:
-    """To a place and hold it; `heading` in radians, or None to look ahead. `smooth` legs are those of RTL and AUTO."""
-
-    goal: Vector
-    heading: float | None = None
-    smooth: bool = False
-    length: float | None = None  # m, horizontally, from where it began
-
-
-@dataclass(slots=True)
-class Drift:
-    """A velocity in m/s, until `expires` (vehicle seconds): then the copter stops."""
-
-    velocity: Vector
-    expires: float
-    heading: float | None = None
-    turn_rate: float | None = None  # rad/s
-
-
-@dataclass(slots=True)
-class Stop:
-    """Slow down and hover where that ends; `hard` is what BRAKE does."""
-
-    hard: bool = False
-
-
-class Stage(Enum):
-    """How far a return has come."""
-
-    CLIMB = auto()
-    CRUISE = auto()
-    WAIT = auto()
-    DESCEND = auto()
-
-
-@dataclass(slots=True)
-class Return:
-    """Climb, fly over home, wait, land."""
-
-    home: Vector
-    stage: Stage = Stage.CLIMB
-    over: Vector | None = None  # the point over home
-    since: float = 0.0  # when the stage began
-    length: float = 0.0  # m, horizontally, from where it began
-
-
-@dataclass(slots=True)
-class Land:
-    """Straight down."""
-
-
-Task = TakeOff | GoTo | Drift | Stop | Return | Land
 
 
 class Flight:
@@ -162,8 +90,8 @@ class Flight:
         """Takes over another task; the motion goes on from what it is."""
         if self.airborne and type(task) is not type(self.task):
             self.motion.retarget()
-        if self.landed is Landed.TAKEOFF and not isinstance(task, TakeOff):
-            self.landed = Landed.IN_AIR
+        if not isinstance(task, TakeOff | GoTo | Drift):
+            self._lift_at = None  # a goal on the ground keeps a takeoff going, another mode ends it
         self.task, self.reached = task, False
         self.heading_wish = self._ahead = None
         if isinstance(task, TakeOff) and self.armed and not self.airborne:
@@ -207,6 +135,8 @@ class Flight:
             self.motion.rest()
 
     def _fly(self, dt: float) -> None:
+        if not (isinstance(self.task, TakeOff) and self.landed is Landed.TAKEOFF):
+            self.landed = Landed.IN_AIR
         match self.task:
             case TakeOff(up):
                 self._take_off(up, dt)

@@ -3,9 +3,10 @@
 import math
 from dataclasses import dataclass
 
-from bridged.simulation.flight import Flight, GoTo, Land, Return, Stage, TakeOff, Task
+from bridged.simulation.flight import Flight
 from bridged.simulation.geo import FlatMap, Place
 from bridged.simulation.motion import Vector
+from bridged.simulation.tasks import GoTo, Land, Return, Stage, TakeOff, Task
 
 WAYPOINT, LOITER_TIME, RETURN_TO_LAUNCH, LAND, TAKEOFF = 16, 19, 20, 21, 22
 """Mission commands that AUTO flies (MAV_CMD)."""

@@ -7,9 +7,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.copter import Copter
 from bridged.simulation.events import Severity
-from bridged.simulation.flight import GoTo
 from bridged.simulation.mission import RETURN_TO_LAUNCH, Item, goal_of
 from bridged.simulation.modes import Mode
+from bridged.simulation.tasks import GoTo
 
 MAX_ITEMS = 700
 """Items that the vehicle stores; a longer mission is refused."""
@@ -31,7 +31,6 @@ Messages = list[dialect.MAVLink_message]
 class _Upload:
     peer: tuple[int, int]
     count: int
-    started: float
     asked: float
     items: list[Item] = field(default_factory=list)
     heard: float = 0.0
@@ -95,7 +94,7 @@ class MissionProtocol:
             self._copter.count_mission(0)
             return [dialect.MAVLink_mission_ack_message(*peer, _ACCEPTED)]
         now = self._copter.now
-        self._upload = _Upload(peer, count, now, now, heard=now)
+        self._upload = _Upload(peer, count, now, heard=now)
         return [self._ask(self._upload)]
 
     def _ask(self, upload: _Upload) -> dialect.MAVLink_message:

@@ -136,6 +136,11 @@ class Motion:
         return math.hypot(north, east), math.atan2(east, north)
 
     @property
+    def bearing(self) -> float:
+        """Heading in degrees from 0 to 360."""
+        return math.degrees(self.heading) % 360.0
+
+    @property
     def tilt(self) -> tuple[float, float]:
         """Roll and pitch in radians that give the present horizontal acceleration."""
         north, east = self.north.aimed, self.east.aimed

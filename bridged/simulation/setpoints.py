@@ -6,10 +6,10 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.commands import altitude
 from bridged.simulation.copter import Copter
-from bridged.simulation.flight import Drift, GoTo
 from bridged.simulation.geo import Place
 from bridged.simulation.mission import GLOBAL_FRAMES, RELATIVE_FRAMES
 from bridged.simulation.motion import Vector
+from bridged.simulation.tasks import Drift, GoTo
 
 _IGNORE_POSITION, _IGNORE_VELOCITY = 0b111, 0b111000
 _IGNORE_YAW, _IGNORE_YAW_RATE = 1 << 10, 1 << 11

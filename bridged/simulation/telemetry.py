@@ -7,9 +7,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.battery import VOLTAGE
 from bridged.simulation.boot import Milestone
-from bridged.simulation.copter import Copter, bearing
-from bridged.simulation.flight import GoTo
+from bridged.simulation.copter import Copter
 from bridged.simulation.modes import Mode
+from bridged.simulation.tasks import GoTo
 
 SATELLITES = 10
 FIX_TYPE = 6
@@ -80,7 +80,7 @@ def global_position_int(copter: Copter) -> dialect.MAVLink_message | None:
         _centi(velocity.north),
         _centi(velocity.east),
         _centi(-velocity.up),
-        round(bearing(copter.motion.heading) * 100) % 36000,
+        round(copter.motion.bearing * 100) % 36000,
     )
 
 
@@ -105,7 +105,7 @@ def vfr_hud(copter: Copter) -> dialect.MAVLink_message:
     """VFR_HUD"""
     speed = copter.motion.velocity.flat()
     throttle = 37 if copter.armed and copter.flight.airborne else 0
-    heading = round(bearing(copter.motion.heading)) % 360
+    heading = round(copter.motion.bearing) % 360
     return dialect.MAVLink_vfr_hud_message(speed, speed, heading, throttle, copter.place.alt, copter.motion.up.velocity)
 
 
@@ -175,7 +175,7 @@ def nav_controller_output(copter: Copter) -> dialect.MAVLink_message:
     """NAV_CONTROLLER_OUTPUT"""
     roll, pitch = copter.motion.tilt
     target, at = copter.flight.target, copter.motion.position
-    away, course, above = 0.0, bearing(copter.motion.heading), 0.0
+    away, course, above = 0.0, copter.motion.bearing, 0.0
     if target is not None:
         north, east = target.north - at.north, target.east - at.east
         away, above = math.hypot(north, east), target.up - at.up

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import queue
 import re
@@ -16,6 +17,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.link import Link, LinkAddress, open_link
 
 SPEED = "5"
 ROOT = Path(__file__).parent.parent.parent
@@ -155,6 +159,62 @@ def test_mavproxy_flies_the_copter_and_returns_to_launch(tmp_path: Path) -> None
             station.until_at(-276040330, 0.0)
         finally:
             station.close()
+
+
+class Ear:
+    """A listening link in this process that keeps what it hears."""
+
+    def __init__(self) -> None:
+        self.heard: list[tuple[str, dialect.MAVLink_message]] = []
+
+    async def open(self, port: int) -> Link:
+        address = LinkAddress.parse(f"udpin:127.0.0.1:{port}")
+        return await open_link(
+            address, lambda message, peer: self.heard.append((str(peer), message)), system=255, component=190
+        )
+
+    def count(self, kind: str) -> int:
+        return sum(message.get_type() == kind for _, message in self.heard)
+
+    def last(self, kind: str) -> dialect.MAVLink_message:
+        return [message for _, message in self.heard if message.get_type() == kind][-1]
+
+    async def until(self, kind: str, times: int, seconds: float = 20.0) -> None:
+        async with asyncio.timeout(seconds):
+            while self.count(kind) < times:
+                await asyncio.sleep(0.01)
+
+
+def test_vehicle_time_passes_at_the_speed_that_was_asked_for() -> None:
+    async def story() -> float:
+        ear, port = Ear(), free_udp_port()
+        link = await ear.open(port)
+        with copter(f"udpout:127.0.0.1:{port}", "--speed", "20"):
+            await ear.until("TIMESYNC", 1)
+            begin, first = time.monotonic(), ear.last("TIMESYNC").ts1
+            await ear.until("TIMESYNC", 6)
+            passed = (ear.last("TIMESYNC").ts1 - first) / 1e9
+            await link.close()
+            return float(passed) / (time.monotonic() - begin)
+
+    assert 15 < asyncio.run(story()) < 25
+
+
+def test_a_rebooted_copter_speaks_from_another_port() -> None:
+    async def story() -> None:
+        ear, port = Ear(), free_udp_port()
+        link = await ear.open(port)
+        with copter(f"udpout:127.0.0.1:{port}", "--speed", "10"):
+            await ear.until("HEARTBEAT", 5)
+            link.send(dialect.MAVLink_command_long_message(1, 1, 246, 0, 1, 0, 0, 0, 0, 0, 0), 1)
+            await ear.until("COMMAND_ACK", 1)
+            beats = ear.count("HEARTBEAT")
+            await ear.until("HEARTBEAT", beats + 3)
+            await link.close()
+        assert len({peer for peer, _ in ear.heard}) == 2
+        assert link.counters.moves == 1
+
+    asyncio.run(story())
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
-from bridged.simulation.flight import Landed
 from bridged.simulation.geo import FlatMap, Place
 from bridged.simulation.modes import Mode
 from bridged.simulation.motion import Vector
+from bridged.simulation.tasks import Landed
 from bridged.simulation.vehicle import Vehicle
 from tests.bridged.virtual_copter import FIELD, Station
 
@@ -162,9 +162,32 @@ def test_a_setpoint_during_a_takeoff_cancels_it_and_flies_straight_to_the_goal()
     station.command(22, 0, 0, 0, 0, 0, 0, 30)
     station.until(lambda: station.at.up > 3.0, "lift-off")
     station.setpoint(Vector(0.0, 20.0, 6.0))
+    station.wait(0.1)
     assert station.copter.flight.landed is Landed.IN_AIR
     station.until(lambda: station.distance(Vector(0.0, 20.0)) < 0.5, "arrival")
     assert abs(station.at.up - 6.0) < 0.5
+
+
+def test_another_mode_before_lift_off_ends_the_takeoff() -> None:
+    station = Station()
+    station.guided()
+    station.command(400, 1)
+    station.command(22, 0, 0, 0, 0, 0, 0, 5)
+    station.command(176, 1, Mode.LOITER)
+    station.until(lambda: not station.copter.armed, "auto-disarm")
+    assert station.at.up == 0.0
+
+
+def test_guided_ends_a_landing() -> None:
+    station = Station()
+    station.fly_to(10.0)
+    station.command(21)
+    station.wait(3.0)
+    assert station.copter.flight.landed is Landed.LANDING
+    station.guided()
+    station.wait(5.0)
+    assert (station.copter.flight.landed, station.copter.armed) == (Landed.IN_AIR, True)
+    assert station.speed < 0.05
 
 
 def test_altitudes_of_frame_5_are_above_the_sea_and_of_frame_6_above_home() -> None:
