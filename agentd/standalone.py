@@ -141,9 +141,13 @@ class Team:
                 mind.feed(self._answer(mind, effect))
 
     def _send(self, mind: Mind, mail: SendMail) -> None:
-        for receiver in list(self.minds.values()):
-            if receiver.name == mail.receiver or (mail.receiver is None and receiver is not mind):
-                receiver.feed(Mail(mind.name, mail.performative, mail.content, mail.msg_id, mail.in_reply_to))
+        sent = Mail(mind.name, mail.performative, mail.content, mail.msg_id, mail.in_reply_to)
+        if mail.receiver is None:
+            for receiver in self.minds.values():
+                if receiver is not mind:
+                    receiver.feed(sent)
+        elif mail.receiver in self.minds:
+            self.minds[mail.receiver].feed(sent)
 
     # --- requests ---
 

@@ -9,7 +9,19 @@ from typing import Any, TypeAlias
 from agentd.language import syntax
 from agentd.language.emit import Function, Unit
 from agentd.language.instantiate import instantiate
-from agentd.language.terms import DEFAULT, EMPTY, SELF, List, Literal, Signature, atom, signature
+from agentd.language.order import sorted_annots
+from agentd.language.terms import (
+    DEFAULT,
+    EMPTY,
+    SELF,
+    List,
+    Literal,
+    Signature,
+    atom,
+    is_source,
+    signature,
+    told_by,
+)
 
 Scope: TypeAlias = dict[str, str]
 """Which Python local holds the value of each variable that has occurred; a variable not in it is free and new."""
@@ -166,9 +178,7 @@ class TermCompiler:
         if node is None or (not node.items and node.tail is None):
             return "()"
         if is_constant(node):
-            from agentd.language.instantiate import Instantiation
-
-            return self.constant(Instantiation({}, {}).annots(node))
+            return self.constant(constant_annots(node))
         parts = _tuple([self.build(item, scope) for item in node.items])
         if node.tail is None:
             return f"sorted_annots({parts})"
@@ -179,11 +189,7 @@ class TermCompiler:
         if node is None or (not node.items and node.tail is None):
             return "SELF"
         if is_constant(node):
-            from agentd.language.instantiate import Instantiation
-            from agentd.language.order import sorted_annots
-            from agentd.language.terms import is_source
-
-            found = Instantiation({}, {}).annots(node)
+            found = constant_annots(node)
             return self.constant(found if any(map(is_source, found)) else sorted_annots(found + SELF))
         return f"with_source({self.annots(node, scope)})"
 
@@ -364,6 +370,19 @@ def _targets(names: list[str]) -> str:
 def constant_term(node: Any) -> Any:
     """The ground term of a constant node."""
     term = instantiate(node)
+    if type(term) is Literal and is_source(term) and type(term.args[0]) is Literal and not term.annots:
+        return told_by(term.args[0].sig.functor)[0]
     if isinstance(term, Literal | List):
         term.ground = True
     return term
+
+
+def constant_annots(node: syntax.ListTerm) -> tuple[Any, ...]:
+    """The annotations of a constant list; the same object for the same single source."""
+    found = sorted_annots(
+        constant_term(item)
+        for item in (*node.items, *(node.tail.items if isinstance(node.tail, syntax.ListTerm) else ()))
+    )
+    if len(found) == 1 and is_source(found[0]) and type(found[0].args[0]) is Literal and not found[0].annots:
+        return told_by(found[0].args[0].sig.functor)
+    return found

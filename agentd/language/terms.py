@@ -11,6 +11,7 @@ no bound variable is left inside it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import lru_cache
 from typing import Any, Final, TypeAlias, Union
 from weakref import WeakValueDictionary
 
@@ -93,6 +94,8 @@ class Literal:
         return (not self.sig.arity and self.annots == other.annots) or equal(self, other)
 
     def __hash__(self) -> int:
+        if not self.args:
+            return hash(self.sig)
         # Depth 2 only, so that the hash of a deeply nested term costs nothing and needs no recursion.
         return hash((self.sig, *[a.sig if type(a) is Literal else a for a in self.args if type(a) is not List]))
 
@@ -298,6 +301,14 @@ SELF: Final = (SOURCE_SELF,)
 SOURCE_PERCEPT: Final = source(atom("percept"))
 SOURCE_PERCEPT.ground = True
 PERCEPT: Final = (SOURCE_PERCEPT,)
+
+
+@lru_cache(maxsize=1024)
+def told_by(name: str) -> tuple[Literal, ...]:
+    """``[source(name)]``: one object per name, so that annotations compare by identity first."""
+    who = source(atom(name))
+    who.ground = True
+    return (who,)
 
 
 def is_source(term: Any) -> bool:

@@ -158,7 +158,10 @@ class Predicate:
             return self._merge(args, known, annots)
         literal = Literal(self.sig, args, annots)
         for arg in args:
-            if type(arg) is not float and type(arg) is not str and not is_ground(arg):
+            kind = type(arg)
+            if kind is float or kind is str or (kind is Literal and arg.ground):
+                continue
+            if not is_ground(arg):
                 self.open += 1
                 self.plain = False
                 break
@@ -207,7 +210,7 @@ class Predicate:
             self.plain = not self.rules and not self.open
             self._indexes.clear()
             return
-        for position, (buckets, _) in self._indexes.items():
+        for position, (buckets, _) in self._indexes.items() if self._indexes else ():
             key = _index_key(args[position])
             bucket = buckets.get(key)
             if bucket is not None:
@@ -238,6 +241,10 @@ class Predicate:
 
     def find(self, args: tuple[Any, ...], annots: tuple[Any, ...], trail: Trail) -> Literal | None:
         """The first fact that unifies with these arguments and has these annotations; its bindings are kept."""
+        if not self.open:
+            exact = self.entries.get(args)
+            if exact is not None and exact.annots == annots:
+                return exact  # type: ignore[no-any-return]
         pattern = Literal(self.sig, args, annots)
         for fact in self.candidates(args):
             mark = len(trail)
@@ -248,6 +255,9 @@ class Predicate:
 
     def take_annots(self, fact: Literal, annots: tuple[Any, ...]) -> None:
         """Remove annotations from a fact; it goes altogether with its last source."""
+        if fact.annots is annots:
+            self.remove(fact)
+            return
         left = tuple(a for a in fact.annots if a not in annots)
         if any(is_source(a) for a in left):
             self._replace(fact.args, fact.with_annots(left), fact.ground)

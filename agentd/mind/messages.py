@@ -18,6 +18,7 @@ from agentd.language.terms import (
     proper,
     signature,
     source,
+    told_by,
 )
 from agentd.mind.beliefs import with_source
 from agentd.mind.effects import Log, SendMail
@@ -70,6 +71,8 @@ def from_sender(mind: Any, literal: Literal, sender: str) -> Literal:
     """A literal as told by somebody: its former sources stand inside the new one."""
     if sender == mind.name:
         return literal.with_annots(with_source(literal.annots))
+    if not literal.annots:
+        return literal.with_annots(told_by(sender))
     others = [a for a in literal.annots if not is_source(a)]
     inner = tuple(a for a in literal.annots if is_source(a) and a != SOURCE_SELF)
     who = source(atom(sender))

@@ -448,14 +448,13 @@ class Mind:
     # --- the cycle ---
 
     def _cycles(self, cycles: int) -> None:
-        events, running = self.events, self.running
+        events, running, timers = self.events, self.running, self.timers.heap
         while cycles:
             cycles -= 1
             self.cycle += 1
             if self.inputs:
                 self._take_inputs()
-            due = self.timers.next_due()
-            if due is not None and due <= self.now:
+            if timers and timers[0].due <= self.now:
                 self.timers.run(self.now)
             if self.changes != self._checked:
                 self._checked = self.changes
@@ -502,8 +501,8 @@ class Mind:
                     break
                 if len(trail) > mark:
                     undo(trail, mark)
-        except (Failed, UndefinedNumber, RecursionError) as error:
-            self._context_failed(plan, error)
+        except Exception as error:  # an internal action may raise anything; it must not end the mind
+            self._context_failed(relevant, error)
             undo(trail, mark)
             frame = None
         if frame is None:
@@ -521,9 +520,7 @@ class Mind:
                 below = top[RELEVANT].tail
                 if below is not None and below == relevant.tail:
                     stack.pop()
-                    if trail:
-                        if len(trail) > mark:
-                            frame[MARK] = mark
+                    if len(trail) > top[MARK]:
                         intention.trim(top[MARK])
                         frame[MARK] = min(frame[MARK], len(trail))
         stack.append(frame)
@@ -552,10 +549,12 @@ class Mind:
             else:
                 self.goal_conditions.append((intention, frame))
 
-    def _context_failed(self, plan: Plan, error: Exception) -> None:
-        what = "is too deep" if isinstance(error, RecursionError) else str(error)
-        position = plan.syntax.position
-        self.effects.append(Log("warning", f"{position}: the context of {plan.head} cannot be computed: {what}"))
+    def _context_failed(self, relevant: Any, error: Exception) -> None:
+        what = "it is too deep" if isinstance(error, RecursionError) else str(error) or type(error).__name__
+        plans = ", ".join(f"{plan.syntax.position}" for plan in relevant.plans[:3])
+        self.effects.append(
+            Log("warning", f"{plans}: the context of a plan for {relevant!r} cannot be computed: {what}")
+        )
 
     def _no_plan(
         self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], intention: Intention | None
@@ -599,6 +598,9 @@ class Mind:
                 message = "the computation is too deep"
                 self._step_failed(intention, step, frame, Failed("recursion_too_deep", message))
                 return
+            except Exception as error:  # an internal action may raise anything; it must not end the mind
+                self._step_failed(intention, step, frame, Failed("unknown", f"{type(error).__name__}: {error}"))
+                return
         stack = intention.stack
         if stack[-1][STEP] is None:
             self._end_frames(intention)
@@ -632,7 +634,7 @@ class Mind:
                     self.meta(top[RELEVANT], top[ARGS], top[ANNOTS], "finished")
             else:
                 stack.pop()
-            if intention.trail:
+            if len(intention.trail) > top[MARK]:
                 intention.trim(top[MARK])
         self.gone(intention)
 

@@ -269,6 +269,18 @@ def is_ground(term: Any) -> bool:
     return True
 
 
+def _looks_ground(term: Any) -> bool:
+    """Whether a flat literal is ground as it stands, found without a walk; notes it in the term."""
+    if type(term) is not Literal:
+        return False
+    for part in (*term.args, *term.annots) if term.annots else term.args:
+        kind = type(part)
+        if kind is not float and kind is not str and not (kind is Literal and part.ground):
+            return False
+    term.ground = True
+    return True
+
+
 class Copier:
     """Copies terms out of a plan: bound variables become their values, arithmetic its result.
 
@@ -287,7 +299,7 @@ class Copier:
         kind = type(term)
         if kind is float or kind is str:
             return term
-        if (kind is Literal or kind is List) and term.ground:
+        if (kind is Literal or kind is List) and (term.ground or _looks_ground(term)):
             return term
         return self._deep(term)
 
@@ -371,7 +383,7 @@ class Copier:
 def resolve(term: Any) -> Any:
     """A term without bound variables and without arithmetic that can be computed; free variables stay themselves."""
     kind = type(term)
-    if kind is float or kind is str or ((kind is Literal or kind is List) and term.ground):
+    if kind is float or kind is str or ((kind is Literal or kind is List) and (term.ground or _looks_ground(term))):
         return term
     return Copier(fresh=False).copy(term)
 
@@ -391,6 +403,11 @@ def detach(terms: tuple[Any, ...]) -> tuple[Any, ...]:
 
 def same(left: Any, right: Any) -> bool:
     """``==``: equality without binding, arithmetic computed. Linked free variables are not equal (rule 25)."""
+    if type(left) is Literal and type(right) is Literal:
+        if left.sig is not right.sig:
+            return False
+        if left is right:
+            return True
     if type(left) is Var and type(right) is Var and left is not right and type(deref(left)) is Var:
         return False
     return equal(resolve(left), resolve(right))

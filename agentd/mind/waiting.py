@@ -31,25 +31,26 @@ class Timers:
     """What is due when. Equal times keep the order in which they were set."""
 
     def __init__(self) -> None:
-        self._heap: list[Timer] = []
+        self.heap: list[Timer] = []
+        """The timers, the next one first; some may be cancelled."""
         self._count = 0
 
     def at(self, due: float, action: Callable[[], None]) -> Timer:
         self._count += 1
         timer = Timer(due, self._count, action)
-        heappush(self._heap, timer)
+        heappush(self.heap, timer)
         return timer
 
     def next_due(self) -> float | None:
         """When the earliest timer is due; None without any."""
-        while self._heap and self._heap[0].cancelled:
-            heappop(self._heap)
-        return self._heap[0].due if self._heap else None
+        while self.heap and self.heap[0].cancelled:
+            heappop(self.heap)
+        return self.heap[0].due if self.heap else None
 
     def run(self, now: float) -> None:
         """Do what is due."""
-        while self._heap and (self._heap[0].cancelled or self._heap[0].due <= now):
-            timer = heappop(self._heap)
+        while self.heap and (self.heap[0].cancelled or self.heap[0].due <= now):
+            timer = heappop(self.heap)
             if not timer.cancelled:
                 timer.action()
 

@@ -44,6 +44,9 @@ def _guard_test(function: Callable[..., Any]) -> Callable[..., bool]:
             return bool(function(mind, trail, *args))
         except (Failed, UndefinedNumber):
             return False
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            mind.warn_once(f"an internal action in a condition went wrong: {type(error).__name__}: {error}")
+            return False
 
     return guarded
 
