@@ -46,21 +46,20 @@ class Acting:
         return status
 
     async def _follow(self, identity: str, name: str, parameters: tuple[Term, ...], until: float) -> ActionStatus:
-        loop, attempt, reason = asyncio.get_running_loop(), 0, "bridge_lost: nobody serves this action"
+        loop, attempt, reason = asyncio.get_running_loop(), 1, "bridge_lost: nobody serves this action"
         heard = loop.time()
 
         def failed(why: str) -> ActionStatus:
             return ActionStatus(id=identity, state="failed", result=False, reason=why, name=name)
 
         while True:
-            attempt += self._bus.router_up or attempt > 0  # what a lost router cannot have carried was not asked
             action = Action(
                 header=self._bus.header("action", self._agent),
                 id=identity,
                 agent=self._agent,
                 name=name,
                 parameters=parameters,
-                attempt=max(1, attempt),
+                attempt=attempt,
             )
             try:
                 async with aclosing(
@@ -71,14 +70,16 @@ class Acting:
                         max(1.0, until - loop.time()),
                     )
                 ) as replies:
+                    taken = False
                     async for reply in replies:
-                        heard = loop.time()
                         if reply.record is None:
                             reason = reply.error
-                        elif reply.record.final:
+                            continue
+                        if reply.record.final:
                             return reply.record
-                        else:
-                            reason = "bridge_lost: its answers ended without an outcome"
+                        heard, taken = loop.time(), True
+                        reason = "bridge_lost: its answers ended without an outcome"
+                    attempt += taken  # what nobody has answered has reached nobody
             except BadRecord as bad:
                 return failed(f"cannot be sent: {bad}")
             except BusClosed as closed:

@@ -39,9 +39,13 @@ class FakeBridge:
 
 
 def perceive(bus: Bus) -> tuple[Perceiving, list[tuple[str, str, Any]]]:
-    """Return an agent's percepts and the list to which every change is added."""
+    """Return an agent's percepts and the list to which every change is added: came or gone, name, parameters."""
     heard: list[tuple[str, str, Any]] = []
-    perceiving = Perceiving(bus, "uav", "uav1", lambda one: heard.append((one.update, one.name, one.parameters)))
+
+    def hear(one: Perception) -> None:
+        heard.append(("gone" if one.update == "remove" else "came", one.name, one.parameters))
+
+    perceiving = Perceiving(bus, "uav", "uav1", hear)
     asyncio.get_running_loop().create_task(perceiving.run())
     return perceiving, heard
 
@@ -65,10 +69,10 @@ def test_a_percept_lost_on_the_bus_is_repaired_by_the_gap_in_seq(endpoint: str) 
         bridge = FakeBridge(await connect("uav1", "bridged"))
         _, heard = perceive(await connect("uav"))
         bridge.tell("altitude", 1)
-        await until(lambda: ("replace", "altitude", (1,)) in heard, "the first percept arrives")
+        await until(lambda: ("came", "altitude", (1,)) in heard, "the first percept arrives")
         bridge.tell("armed", True, lose=True)
         bridge.tell("altitude", 2)
-        await until(lambda: ("replace", "armed", (True,)) in heard, "the lost percept is repaired")
+        await until(lambda: ("came", "armed", (True,)) in heard, "the lost percept is repaired")
         assert [change[2] for change in heard if change[1] == "armed"] == [(True,)]
 
     on_a_bus(endpoint, body)
@@ -85,8 +89,8 @@ def test_a_lost_last_percept_is_repaired_by_the_digest_in_the_bridges_health(end
         repairs = perceiving.counters["repairs"]
         bridge.tell("altitude", 2, lose=True)
         bridge.report()
-        await until(lambda: ("replace", "altitude", (2,)) in heard, "the digest shows what was lost")
-        assert ("remove", "altitude", (1,)) in heard
+        await until(lambda: ("came", "altitude", (2,)) in heard, "the digest shows what was lost")
+        assert ("gone", "altitude", (1,)) in heard
         assert perceiving.counters["repairs"] == repairs + 1
 
     on_a_bus(endpoint, body)
@@ -105,7 +109,7 @@ def test_equal_digests_ask_for_nothing(endpoint: str) -> None:
         bridge.tell("altitude", 2)
         await until(lambda: len(heard) == 2, "the next percept arrives")
         assert bridge.asked == asked
-        assert heard[-1] == ("replace", "altitude", (2,))
+        assert heard[-1] == ("came", "altitude", (2,))
 
     on_a_bus(endpoint, body)
 
@@ -121,7 +125,7 @@ def test_a_removed_percept_is_told_once_and_events_are_all_told(endpoint: str) -
         bridge.tell("link", "up", update="remove", key=(0,))
         await until(lambda: len(heard) == 32, "every change arrives")
         assert [change[2][0] for change in heard if change[1] == "hit"] == list(range(30))
-        assert heard[-1] == ("remove", "link", ("up",))
+        assert heard[-1] == ("gone", "link", ("up",))
 
     on_a_bus(endpoint, body)
 
@@ -144,13 +148,13 @@ def test_when_the_bridge_dies_its_percepts_go_and_a_new_life_brings_them_back(en
         await until(lambda: len(heard) == 1 and watch.up, "the bridge is there and tells")
         token.undeclare()
         await until(lambda: watch.gone, "the bridge counts as dead")
-        assert heard[-1] == ("remove", "altitude", (1,))
+        assert heard[-1] == ("gone", "altitude", (1,))
         assert len(perceiving.percepts) == 0
         second_bus = await connect("uav1", "bridged")
         again = FakeBridge(second_bus)
         again.tell("altitude", 7)
         await second_bus.claim("uav1")
-        await until(lambda: heard[-1] == ("replace", "altitude", (7,)), "the new life's percepts arrive")
+        await until(lambda: heard[-1] == ("came", "altitude", (7,)), "the new life's percepts arrive")
         assert changes == ["up", "gone", "up"]
 
     on_a_bus(endpoint, body)
@@ -165,7 +169,7 @@ def test_no_percept_expires_while_nothing_changes(endpoint: str) -> None:
         for _ in range(20):
             bridge.report()
             await asyncio.sleep(0.1)
-        assert heard == [("replace", "home", (1, 2))]
+        assert heard == [("came", "home", (1, 2))]
         assert len(perceiving.percepts) == 1
 
     on_a_bus(endpoint, body)
