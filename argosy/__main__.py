@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 
+EXIT_BAD_USAGE, EXIT_INTERRUPTED = 2, 130
 EPILOG = """\
 examples:
   argosy check missions/single_uav.yaml            is everything right with it?
@@ -20,6 +21,21 @@ exit codes: 0 done, 1 failed, 2 bad input, 130 ctrl-C
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line. Returns the exit code."""
+    try:
+        return _run(list(sys.argv[1:] if argv is None else argv))
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except ModuleNotFoundError as error:
+        package = str(error.name).partition(".")[0]
+        if package not in ("rich", "psutil"):
+            raise
+        print(f"error: argosy needs {package}: pip install 'argosy[operator]'", file=sys.stderr)
+        return EXIT_BAD_USAGE
+    finally:
+        _leave_no_broken_pipe()
+
+
+def _run(given: list[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="argosy",
         description="Runs, checks and stops missions: teams of robots with BDI agents.",
@@ -28,20 +44,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     chosen: dict[str, Callable[[argparse.Namespace], int]] = {}
-    given = list(sys.argv[1:] if argv is None else argv)
     for name, text in COMMANDS.items():
         command = commands.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
         if name in given:  # only what is asked for is imported
             add_arguments, chosen[name] = _load(name)
             add_arguments(command)
     args = parser.parse_args(given)
-    try:
-        return chosen[args.command](args)
-    except KeyboardInterrupt:
-        return 130
-    finally:
-        with suppress(BrokenPipeError):
-            sys.stdout.flush()
+    return chosen[args.command](args)
+
+
+def _leave_no_broken_pipe() -> None:
+    """Flush now, while it can be caught: `argosy ... | head` is no error, nor is a terminal that was closed."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 COMMANDS = {
@@ -52,28 +70,20 @@ COMMANDS = {
 
 
 def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callable[[argparse.Namespace], int]]:
-    try:
-        match name:
-            case "run":
-                from argosy import run
+    match name:
+        case "run":
+            from argosy import run
 
-                return run.add_arguments, run.run
-            case "check":
-                from argosy import check
+            return run.add_arguments, run.run
+        case "check":
+            from argosy import check
 
-                return check.add_arguments, check.run
-            case _:
-                from argosy import stop
+            return check.add_arguments, check.run
+        case _:
+            from argosy import stop
 
-                return stop.add_arguments, stop.run
-    except ModuleNotFoundError as error:
-        if error.name in ("rich", "psutil"):
-            sys.exit(f"error: argosy {name} needs {error.name}: pip install 'argosy[operator]'")
-        raise
+            return stop.add_arguments, stop.run
 
 
 if __name__ == "__main__":
-    code = main()
-    with suppress(BrokenPipeError, ValueError):
-        sys.stdout.flush()
-    sys.exit(code)
+    sys.exit(main())

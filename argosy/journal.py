@@ -49,8 +49,15 @@ class Journal:
         if self._log is not None and self._logged <= MAX_LOGGED:
             self._logged += 1
             last = f"the log ends here: {MAX_LOGGED} lines\n"
-            self._log.write(f"{entry}\n" if self._logged <= MAX_LOGGED else last)
-            self._log.flush()
+            self._write(self._log, f"{entry}\n" if self._logged <= MAX_LOGGED else last)
+
+    def _write(self, log: TextIO, text: str) -> None:
+        try:
+            log.write(text)
+            log.flush()
+        except OSError as error:  # a full disk must not end a flight
+            self._log = None
+            self.add("argosy", f"the log cannot be written any more: {error.strerror}", "warning")
 
 
 def printable(text: str) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.live import Live
 from rich.rule import Rule
@@ -43,14 +45,16 @@ class LiveView:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._live.stop()
+        with suppress(OSError):
+            self._live.stop()
 
     def show(self, entry: Entry) -> None:
         """Entries appear with the next refresh."""
 
     def refresh(self) -> None:
-        """Draw what is known now."""
-        self._live.refresh()
+        """Draw what is known now. A terminal that is gone is no reason to leave a vehicle alone."""
+        with suppress(OSError):
+            self._live.refresh()
 
 
 class Screen:

@@ -23,7 +23,7 @@ class PlainView:
         """Write one line, at once."""
         try:
             print(entry, file=self._out, flush=True)
-        except BrokenPipeError:  # nobody reads any more; the vehicle still has to be brought home
+        except OSError:  # nobody reads any more; the vehicle still has to be brought home
             self.show = lambda entry: None  # type: ignore[method-assign]
 
     def refresh(self) -> None:

@@ -143,7 +143,7 @@ def _fly(setup: Setup, args: Namespace, log: TextIO | None) -> int:
 
 def _tell(flight: Flight, ending: Ending, report: Path | None) -> int:
     text = summary(flight.status, ending.text, flight.phases())
-    with suppress(BrokenPipeError):
+    with suppress(OSError):
         print(f"\n{text}", end="", flush=True)
     if report is not None:
         try:
@@ -152,9 +152,8 @@ def _tell(flight: Flight, ending: Ending, report: Path | None) -> int:
             print(f"error: --report {report}: {error.strerror}", file=sys.stderr)
             return ending.code or EXIT_FAILED
     if ending.code:
-        for line in ending.last_words:
-            print(f"  {line}", file=sys.stderr)
-        print(f"error: {ending.text}", file=sys.stderr)
+        with suppress(OSError):
+            print(*(f"  {line}" for line in ending.last_words), f"error: {ending.text}", sep="\n", file=sys.stderr)
     return ending.code
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from contextlib import suppress
 
 from argosy.journal import MAX_LOGGED, Journal, printable
 from tests.argosy.recorded import Recording, flight
@@ -108,3 +109,17 @@ def test_the_log_has_every_line_up_to_a_bound() -> None:
     assert lines[-1] == f"the log ends here: {MAX_LOGGED} lines"
     assert len(lines) == MAX_LOGGED + 1
     assert len(journal.entries) == 500
+
+
+def test_a_full_disk_does_not_end_a_flight() -> None:
+    with open("/dev/full", "w") as log:
+        journal = Journal(lambda: 0.0, log)
+        journal.add("uav", "hello")
+        journal.add("uav", "again")
+        assert [entry.text for entry in journal.entries] == [
+            "hello",
+            "the log cannot be written any more: No space left on device",
+            "again",
+        ]
+        with suppress(OSError):
+            log.close()

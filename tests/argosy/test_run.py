@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import pty
 import signal
 import socket
+import subprocess
+import sys
 import time
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+import psutil
 import pytest
 
-from tests.argosy.conftest import Running, Start
+from tests.argosy.conftest import DOUBLES, Running, Start
 
 
 def ended(running: Running, seconds: float = 60) -> tuple[int, str, str]:
@@ -187,3 +192,39 @@ def test_a_startup_that_hangs_is_bounded_and_says_what_it_waits_for(
     code, _, err = ended(start(single_uav, "--speed", "10", fault="agent-mute"))
     assert code == 1
     assert "error: failed at the start: waited 3 s in vain for agentd uav" in err
+
+
+def test_ctrl_c_while_it_starts_leaves_nothing_behind(start: Start, single_uav: Path) -> None:
+    running = start(single_uav)
+    running.until("commd: started")
+    running.process.send_signal(signal.SIGINT)
+    code, _, err = ended(running, 20)
+    assert code == 130
+    assert "Traceback" not in err
+
+
+def test_a_terminal_that_goes_away_ends_the_run_and_leaves_nothing_behind(single_uav: Path, endpoint: str) -> None:
+    pid, terminal = pty.fork()
+    if pid == 0:
+        arguments = [sys.executable, str(DOUBLES), "run", str(single_uav), "--router", endpoint, "--speed", "2"]
+        os.execve(sys.executable, arguments, {**os.environ, "TERM": "xterm-256color"})
+    output = b""
+    while b"agentd uav" not in output or b"armed" not in output:
+        output += os.read(terminal, 65_536)
+    family = psutil.Process(pid).children(recursive=True)
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 128 + signal.SIGHUP
+    assert len(family) == 4
+    assert psutil.wait_procs(family, timeout=5)[1] == []
+
+
+@pytest.mark.parametrize("missing", ["rich", "psutil"])
+def test_a_missing_extra_is_one_line_that_says_what_to_install(single_uav: Path, missing: str) -> None:
+    code = f"import sys; sys.modules['{missing}'] = None; from argosy.__main__ import main; sys.exit(main())"
+    terminal, inside = pty.openpty()  # the live view needs one
+    command = [sys.executable, "-c", code, "run", str(single_uav)]
+    done = subprocess.run(command, stdout=inside, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+    os.close(inside)
+    os.close(terminal)
+    assert done.returncode == 2
+    assert done.stderr == f"error: argosy needs {missing}: pip install 'argosy[operator]'\n"
