@@ -7,6 +7,7 @@ import socket
 import struct
 from collections.abc import Callable
 from pathlib import Path
+from random import Random
 
 import pytest
 from hypothesis import given, settings
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.address import LinkAddress, LinkAddressError
-from bridged.drivers.mavlink.link import Link, LinkError, open_link
+from bridged.drivers.mavlink.link import MAX_PEERS, Link, LinkError, open_link
 from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
 
 RECORDINGS = Path(__file__).parent.parent / "data"
@@ -26,7 +27,7 @@ def heartbeat() -> dialect.MAVLink_message:
 
 async def until(wish: Callable[[], bool], what: str) -> None:
     async with asyncio.timeout(10):
-        while not wish():  # noqa: ASYNC110 - the wish is anything
+        while not wish():
             await asyncio.sleep(0.005)
     assert wish(), what
 
@@ -319,6 +320,28 @@ def test_an_error_in_the_handler_does_not_end_the_link() -> None:
         calling.send(heartbeat())
         await until(lambda: len(seen) == 2, "the second packet was handled too")
         assert complaints == [f"udpin:127.0.0.1:{port}: handling HEARTBEAT failed"] * 2
+        await listening.close()
+        await calling.close()
+
+    asyncio.run(story())
+
+
+def test_noise_from_many_addresses_neither_grows_the_link_nor_drives_a_vehicle_out() -> None:
+    async def story() -> None:
+        station, vehicle, port = Ear(), Ear(), free_port()
+        listening = await station.open(f"udpin:127.0.0.1:{port}", 255)
+        calling = await vehicle.open(f"udpout:127.0.0.1:{port}", 1)
+        calling.send(heartbeat())
+        await until(lambda: bool(station.heard), "the vehicle is heard")
+        random = Random(1)
+        for _ in range(4 * MAX_PEERS):
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as noisy:
+                noisy.sendto(random.randbytes(random.randrange(1, 400)), ("127.0.0.1", port))
+            await asyncio.sleep(0)
+        await until(lambda: listening.counters.skipped_bytes > 0, "noise read")
+        assert len(listening.peers) == 1
+        assert listening.send(heartbeat(), 1)
+        await until(lambda: bool(vehicle.heard), "the vehicle is answered")
         await listening.close()
         await calling.close()
 
