@@ -12,7 +12,9 @@ from commd.clock import Clock
 from commd.mailroom import Mailroom
 from commd.process import EXIT_DONE, report_health, run_daemon
 from schemas import keys
-from schemas.mission import Mission, load_mission
+from schemas.findings import Finding, Findings
+from schemas.mission import THIS_MACHINE, Mission, load_mission
+from schemas.positions import did_you_mean
 from schemas.records import Mail
 
 log = logging.getLogger("commd")
@@ -33,7 +35,9 @@ def run(args: Namespace) -> int:
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
     """Route for the board; take mail at `{agent}/outbox`, hand it over at `{agent}/inbox`."""
     clock = Clock()
-    board = args.board or next(iter(mission.boards), "local")
+    board = args.board or next(iter(mission.boards), THIS_MACHINE)
+    if board not in (mission.boards or {THIS_MACHINE}):
+        raise Findings([Finding(str(mission.path), 0, 0, f"no board `{board}`{did_you_mean(board, mission.boards)}")])
     endpoint = args.router or mission.router.endpoint
     mode: Literal["client", "router"] = "client" if mission.router.external else "router"
     async with open_bus(
@@ -49,7 +53,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
         await bus.claim(board)
         mailroom = Mailroom(bus, set(mission.agents))
         bus.serve(keys.outbox(mission.fleet, "*"), Mail, mailroom.post)
-        log.info("router board=%s endpoint=%s", board, endpoint)
+        log.info("%s board=%s endpoint=%s", mode, board, endpoint)
         health = asyncio.create_task(report_health(bus, board, clock, mailroom.health))
         await stop.wait()
         health.cancel()
