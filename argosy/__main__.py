@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 
-EXIT_BAD_USAGE, EXIT_INTERRUPTED = 2, 130
+EXIT_FAILED, EXIT_BAD_USAGE, EXIT_INTERRUPTED = 1, 2, 130
 EPILOG = """\
 examples:
   argosy check missions/single_uav.yaml            is everything right with it?
@@ -31,6 +31,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         print(f"error: argosy needs {package}: pip install 'argosy[operator]'", file=sys.stderr)
         return EXIT_BAD_USAGE
+    except Exception as error:
+        if os.environ.get("ARGOSY_DEBUG"):
+            raise
+        what = f"{type(error).__name__}: {error}"
+        print(f"error: argosy: defect in argosy: {what}; ARGOSY_DEBUG=1 shows where", file=sys.stderr)
+        return EXIT_FAILED
     finally:
         _leave_no_broken_pipe()
 

@@ -86,13 +86,17 @@ class Flight:
             await asyncio.gather(startup, return_exceptions=True)
             self._marks["mission" if "startup" in self._marks else "startup"] = self.finished = self.status.now()
             self._journal.add("argosy", ending.text, "good" if ending.code == EXIT_DONE else "error")
-            if ending.code == EXIT_DONE:
-                await self._rest()
-            await self._leave()
-            await self._supervisor.close()
+            try:
+                if ending.code == EXIT_DONE:
+                    await self._rest()
+                await self._leave()
+            finally:
+                await self._supervisor.close()
             for helper in helpers:
                 helper.cancel()
-            await asyncio.gather(*helpers, return_exceptions=True)
+            for defect in await asyncio.gather(*helpers, return_exceptions=True):
+                if isinstance(defect, Exception):
+                    self._journal.add("argosy", f"defect in argosy: {type(defect).__name__}: {defect}", "error")
             self._marks["stopping"] = self.status.now()
             refresh()
         return ending
