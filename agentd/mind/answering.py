@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language import syntax
-from agentd.language.terms import SELF, Literal, signature
+from agentd.language.terms import FALSE, SELF, Literal, signature
+from agentd.mind.effects import Log
+from agentd.mind.failed import Failed
 from agentd.mind.frames import Step
 from agentd.mind.inputs import Mail
 from agentd.mind.unifier import resolve
@@ -24,11 +26,19 @@ class _AnsweringPlan:
     head = "+!answer_question"
     slots: dict[str, int] = {}  # noqa: RUF012 - no variables, ever
 
-    def __init__(self) -> None:
+    def __init__(self, mail: Mail) -> None:
+        self._mail = mail
         self.syntax = syntax.Plan(syntax.Trigger("+", "!", syntax.Structure("answer_question")))
 
+    def on_failure(self, mind: Any, failure: Failed) -> None:
+        """A test that fails is the answer false; any other failure gives none, as Jason."""
+        from agentd.mind.messages import reply
 
-_PLAN = _AnsweringPlan()
+        if failure.error == "test_goal_failed":
+            reply(mind, self._mail, FALSE)
+            return
+        text = f"the question of {self._mail.sender} gets no answer: {failure}"
+        mind.effects.append(Log("warning", text))
 
 
 def answer_by_plan(mind: Any, mail: Mail, relevant: Any, question: Literal, annots: tuple[Any, ...]) -> None:
@@ -46,9 +56,10 @@ def answer_by_plan(mind: Any, mail: Mail, relevant: Any, question: Literal, anno
 
         reply(mind, mail, _answer_text(mind, resolve(question)))
 
-    first, second = Step(written, _PLAN), Step(written, _PLAN)
+    plan = _AnsweringPlan(mail)
+    first, second = Step(written, plan), Step(written, plan)
     first.run, first.next, second.run = ask, second, tell
     intention = mind.new_intention()
     holder = mind.plans.relevant("+", "!", _ANSWERING)
-    intention.stack.append([first, _PLAN, holder, (), SELF, 0])
+    intention.stack.append([first, plan, holder, (), SELF, 0])
     mind.running.append(intention)

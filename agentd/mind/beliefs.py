@@ -167,7 +167,10 @@ class Predicate:
                 break
         else:
             literal.ground = True
-        self._insert(args, literal, last)
+        if last or self._indexes:
+            self._insert(args, literal, last)
+        else:
+            self.entries[args] = literal
         return annots
 
     def _merge(self, args: tuple[Any, ...], known: Literal, annots: tuple[Any, ...]) -> tuple[Any, ...] | None:

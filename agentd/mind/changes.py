@@ -22,6 +22,9 @@ def believe(
     if new is None:
         return None
     mind.changes += 1
+    if relevant.plans and focus is not None and not mind.listeners:
+        mind.events.append((relevant, args, new, focus))
+        return True
     return raise_event(mind, focus, relevant, args, new)
 
 
@@ -46,12 +49,21 @@ def disbelieve(
     mind: Any, focus: Any, predicate: Predicate, relevant: Any, args: Any, annots: Any, trail: Any
 ) -> bool | None:
     """``-b``: removes the first belief that unifies; its variables stay bound. No match is no failure."""
-    fact = predicate.find(args, annots, trail)
-    if fact is None:
-        return None
-    found = annots if annots is SELF else resolve_all(annots)
-    predicate.take_annots(fact, found)
+    fact = None if predicate.open else predicate.entries.get(args)
+    found = annots
+    if fact is not None and fact.annots is annots:
+        predicate.remove(fact)
+    else:
+        fact = predicate.find(args, annots, trail)
+        if fact is None:
+            return None
+        if annots is not SELF:
+            found = resolve_all(annots)
+        predicate.take_annots(fact, found)
     mind.changes += 1
+    if relevant.plans and focus is not None and not mind.listeners:
+        mind.events.append((relevant, fact.args, found, focus))
+        return True
     return raise_event(mind, focus, relevant, fact.args, found)
 
 

@@ -95,6 +95,9 @@ def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, fa
             mind.left(intention, top)
         if not stack and intention.branch is not None:
             break  # the plan around a branch belongs to its parent, which fails in its turn
+        if top[PLAN].on_failure is not None:
+            top[PLAN].on_failure(mind, failure)
+            break
         relevant = top[RELEVANT]
         if relevant.operator == "+" and relevant.goal:
             if mind.plans.has_meta:

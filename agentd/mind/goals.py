@@ -106,6 +106,8 @@ def perform(mind: Any, intention: Intention, action: Any) -> bool:
     action = literal_of(action)
     if not is_ground(action):
         raise Failed("action_failed", f"the action {text(action)} has a variable without a value")
+    if mind.actions is not None and action.sig.name not in mind.actions:
+        raise Failed("action_failed", f"nobody can perform the action {action.sig.indicator}")
     mind.action_count += 1
     intention.action = mind.action_count
     mind.effects.append(PerformAction(mind.action_count, action.sig.name, resolve_all(action.args)))

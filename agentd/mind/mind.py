@@ -49,6 +49,13 @@ MOST_FOCUSES: Final = 100_000
 """So many events and intentions there may be; an agent that raises more floods itself, and the newest are dropped."""
 
 
+MOST_MAIL: Final = 100_000
+"""So many messages may wait to be taken."""
+
+Event = tuple[Any, tuple[Any, ...], tuple[Any, ...], Intention | None]
+"""The `Relevant` plans, arguments and annotations of an event, and the intention that waits for it (or None)."""
+
+
 class Mind:
     """One agent's beliefs, plans, intentions and cycle, with nothing of the world but what is fed in.
 
@@ -88,9 +95,11 @@ class Mind:
         self.beliefs = BeliefBase()
         self.compiler = Library()
         self.plans = PlanLibrary(self.compiler, RUNTIME, self._provide)
-        self.events: deque[tuple[Any, tuple[Any, ...], tuple[Any, ...], Intention | None]] = deque()
+        self.events: deque[Event] = deque()
         self.dropped_events = 0
         """How many events were dropped because too many waited."""
+        self.dropped_mail = 0
+        """How many messages were dropped because too many waited."""
         self.running: deque[Intention] = deque()
         self.waiting: dict[int, tuple[Intention, Any]] = {}
         """Intentions that wait for something other than an event of theirs, with what must be taken back."""
@@ -213,8 +222,12 @@ class Mind:
     # --- what others may ask and do ---
 
     def feed(self, item: Input) -> None:
-        """Hand in an input; it is taken in the next cycle (mail: one message per cycle)."""
+        """Hand in an input; it is taken in the next cycle (mail: one message per cycle, at most `MOST_MAIL` wait)."""
         if isinstance(item, Mail):
+            if len(self.mailbox) >= MOST_MAIL:
+                self.dropped_mail += 1
+                self.warn_once(f"more than {MOST_MAIL} messages wait; further ones are dropped")
+                return
             self.mailbox.append(item)
         else:
             self.inputs.append(item)
@@ -238,11 +251,11 @@ class Mind:
         """Whether there is something to do now."""
         if self.inputs or self.effects:
             return True
+        if self.changes != self._checked and (self.conditions or self.goal_conditions):
+            return True
         if self.atomic is not None:
             return self._atomic_can_run()
-        if self.events or self.running or self.mailbox:
-            return True
-        return self.changes != self._checked and bool(self.conditions or self.goal_conditions)
+        return bool(self.events or self.running or self.mailbox)
 
     @property
     def wake_at(self) -> float | None:
@@ -474,7 +487,7 @@ class Mind:
                     self._on_input(self.cycle, mail)
                 receive(self, mail)
             while events:
-                if self._take_event(*events.popleft()):
+                if self._take_event(events.popleft()):
                     break
             if self.atomic is None and running:
                 self._run_intention(running.popleft())
@@ -483,10 +496,9 @@ class Mind:
             if self.effects:
                 return
 
-    def _take_event(
-        self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], intention: Intention | None
-    ) -> bool:
+    def _take_event(self, event: Event) -> bool:
         """Find the plan for an event and put it on its intention. False: nothing happened, take the next event."""
+        relevant, args, annots, intention = event
         trail: list[Any] = [] if intention is None else intention.trail
         mark = len(trail)
         frame = None
@@ -602,10 +614,16 @@ class Mind:
                 self._step_failed(intention, step, frame, Failed("unknown", f"{type(error).__name__}: {error}"))
                 return
         stack = intention.stack
-        if stack[-1][STEP] is None:
-            self._end_frames(intention)
-            if not stack or intention.waiting is not None:
-                return
+        top = stack[-1]
+        if top[STEP] is None:
+            if len(stack) > 1 and stack[-2][STEP] is not None and not (top[PLAN].special or self.plans.has_meta):
+                stack.pop()
+                if len(intention.trail) > top[MARK]:
+                    intention.trim(top[MARK])
+            else:
+                self._end_frames(intention)
+                if not stack or intention.waiting is not None:
+                    return
         self.running.append(intention)
 
     def _step_failed(self, intention: Intention, step: Any, frame: Frame, failed: Failed) -> None:
@@ -651,7 +669,7 @@ class Mind:
         for place, event in enumerate(self.events):
             if event[3] is atomic:
                 del self.events[place]
-                self._take_event(*event)
+                self._take_event(event)
                 break
         if atomic in self.running:
             self.running.remove(atomic)

@@ -54,6 +54,7 @@ class Plan:
         "atomic",
         "condition",
         "label",
+        "on_failure",
         "outer",
         "select",
         "slots",
@@ -75,6 +76,8 @@ class Plan:
         self.outer: Plan | None = None
         for inner in self.subplans:
             inner.outer = self
+        self.on_failure: Any = None
+        """Told of a failure that no plan above this one handles; only plans of the mind's own have it."""
         self.condition: Any = None
         """For ``<:``, the function that asks whether the goal's condition holds, once loaded."""
         self.source: Any = SOURCE_SELF.args[0]
