@@ -11,6 +11,7 @@ from agentd.language.terms import (
     ARITHMETIC,
     DEFAULT,
     EMPTY,
+    MOST_NODES,
     Code,
     Collection,
     Expression,
@@ -40,9 +41,14 @@ def printed(term: Any) -> str:
 
 
 def write(term: Any, out: list[str]) -> None:
-    """Append the text of a term in pieces. No recursion, so any depth can be written (not a cyclic term)."""
+    """Append the text of a term in pieces. No recursion, so any depth can be written; a cyclic term is cut off."""
     pending: list[Any] = [term]
+    budget = MOST_NODES
     while pending:
+        budget -= 1
+        if not budget:
+            out.append("...")
+            return
         term = pending.pop()
         kind = type(term)
         if kind is _Piece:

@@ -18,6 +18,9 @@ from weakref import WeakValueDictionary
 Term: TypeAlias = Union[float, str, "Literal", "List", "Var", "Expression", "Code", "Collection", "Open"]
 """Any run-time term."""
 
+MOST_NODES: Final = 5_000_000
+"""A term with more parts than this is cyclic (``X = f(X)``) or as good as: walking it ends with RecursionError."""
+
 DEFAULT: Final = "default"
 """The name of the default namespace."""
 
@@ -359,11 +362,15 @@ def proper(term: Any) -> list[Any] | None:
 def equal(left: Any, right: Any) -> bool:
     """Equality of terms at any depth without recursion: bound variables are their values, free ones only themselves."""
     pending = [(left, right)]
+    budget = MOST_NODES
     while pending:
         a, b = pending.pop()
         a, b = deref(a), deref(b)
         if a is b:
             continue
+        budget -= 1
+        if not budget:
+            raise RecursionError("a term is cyclic or too large to be compared")
         kind = type(a)
         if kind is not type(b):
             return False

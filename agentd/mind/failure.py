@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from typing import Any
 
 from agentd.language import syntax
@@ -16,6 +15,8 @@ from agentd.mind.failed import Failed
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, Frame, Step
 from agentd.mind.intentions import Intention, values_of
 from agentd.mind.unifier import resolve, resolve_all, undo
+
+_LONGEST = 200
 
 _ERROR, _MESSAGE = signature("error", 1), signature("error_msg", 1)
 _CODE, _LINE, _SOURCE = signature("code", 1), signature("code_line", 1), signature("code_src", 1)
@@ -36,11 +37,21 @@ def code_of(step: Step, frame: Frame) -> Any:
     values = values_of(frame)
     if isinstance(formula, syntax.Step):
         term = instantiate(formula.term, dict(values))
-        with suppress(UndefinedNumber):
+        try:
             term = resolve(term)
+        except UndefinedNumber:
+            pass
+        except RecursionError:
+            return _shortened(term)
         if not formula.operator.value or formula.operator is syntax.Operator.TEST:
             return term
     return Code(syntax.Body((formula,), formula.position), values, bare=True)
+
+
+def _shortened(term: Any) -> str:
+    """The beginning of the text of a term that is cyclic or too large to be handed on."""
+    whole = text(term)
+    return whole if len(whole) <= _LONGEST else f"{whole[:_LONGEST]}..."
 
 
 def _written(step: Step, code: Any) -> str:

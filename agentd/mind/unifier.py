@@ -14,6 +14,7 @@ from agentd.language.terms import (
     ARITHMETIC,
     DEFAULT,
     EMPTY,
+    MOST_NODES,
     Code,
     Collection,
     Expression,
@@ -53,6 +54,7 @@ def unify(left: Any, right: Any, trail: Trail) -> bool:
     False leaves the bindings made so far on the trail, for the caller to `undo`.
     """
     pending: list[tuple[Any, Any]] | None = None
+    budget = MOST_NODES
     while True:
         left, right = deref(left), deref(right)
         if left is not right:
@@ -80,6 +82,9 @@ def unify(left: Any, right: Any, trail: Trail) -> bool:
                 return False
         if not pending:
             return True
+        budget -= 1
+        if not budget:
+            raise RecursionError("a term is cyclic or too large to be unified")
         left, right = pending.pop()
 
 
@@ -247,7 +252,11 @@ def open_list(term: Any, trail: Trail) -> Any:
 def is_ground(term: Any) -> bool:
     """Whether no free variable is inside."""
     pending = [term]
+    budget = MOST_NODES
     while pending:
+        budget -= 1
+        if not budget:
+            raise RecursionError("a term is cyclic or too large")
         term = deref(pending.pop())
         kind = type(term)
         if kind is float or kind is str:
@@ -308,7 +317,11 @@ class Copier:
         work: list[tuple[Any, bool]] = [(term, False)]
         done: list[Any] = []
         opened: list[bool] = []
+        budget = MOST_NODES
         while work:
+            budget -= 1
+            if not budget:
+                raise RecursionError("a term is cyclic or too large to be copied")
             node, build = work.pop()
             if build:
                 self._build(node, done, opened)

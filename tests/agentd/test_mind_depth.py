@@ -80,3 +80,10 @@ def test_a_context_of_fifty_literals_compiles() -> None:
     facts = " ".join(f"p{n}({n})." for n in range(50))
     context = " & ".join(f"p{n}(X{n})" for n in range(50))
     assert run(f"{facts} !s. +!s : {context} <- .print(X0, X49).").prints == ["049"]
+
+
+def test_a_cyclic_term_fails_the_plan_that_stores_it_and_hangs_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ("agentd.language.terms", "agentd.language.term_text", "agentd.mind.unifier"):
+        monkeypatch.setattr(f"{module}.MOST_NODES", 10_000)
+    world = run("!s. +!s <- X = f(X); .print(cyclic); +b(X). -!s <- .print(handled).")
+    assert world.prints == ["cyclic", "handled"]
