@@ -30,7 +30,7 @@ SPORADIC = frozenset({"POSITION_TARGET_GLOBAL_INT"})
 """Sent only in some states of the vehicle: their silence proves nothing."""
 DEFAULT_RATE = 2.0
 """Hz for a percept whose manifest names no rate."""
-IDLE_RATE = 1.0
+IDLE_RATE = 0.5
 """Hz at most while the vehicle stands disarmed and nothing is asked of it: a parked robot costs next to nothing."""
 WINDOW = 4.0
 """Mission and wall seconds over which the rate is judged."""
