@@ -224,25 +224,36 @@ class Flight:
     async def _leave(self) -> None:
         """Stop everything in order: a bridge may need its simulator, and both are watched through commd."""
         self.status.phase, self.status.waiting_for = "ending", ""
+        thinkers, bridges = self._supervisor.of_kind("agentd"), self._supervisor.of_kind("bridged")
+        widows = [bridge for bridge in bridges if self._simulator_is_dead(bridge.process.subject)]
+        others = [bridge for bridge in bridges if bridge not in widows]
         patience = LEAVE_REAL if self.status.setup.real else LEAVE_SIMULATED
-        thinkers = self._supervisor.of_kind("agentd")
-        bridges = self._supervisor.of_kind("bridged")
-        for robot in self._picture.robots.values():
-            if robot.armed and any(child.alive for child in bridges if child.process.subject == robot.name):
-                order = self._mission.robots[robot.name].on_shutdown
-                self._journal.add(robot.name, f"is armed: its bridge orders {order} (on_shutdown)", "warning")
-            elif robot.armed:
-                text = "is armed and its bridge is dead: its own failsafe is the last line"
-                self._journal.add(robot.name, text, "error")
-        if self._picture.flying():  # the bridge first: nobody else commands an armed vehicle while it brings it home
-            await asyncio.gather(self._stop(bridges, patience), self._stop(thinkers, LEAVE))
-        else:
+        for bridge in bridges:
+            self._tell_what_is_armed(bridge)
+        if not self._picture.flying():
             await self._stop(thinkers, LEAVE)
-            await self._stop(bridges, patience)
+        # A vehicle in flight does not wait for the agents: nobody else commands it while its bridge brings it home.
+        await asyncio.gather(self._stop(others, patience), self._stop(widows, LEAVE), self._stop(thinkers, LEAVE))
         if self._observer is not None:
             await self._observer.stop()
         await self._bus.aclose()
         await self._stop(self._supervisor.of_kind("simulator", "commd"), LEAVE)
+
+    def _simulator_is_dead(self, robot: str) -> bool:
+        simulators = self._supervisor.of_kind("simulator")
+        return any(not child.alive for child in simulators if child.process.subject == robot)
+
+    def _tell_what_is_armed(self, bridge: Child) -> None:
+        robot = bridge.process.subject
+        if not self._picture.robots[robot].armed:
+            return
+        if self._simulator_is_dead(robot):
+            self._journal.add(robot, "was armed, and is no more: its simulator is dead", "warning")
+        elif bridge.alive:
+            order = self._mission.robots[robot].on_shutdown
+            self._journal.add(robot, f"is armed: its bridge orders {order} (on_shutdown)", "warning")
+        else:
+            self._journal.add(robot, "is armed and its bridge is dead: its own failsafe is the last line", "error")
 
     async def _stop(self, children: list[Child], patience: float) -> None:
         for late in await self._supervisor.leave(children, patience, self._hurry):
