@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import sys
 from argparse import ArgumentParser, Namespace
 
 from agentd.compose import compose, endings
 from agentd.host import Host, Part
-from agentd.language.compile import compile_program
+from agentd.language.compile import CompiledProgram, DirectiveError, compile_program
+from agentd.language.errors import SyntaxErrors
+from agentd.language.parser import parse_file
+from agentd.language.syntax import Program
 from commd.bus import open_bus
 from commd.clock import Clock
 from commd.process import EXIT_DONE, report_health, run_daemon
@@ -16,6 +20,8 @@ from schemas.findings import Finding, Findings
 from schemas.manifest import load_manifest
 from schemas.mission import Mission, load_mission
 
+DEEPEST_CALLS = 9000
+"""How deep rules may call one another; a computation beyond fails its plan."""
 log = logging.getLogger("agentd")
 
 
@@ -31,6 +37,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(args: Namespace) -> int:
     """Run the daemon until it is told to stop, or a program stops the team. Returns the exit code."""
+    sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))
     return run_daemon("agentd", lambda stop: serve(load_mission(args.mission), args, stop))
 
 
@@ -81,6 +88,17 @@ def prepare(mission: Mission, agent: str, seed: int) -> Part:
     if robot is not None and isinstance(named := mission.robots[robot].manifest, str):
         manifest = load_manifest(named, mission.path.parent)
         deadlines = {name: float(entry.deadline) for name, entry in manifest.actions.items()}
-    program = compile_program(compose(mission, agent))
+    program = compiled(compose(mission, agent))
     done, failed = endings(mission, agent, "done"), endings(mission, agent, "failed")
     return Part(agent, program, robot, deadlines, done, failed, seed)
+
+
+def compiled(program: Program) -> CompiledProgram:
+    """Carry out the directives of a program. Raises Findings for one that is wrong, or a file that does not parse."""
+    try:
+        return compile_program(program, parse_file)
+    except SyntaxErrors as errors:
+        raise Findings(errors.findings) from None
+    except DirectiveError as error:
+        where = error.position
+        raise Findings([Finding(where.file, where.line, where.column, error.message)]) from None

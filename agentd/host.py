@@ -17,7 +17,15 @@ from agentd.language.terms import Literal, atom, signature
 from agentd.mailing import Mailing
 from agentd.mind import Mind
 from agentd.mind.effects import CancelAction, Effect, Log, PerformAction, Print, SendMail, StopTeam
-from agentd.mind.inputs import ActionDone, Input, Mail, PerceptAdded, PerceptRemoved, PerceptReplaced
+from agentd.mind.inputs import (
+    ActionDone,
+    Input,
+    Mail,
+    PerceptAdded,
+    PerceptRemoved,
+    PerceptReplaced,
+    SignalRaised,
+)
 from agentd.perceiving import Perceiving
 from agentd.wire import BadTerm, from_wire, perceived, to_wire
 from commd.bus import Bus, Query
@@ -140,8 +148,21 @@ class Host:
                     self._spawn(self._acting.cancel(self._identity(number)))
             case SendMail():
                 self._send(effect)
-            case StopTeam():
-                self.stopped = effect
+            case StopTeam(delay=delay):
+                self._stop_after(effect, delay)
+
+    def _stop_after(self, order: StopTeam, delay: float) -> None:
+        """Stop the team, at once or after a delay that the agent is told of (Jason: `+jag_shutting_down(Ms)`)."""
+
+        def now() -> None:
+            self.stopped = self.stopped or order
+            self._wake.set()
+
+        if delay <= 0:
+            now()
+            return
+        self._feed(SignalRaised.named("jag_shutting_down", delay * 1000.0))
+        asyncio.get_running_loop().call_later(self._clock.to_wall(delay), now)
 
     def _identity(self, number: int) -> str:
         return f"{self.part.name}:{self._bus.boot}:{number}"

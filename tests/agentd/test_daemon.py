@@ -97,10 +97,28 @@ def test_what_is_wrong_is_one_line_with_its_place_before_anything_starts(
         assert "Traceback" not in agent.text
 
 
-def test_a_program_that_stops_the_team_ends_the_daemon_with_its_exit_code(tmp_path: Path, endpoint: str) -> None:
-    path = mission(tmp_path, wait="!g.\n+!g <- .wait(100); .stopMAS(0,3).\n")
+@pytest.mark.parametrize("delay", [0, 200])
+def test_a_program_that_stops_the_team_ends_the_daemon_with_its_exit_code(
+    tmp_path: Path, endpoint: str, delay: int
+) -> None:
+    program = "+jag_shutting_down(T) <- .print(told(T)).\n"
+    path = mission(tmp_path, wait=f"!g.\n+!g <- .wait(100); .stopMAS({delay},3).\n{program}")
     with (
         running("commd", "serve", path, "--router", endpoint),
         running("agentd", "serve", path, "b", "--router", endpoint) as agent,
     ):
         assert agent.ends(30) == 3
+        assert ("[b] told(200)" in agent.text) == (delay > 0)
+
+
+def test_included_files_and_their_mistakes_are_those_of_the_program(tmp_path: Path, endpoint: str) -> None:
+    path = mission(tmp_path, wait='{ include("more.asl") }\n', more="!g.\n+!g <- .print(included).\n")
+    with (
+        running("commd", "serve", path, "--router", endpoint),
+        running("agentd", "serve", path, "b", "--router", endpoint) as agent,
+    ):
+        agent.says("[b] included")
+    (tmp_path / "more.asl").write_text("!g.\n+!g <- .print(.\n")
+    with running("agentd", "serve", path, "b", "--router", endpoint) as agent:
+        assert agent.ends(30) == 2
+        assert agent.lines[0].startswith(f"{tmp_path}/more.asl:2:")
