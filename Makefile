@@ -5,13 +5,16 @@ VENV := .venv
 BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 
-.PHONY: fly test lint types contracts format check-python clean
+.PHONY: fly test soak lint types contracts format check-python clean
 
 fly: $(VENV)/fly.stamp  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
 
 test: $(VENV)/test.stamp  ## run all tests
 	$(BIN)/python -m pytest $(ARGS)
+
+soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/soak.md
+	$(BIN)/python -m tests.soak
 
 format: $(VENV)/lint.stamp  ## is every file formatted?
 	$(BIN)/ruff format --check .
