@@ -31,6 +31,7 @@ def session_config(mode: Literal["client", "router"], endpoint: str, name: str) 
         settings["listen"] = {"endpoints": [endpoint], "timeout_ms": 0, "exit_on_failure": True}
         settings["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
     else:
+        settings["listen"] = {"endpoints": []}
         settings["connect"] = {
             "endpoints": [endpoint],
             "timeout_ms": OPEN_TIMEOUT_MS,
