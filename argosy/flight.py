@@ -24,6 +24,8 @@ STARTUP_PATIENCE = 30.0
 """Wall seconds that each step of the startup may take."""
 REFRESH = 0.25
 """Wall seconds between two refreshes of the view, and between two looks at what may end the run."""
+SETTLE = 2.0
+"""Wall seconds after the end before idle use is measured: bridges slow the vehicle's streams only then."""
 IDLE_WINDOW = 3.0
 """Wall seconds after the end over which the daemons' idle processor time is measured."""
 LEAVE = 1.0
@@ -212,14 +214,22 @@ class Flight:
         self.status.phase = "done, measuring idle use"
         if self._observer is not None:
             self._observer.watching_minds.clear()
-        self._sample()
-        self._idle = True
-        self._wake.clear()
-        with suppress(TimeoutError):
-            await asyncio.wait_for(self._wake.wait(), IDLE_WINDOW)
-        self._sample()
-        self._idle = False
+        if await self._undisturbed(SETTLE):
+            self._sample()
+            self._idle = True
+            await self._undisturbed(IDLE_WINDOW)
+            self._sample()
+            self._idle = False
         self._marks["measuring"] = self.status.now()
+
+    async def _undisturbed(self, seconds: float) -> bool:
+        """Wait, unless somebody wants to end at once. Returns whether nobody did."""
+        self._wake.clear()
+        try:
+            await asyncio.wait_for(self._wake.wait(), seconds)
+        except TimeoutError:
+            return True
+        return False
 
     async def _leave(self) -> None:
         """Stop everything in order: a bridge may need its simulator, and both are watched through commd."""

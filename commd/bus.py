@@ -89,6 +89,7 @@ class Bus:
         boot: str,
         wire: Wire,
         stamp: Callable[[], int],
+        mode: Literal["client", "router"],
     ) -> None:
         self.fleet, self.name, self.daemon, self.boot, self.wire = fleet, name, daemon, boot, wire
         self.counters: Counter[str] = Counter()
@@ -101,7 +102,10 @@ class Bus:
         self._held: list[zenoh.LivelinessToken] = []
         self._routers: set[str] = set()
         self._on_router: list[Callable[[bool], None]] = []
-        self._watch_router()
+        if mode == "client":
+            self._watch_router()
+        else:
+            self._routers.add("this one")
 
     @property
     def router_up(self) -> bool:
@@ -407,7 +411,7 @@ async def open_bus(
                 log.warning("waiting for the router at %s", endpoint)
                 said = True
             await asyncio.sleep(0.1)
-    bus = Bus(session, fleet=fleet, name=name, daemon=daemon, boot=boot_id(), wire=wire, stamp=stamp)
+    bus = Bus(session, fleet=fleet, name=name, daemon=daemon, boot=boot_id(), wire=wire, stamp=stamp, mode=mode)
     try:
         yield bus
     finally:
