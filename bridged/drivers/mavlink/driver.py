@@ -22,7 +22,8 @@ from schemas.mission import Robot
 
 TICK = 0.25
 """Wall seconds between looks at the time when no message comes; at speed N the vehicle's second is 1/N of one."""
-TICKS_PER_VEHICLE_SECOND = 2.0
+TICKS_AT_WORK, TICKS_IDLE = 2.0, 1.0
+"""Looks per second of the vehicle, at least: one is enough for its heartbeat."""
 log = logging.getLogger("mavlink")
 
 
@@ -67,11 +68,11 @@ class MavlinkDriver:
             on_state=lambda up, why: log.info("link %s %s: %s", self._address, "up" if up else "down", why),
         )
         self.attach(link)
-        pause = min(TICK, 1 / (TICKS_PER_VEHICLE_SECOND * self._clock.speed))
         try:
             while True:
                 self.tick()
-                await asyncio.sleep(pause)
+                ticks = TICKS_AT_WORK if self._conversation.streams.at_work else TICKS_IDLE
+                await asyncio.sleep(min(TICK, 1 / (ticks * self._clock.speed)))
         finally:
             await link.close()
             self._link = self._carrier = None

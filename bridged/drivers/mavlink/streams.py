@@ -31,7 +31,8 @@ SPORADIC = frozenset({"POSITION_TARGET_GLOBAL_INT"})
 DEFAULT_RATE = 2.0
 """Hz for a percept whose manifest names no rate."""
 IDLE_RATE = 0.5
-"""Hz at most while the vehicle stands disarmed and nothing is asked of it: a parked robot costs next to nothing."""
+"""Hz of wall time at most while the vehicle stands disarmed and nothing is asked of it: whatever the speed, a parked
+robot costs next to nothing."""
 WINDOW = 4.0
 """Mission and wall seconds over which the rate is judged."""
 HOME_EVERY = 5.0
@@ -68,7 +69,8 @@ class Streams:
         self._streams = {stream.name: stream for stream in _wanted(manifest)}
         self._judge_at = math.inf
         self._home_at = math.inf
-        self._at_work = False
+        self.at_work = False
+        """Whether the full rates are asked for."""
         self._starved: list[str] = []
 
     def count(self, name: str) -> None:
@@ -85,9 +87,9 @@ class Streams:
 
     def pace(self, at_work: bool, now: float) -> None:
         """Ask for the full rates, or for what is enough while nothing happens."""
-        if at_work == self._at_work:
+        if at_work == self.at_work:
             return
-        self._at_work = at_work
+        self.at_work = at_work
         if self._judge_at < math.inf:
             for stream in self._streams.values():
                 if stream.asked != self._rate(stream):
@@ -126,7 +128,7 @@ class Streams:
         return notes + [f"{name} comes too seldom; asked again" for name in self._starved]
 
     def _rate(self, stream: _Stream) -> float:
-        return stream.rate if self._at_work else min(stream.rate, IDLE_RATE)
+        return stream.rate if self.at_work else min(stream.rate, IDLE_RATE / self._scale)
 
     def _ask(self, stream: _Stream, now: float) -> None:
         if stream.pending is not None:
