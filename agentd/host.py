@@ -12,8 +12,9 @@ from typing import Any
 from agentd.acting import Acting, describe
 from agentd.bridge import BridgeWatch
 from agentd.language.compile import CompiledProgram
+from agentd.language.signatures import signature
 from agentd.language.syntax import Formula
-from agentd.language.terms import Literal, atom, signature
+from agentd.language.terms import Literal, atom
 from agentd.mailing import Mailing
 from agentd.mind import Mind
 from agentd.mind.effects import CancelAction, Effect, Log, PerformAction, Print, SendMail, StopTeam

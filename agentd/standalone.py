@@ -13,7 +13,8 @@ from typing import Any
 from agentd.language.compile import CompiledProgram, DirectiveError, compile_program, in_namespace
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file
-from agentd.language.terms import EMPTY, atom, make_list, signature
+from agentd.language.signatures import signature
+from agentd.language.terms import EMPTY, atom, make_list
 from agentd.language.terms import Literal as Term
 from agentd.mind import Mind
 from agentd.mind.effects import CancelAction, Effect, Log, PerformAction, Print, SendMail, StopTeam, TeamRequest

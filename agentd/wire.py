@@ -11,22 +11,9 @@ from agentd.language.instantiate import instantiate
 from agentd.language.order import sorted_annots
 from agentd.language.parser import parse_term
 from agentd.language.printer import source_text
-from agentd.language.terms import (
-    DEFAULT,
-    PERCEPT,
-    Code,
-    Collection,
-    Expression,
-    List,
-    Literal,
-    Open,
-    Var,
-    atom,
-    deref,
-    make_list,
-    signature,
-    split,
-)
+from agentd.language.signatures import DEFAULT, signature
+from agentd.language.sources import PERCEPT
+from agentd.language.terms import Code, Collection, Expression, List, Literal, Open, Var, atom, deref, make_list, split
 from schemas import terms as wire
 from schemas.records import Perception
 

@@ -9,7 +9,7 @@ from pathlib import PurePosixPath
 from agentd.language import syntax
 from agentd.language.namespaces import Qualifier
 from agentd.language.patterns import PATTERNS
-from agentd.language.terms import DEFAULT
+from agentd.language.signatures import DEFAULT
 
 Load = Callable[[str], syntax.Program]
 """Reads and parses an included file, given the path of the including file joined with what is written."""

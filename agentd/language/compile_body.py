@@ -12,8 +12,8 @@ from agentd.language import syntax
 from agentd.language.compile_formula import FormulaCompiler
 from agentd.language.compile_terms import Scope, _tuple, is_plain_variable, variables
 from agentd.language.emit import Function, Ref
+from agentd.language.signatures import signature
 from agentd.language.syntax import Operator
-from agentd.language.terms import signature
 
 if TYPE_CHECKING:
     from agentd.language.compile_plan import PlanCode

@@ -10,18 +10,9 @@ from agentd.language import syntax
 from agentd.language.emit import Function, Unit
 from agentd.language.instantiate import instantiate
 from agentd.language.order import sorted_annots
-from agentd.language.terms import (
-    DEFAULT,
-    EMPTY,
-    SELF,
-    List,
-    Literal,
-    Signature,
-    atom,
-    is_source,
-    signature,
-    told_by,
-)
+from agentd.language.signatures import DEFAULT, Signature, signature
+from agentd.language.sources import SELF, is_source, told_by
+from agentd.language.terms import EMPTY, List, Literal, atom
 
 Scope: TypeAlias = dict[str, str]
 """Which Python local holds the value of each variable that has occurred; a variable not in it is free and new."""

@@ -8,18 +8,8 @@ from typing import Any
 from agentd.language import syntax
 from agentd.language.numbers import OPERATIONS, UndefinedNumber
 from agentd.language.order import sorted_annots
-from agentd.language.terms import (
-    DEFAULT,
-    EMPTY,
-    Code,
-    Expression,
-    Literal,
-    Open,
-    Var,
-    deref,
-    make_list,
-    signature,
-)
+from agentd.language.signatures import DEFAULT, signature
+from agentd.language.terms import EMPTY, Code, Expression, Literal, Open, Var, deref, make_list
 
 Functions = Mapping[tuple[str, int], Callable[..., Any]]
 """Functions by name and arity, as ``math.max`` with 2; each takes terms and returns one, or None for no value."""

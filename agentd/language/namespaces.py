@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from agentd.language import syntax
-from agentd.language.terms import DEFAULT
+from agentd.language.signatures import DEFAULT
 
 _QUERIES = {".findall": 1, ".setof": 1, ".count": 0, ".eval": 1, ".abolish": 0, ".desire": 0, ".intend": 0}
 """Internal actions whose argument at this place is a formula or a goal, which belongs to the namespace as well."""

@@ -10,7 +10,8 @@ from collections.abc import Iterable
 from functools import cmp_to_key
 from typing import Any
 
-from agentd.language.terms import DEFAULT, EMPTY, List, Literal, Var, deref, describe
+from agentd.language.signatures import DEFAULT
+from agentd.language.terms import EMPTY, List, Literal, Var, deref, describe
 
 _RANK = {float: 0, str: 1, List: 2, Literal: 3, Var: 5}
 

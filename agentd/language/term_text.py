@@ -7,9 +7,9 @@ from typing import Any
 from agentd.language import syntax
 from agentd.language.instantiate import instantiate
 from agentd.language.numbers import number_text
+from agentd.language.signatures import DEFAULT
 from agentd.language.terms import (
     ARITHMETIC,
-    DEFAULT,
     EMPTY,
     MOST_NODES,
     Code,

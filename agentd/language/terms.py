@@ -11,64 +11,15 @@ no bound variable is left inside it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from functools import lru_cache
 from typing import Any, Final, TypeAlias, Union
-from weakref import WeakValueDictionary
+
+from agentd.language.signatures import Signature, signature
 
 Term: TypeAlias = Union[float, str, "Literal", "List", "Var", "Expression", "Code", "Collection", "Open"]
 """Any run-time term."""
 
 MOST_NODES: Final = 5_000_000
 """A term with more parts than this is cyclic (``X = f(X)``) or as good as: walking it ends with RecursionError."""
-
-DEFAULT: Final = "default"
-"""The name of the default namespace."""
-
-
-class Signature:
-    """What two literals must share to unify: namespace, sign, functor and arity. Interned: compare with ``is``.
-
-    Make one with `signature`.
-    """
-
-    __slots__ = ("__weakref__", "arity", "functor", "namespace", "negated")
-
-    functor: str
-    arity: int
-    negated: bool
-    namespace: str
-
-    def __init__(self, functor: str, arity: int, negated: bool, namespace: str) -> None:
-        self.functor, self.arity, self.negated, self.namespace = functor, arity, negated, namespace
-
-    @property
-    def indicator(self) -> str:
-        """``~ns::p/2``, as messages name a predicate."""
-        return f"{self.name}/{self.arity}"
-
-    @property
-    def name(self) -> str:
-        """``~ns::p``: all but the arity."""
-        prefix = "" if self.namespace == DEFAULT else f"{self.namespace}::"
-        return f"{'~' if self.negated else ''}{prefix}{self.functor}"
-
-    def __repr__(self) -> str:
-        return self.indicator
-
-    def __reduce__(self) -> Any:
-        return signature, (self.functor, self.arity, self.negated, self.namespace)
-
-
-_signatures: WeakValueDictionary[tuple[str, int, bool, str], Signature] = WeakValueDictionary()
-
-
-def signature(functor: str, arity: int = 0, negated: bool = False, namespace: str = DEFAULT) -> Signature:
-    """The one `Signature` of these values."""
-    key = (functor, arity, negated, namespace)
-    found = _signatures.get(key)
-    if found is None:
-        found = _signatures[key] = Signature(functor, arity, negated, namespace)
-    return found
 
 
 class Literal:
@@ -288,35 +239,6 @@ def atom(name: str) -> Literal:
 
 TRUE: Final = atom("true")
 FALSE: Final = atom("false")
-
-_SOURCE: Final = signature("source", 1)
-
-
-def source(who: Any) -> Literal:
-    """``source(who)``."""
-    return Literal(_SOURCE, (who,))
-
-
-SOURCE_SELF: Final = source(atom("self"))
-SOURCE_SELF.ground = True
-SELF: Final = (SOURCE_SELF,)
-"""The annotations of what a mind tells itself: ``[source(self)]``. Compare with ``is`` first."""
-SOURCE_PERCEPT: Final = source(atom("percept"))
-SOURCE_PERCEPT.ground = True
-PERCEPT: Final = (SOURCE_PERCEPT,)
-
-
-@lru_cache(maxsize=1024)
-def told_by(name: str) -> tuple[Literal, ...]:
-    """``[source(name)]``: one object per name, so that annotations compare by identity first."""
-    who = source(atom(name))
-    who.ground = True
-    return (who,)
-
-
-def is_source(term: Any) -> bool:
-    """Whether an annotation is ``source(_)``."""
-    return type(term) is Literal and term.sig is _SOURCE
 
 
 def make_list(items: Iterable[Any], tail: Any = EMPTY) -> Any:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language import syntax
-from agentd.language.terms import FALSE, SELF, Literal, signature
+from agentd.language.signatures import signature
+from agentd.language.sources import SELF
+from agentd.language.terms import FALSE, Literal
 from agentd.mind.effects import Log
 from agentd.mind.failed import Failed
 from agentd.mind.frames import Step

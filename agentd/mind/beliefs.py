@@ -11,7 +11,9 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from agentd.language.order import sorted_annots
-from agentd.language.terms import SELF, Expression, List, Literal, Open, Signature, Var, deref, is_source
+from agentd.language.signatures import Signature
+from agentd.language.sources import SELF, is_source
+from agentd.language.terms import Expression, List, Literal, Open, Var, deref
 from agentd.mind.unifier import Copier, Trail, is_ground, undo, unify
 
 Mode = tuple[bool, ...]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language import syntax
-from agentd.language.terms import SELF, Code, Literal, Var, deref
+from agentd.language.sources import SELF
+from agentd.language.terms import Code, Literal, Var, deref
 from agentd.mind.beliefs import Predicate, with_source
 from agentd.mind.failed import Failed
 from agentd.mind.intentions import Intention

@@ -6,8 +6,9 @@ from typing import Any
 
 from agentd.language import syntax
 from agentd.language.instantiate import Instantiation, instantiate
+from agentd.language.signatures import signature
 from agentd.language.syntax import Operator
-from agentd.language.terms import TRUE, Code, Literal, Var, deref, signature
+from agentd.language.terms import TRUE, Code, Literal, Var, deref
 from agentd.mind.failed import Failed
 from agentd.mind.unifier import Trail, unify
 

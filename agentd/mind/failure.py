@@ -8,8 +8,9 @@ from agentd.language import syntax
 from agentd.language.instantiate import instantiate
 from agentd.language.numbers import UndefinedNumber
 from agentd.language.order import sorted_annots
+from agentd.language.signatures import signature
 from agentd.language.term_text import text
-from agentd.language.terms import Code, Literal, atom, signature
+from agentd.language.terms import Code, Literal, atom
 from agentd.mind.effects import Log
 from agentd.mind.failed import Failed
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, Frame, Step

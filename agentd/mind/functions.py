@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from agentd.language.terms import Var, deref, signature
+from agentd.language.signatures import signature
+from agentd.language.terms import Var, deref
 from agentd.mind.unifier import resolve, undo
 
 

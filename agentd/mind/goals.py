@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language import syntax
+from agentd.language.signatures import signature
 from agentd.language.term_text import text
-from agentd.language.terms import Code, Expression, Literal, Open, Var, deref, signature
+from agentd.language.terms import Code, Expression, Literal, Open, Var, deref
 from agentd.mind.beliefs import with_source
 from agentd.mind.changes import change_term
 from agentd.mind.effects import PerformAction

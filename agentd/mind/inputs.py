@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-from agentd.language.terms import Literal, signature
+from agentd.language.signatures import signature
+from agentd.language.terms import Literal
 
 
 @dataclass(frozen=True, slots=True)

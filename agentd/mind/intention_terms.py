@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language import syntax
-from agentd.language.terms import Code, Literal, atom, make_list, signature
+from agentd.language.signatures import signature
+from agentd.language.terms import Code, Literal, atom, make_list
 from agentd.mind.frames import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Frame, Step
 from agentd.mind.intentions import Intention, values_of
 from agentd.mind.unifier import resolve, resolve_all

@@ -6,20 +6,9 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from agentd.language.order import sorted_annots
-from agentd.language.terms import (
-    FALSE,
-    SOURCE_SELF,
-    Literal,
-    Var,
-    atom,
-    deref,
-    is_source,
-    make_list,
-    proper,
-    signature,
-    source,
-    told_by,
-)
+from agentd.language.signatures import signature
+from agentd.language.sources import SOURCE_SELF, is_source, source, told_by
+from agentd.language.terms import FALSE, Literal, Var, atom, deref, make_list, proper
 from agentd.mind.beliefs import with_source
 from agentd.mind.effects import Log, SendMail
 from agentd.mind.failed import Failed

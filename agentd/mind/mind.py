@@ -15,7 +15,9 @@ from agentd.language.compile_rule import compile_rule
 from agentd.language.emit import Ref
 from agentd.language.instantiate import Instantiation
 from agentd.language.numbers import UndefinedNumber
-from agentd.language.terms import SELF, Literal, Signature
+from agentd.language.signatures import Signature
+from agentd.language.sources import SELF
+from agentd.language.terms import Literal
 from agentd.mind import failure, percepts
 from agentd.mind.beliefs import BeliefBase, Mode, RuleClause, with_source
 from agentd.mind.effects import CancelAction, Effect, Log
@@ -435,7 +437,8 @@ class Mind:
     def meta(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], state: str) -> None:
         """The event ``^!g[state(S)]`` if there is a plan for it."""
         from agentd.language.order import sorted_annots
-        from agentd.language.terms import atom, signature
+        from agentd.language.signatures import signature
+        from agentd.language.terms import atom
 
         meta = self.plans.relevant("^", relevant.goal, relevant.sig)
         if meta.plans:
@@ -713,7 +716,8 @@ class Mind:
             if done.ok:
                 self.resume_waiting(intention)
                 return
-            from agentd.language.terms import atom, signature
+            from agentd.language.signatures import signature
+            from agentd.language.terms import atom
 
             facts = [Literal(signature("reason", 1), (done.reason,))] if done.reason else []
             if done.state:

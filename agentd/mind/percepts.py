@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.language.terms import PERCEPT, Literal
+from agentd.language.sources import PERCEPT
+from agentd.language.terms import Literal
 from agentd.mind.changes import raise_event
 from agentd.mind.inputs import PerceptAdded, PerceptRemoved, PerceptReplaced
 from agentd.mind.unifier import detach, resolve_all

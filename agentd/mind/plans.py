@@ -10,7 +10,9 @@ from agentd.language.compile_plan import FRAME_HEADER, PlanCode, compile_fragmen
 from agentd.language.compile_terms import signature_of
 from agentd.language.emit import Ref
 from agentd.language.instantiate import Instantiation
-from agentd.language.terms import DEFAULT, SOURCE_SELF, Literal, Signature, atom, signature
+from agentd.language.signatures import DEFAULT, Signature, signature
+from agentd.language.sources import SOURCE_SELF
+from agentd.language.terms import Literal, atom
 from agentd.mind.frames import Frame, Step
 
 _ATOMIC = signature("atomic")

@@ -5,20 +5,8 @@ from __future__ import annotations
 from typing import Any, Final
 
 from agentd.language.order import distinct, ordered, sorted_annots
-from agentd.language.terms import (
-    EMPTY,
-    FALSE,
-    SELF,
-    TRUE,
-    Expression,
-    List,
-    Literal,
-    Open,
-    Var,
-    deref,
-    elements,
-    make_list,
-)
+from agentd.language.sources import SELF
+from agentd.language.terms import EMPTY, FALSE, TRUE, Expression, List, Literal, Open, Var, deref, elements, make_list
 from agentd.mind.beliefs import with_source
 from agentd.mind.changes import believe, change_term, disbelieve, replace
 from agentd.mind.code_terms import call, capture

@@ -7,20 +7,9 @@ from typing import Any
 
 from agentd.language.instantiate import calculate
 from agentd.language.order import compare, sorted_annots
+from agentd.language.signatures import DEFAULT, signature
 from agentd.language.term_text import text
-from agentd.language.terms import (
-    DEFAULT,
-    EMPTY,
-    Code,
-    Expression,
-    Literal,
-    Open,
-    Var,
-    deref,
-    make_list,
-    proper,
-    signature,
-)
+from agentd.language.terms import EMPTY, Code, Expression, Literal, Open, Var, deref, make_list, proper
 from agentd.mind.unifier import Trail, resolve, same, undo, unify, value
 
 

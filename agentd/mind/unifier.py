@@ -10,9 +10,9 @@ from typing import Any
 
 from agentd.language.instantiate import calculate
 from agentd.language.order import sorted_annots
+from agentd.language.signatures import DEFAULT, signature
 from agentd.language.terms import (
     ARITHMETIC,
-    DEFAULT,
     EMPTY,
     MOST_NODES,
     Code,
@@ -26,7 +26,6 @@ from agentd.language.terms import (
     elements,
     equal,
     make_list,
-    signature,
     split,
 )
 

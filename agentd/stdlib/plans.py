@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from agentd.language import syntax
-from agentd.language.terms import SELF, Code, Literal, Var, deref, make_list
+from agentd.language.sources import SELF
+from agentd.language.terms import Code, Literal, Var, deref, make_list
 from agentd.mind.beliefs import with_source
 from agentd.mind.code_terms import parts_of, trigger_literal
 from agentd.mind.plan_terms import add_plans, plans_for, read_trigger, relevant_plans, remove_plans, term_of

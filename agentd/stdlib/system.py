@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.language.terms import Literal, atom, deref, is_source
+from agentd.language.sources import is_source
+from agentd.language.terms import Literal, atom, deref
 from agentd.mind.effects import StopTeam
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.unifier import Trail, resolve_all, unify

@@ -7,20 +7,8 @@ from typing import Any
 
 from agentd.language import syntax
 from agentd.language.order import sorted_annots
-from agentd.language.terms import (
-    EMPTY,
-    Code,
-    Collection,
-    List,
-    Literal,
-    Var,
-    atom,
-    deref,
-    is_source,
-    make_list,
-    proper,
-    source,
-)
+from agentd.language.sources import is_source, source
+from agentd.language.terms import EMPTY, Code, Collection, List, Literal, Var, atom, deref, make_list, proper
 from agentd.mind.failed import Failed
 from agentd.mind.unifier import Copier, Trail, is_ground, resolve, undo, unify, value
 from agentd.stdlib.registry import ACTIONS, internal_action

@@ -1,0 +1,55 @@
+"""Signatures: what names a predicate, a goal or a structure."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+from weakref import WeakValueDictionary
+
+DEFAULT: Final = "default"
+"""The name of the default namespace."""
+
+
+class Signature:
+    """What two literals must share to unify: namespace, sign, functor and arity. Interned: compare with ``is``.
+
+    Make one with `signature`.
+    """
+
+    __slots__ = ("__weakref__", "arity", "functor", "namespace", "negated")
+
+    functor: str
+    arity: int
+    negated: bool
+    namespace: str
+
+    def __init__(self, functor: str, arity: int, negated: bool, namespace: str) -> None:
+        self.functor, self.arity, self.negated, self.namespace = functor, arity, negated, namespace
+
+    @property
+    def indicator(self) -> str:
+        """``~ns::p/2``, as messages name a predicate."""
+        return f"{self.name}/{self.arity}"
+
+    @property
+    def name(self) -> str:
+        """``~ns::p``: all but the arity."""
+        prefix = "" if self.namespace == DEFAULT else f"{self.namespace}::"
+        return f"{'~' if self.negated else ''}{prefix}{self.functor}"
+
+    def __repr__(self) -> str:
+        return self.indicator
+
+    def __reduce__(self) -> Any:
+        return signature, (self.functor, self.arity, self.negated, self.namespace)
+
+
+_signatures: WeakValueDictionary[tuple[str, int, bool, str], Signature] = WeakValueDictionary()
+
+
+def signature(functor: str, arity: int = 0, negated: bool = False, namespace: str = DEFAULT) -> Signature:
+    """The one `Signature` of these values."""
+    key = (functor, arity, negated, namespace)
+    found = _signatures.get(key)
+    if found is None:
+        found = _signatures[key] = Signature(functor, arity, negated, namespace)
+    return found

@@ -1,0 +1,38 @@
+"""Sources: the annotations ``source(S)`` that say who told a belief or raised an event."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, Final
+
+from agentd.language.signatures import signature
+from agentd.language.terms import Literal, atom
+
+_SOURCE: Final = signature("source", 1)
+
+
+def source(who: Any) -> Literal:
+    """``source(who)``."""
+    return Literal(_SOURCE, (who,))
+
+
+SOURCE_SELF: Final = source(atom("self"))
+SOURCE_SELF.ground = True
+SELF: Final = (SOURCE_SELF,)
+"""The annotations of what a mind tells itself: ``[source(self)]``. Compare with ``is`` first."""
+SOURCE_PERCEPT: Final = source(atom("percept"))
+SOURCE_PERCEPT.ground = True
+PERCEPT: Final = (SOURCE_PERCEPT,)
+
+
+@lru_cache(maxsize=1024)
+def told_by(name: str) -> tuple[Literal, ...]:
+    """``[source(name)]``: one object per name, so that annotations compare by identity first."""
+    who = source(atom(name))
+    who.ground = True
+    return (who,)
+
+
+def is_source(term: Any) -> bool:
+    """Whether an annotation is ``source(_)``."""
+    return type(term) is Literal and term.sig is _SOURCE
