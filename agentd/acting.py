@@ -5,14 +5,14 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from contextlib import aclosing
+from contextlib import aclosing, suppress
 
 from agentd.bridge import BridgeWatch
 from agentd.perceiving import Perceiving
 from commd.bus import Bus, BusClosed
 from schemas import keys
 from schemas.codec import BadRecord
-from schemas.records import Action, ActionStatus, Cancel
+from schemas.records import Action, ActionStatus, Cancel, State
 from schemas.terms import Term
 
 log = logging.getLogger("actions")
@@ -32,6 +32,8 @@ class Acting:
     def __init__(self, bus: Bus, agent: str, perceiving: Perceiving, bridge: BridgeWatch) -> None:
         self.counters: Counter[str] = Counter()
         self._bus, self._agent, self._perceiving, self._bridge = bus, agent, perceiving, bridge
+        self._wanted: dict[str, bool] = {}
+        """The actions that are under way, and whether the agent still wants them."""
 
     async def perform(self, identity: str, name: str, parameters: tuple[Term, ...], seconds: float) -> ActionStatus:
         """Ask for an action and return its final status; `seconds` is its deadline in wall time.
@@ -39,7 +41,11 @@ class Acting:
         Never raises and never waits for ever: without a word from the bridge for `BUS_GRACE` it has failed.
         """
         until = asyncio.get_running_loop().time() + seconds + ASKERS_MARGIN
-        status = await self._follow(identity, name, parameters, until)
+        self._wanted[identity] = True
+        try:
+            status = await self._follow(identity, name, parameters, until)
+        finally:
+            del self._wanted[identity]
         if status.after is not None:
             await self._perceiving.seen(status.header.boot, status.after, AFTER_PATIENCE)
         self.counters[status.state] += 1
@@ -49,10 +55,15 @@ class Acting:
         loop, attempt, reason = asyncio.get_running_loop(), 1, "bridge_lost: nobody serves this action"
         heard = loop.time()
 
+        def ended(state: State, why: str) -> ActionStatus:
+            return ActionStatus(id=identity, state=state, result=False, reason=why, name=name)
+
         def failed(why: str) -> ActionStatus:
-            return ActionStatus(id=identity, state="failed", result=False, reason=why, name=name)
+            return ended("failed", why)
 
         while True:
+            if not self._wanted[identity]:  # asked for again now, it could begin after its cancellation
+                return ended("cancelled", "the agent has dropped it")
             action = Action(
                 header=self._bus.header("action", self._agent),
                 id=identity,
@@ -94,14 +105,19 @@ class Acting:
             await asyncio.sleep(RETRY)
 
     async def cancel(self, identity: str) -> None:
-        """Ask the bridge to end an action that the agent has dropped."""
+        """Ask the bridge to end an action that the agent has dropped; it is not asked for again."""
+        if identity in self._wanted:
+            self._wanted[identity] = False
         key = keys.cancel(self._bus.fleet, self._agent)
         until = asyncio.get_running_loop().time() + BUS_GRACE
         while asyncio.get_running_loop().time() < until:
-            async with aclosing(self._bus.query(key, Cancel(id=identity), ActionStatus, BUS_GRACE)) as replies:
-                async for _ in replies:
-                    return
+            with suppress(BusClosed):
+                async with aclosing(self._bus.query(key, Cancel(id=identity), ActionStatus, BUS_GRACE)) as replies:
+                    async for reply in replies:
+                        if reply.record is not None:  # "busy" or "Timeout" is no answer
+                            return
             await asyncio.sleep(RETRY)
+        self.counters["cancels_unanswered"] += 1
         log.warning("cancel_unanswered id=%s", identity)
 
 

@@ -131,7 +131,13 @@ class Host:
     def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        task.add_done_callback(self._ended)
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            context = {"message": f"working for agent {self.part.name}", "exception": error, "task": task}
+            asyncio.get_running_loop().call_exception_handler(context)
 
     # --- out of the mind ---
 
@@ -179,7 +185,12 @@ class Host:
             self._feed(ActionDone(effect.id, False, f"{effect.name}: {bad}", "refused"))
             return
         deadline = self._clock.to_wall(self.part.deadlines.get(effect.name, DEFAULT_DEADLINE))
-        status = await self._acting.perform(self._identity(effect.id), effect.name, parameters, deadline)
+        try:
+            status = await self._acting.perform(self._identity(effect.id), effect.name, parameters, deadline)
+        except Exception as error:  # the intention must not wait for ever for an answer that cannot come
+            reason = f"defect in agentd: {type(error).__name__}: {error}"
+            self._feed(ActionDone(effect.id, False, reason, "failed"))
+            raise
         log.info("agent=%s %s", self.part.name, describe(status))
         self._feed(ActionDone(effect.id, status.state == "succeeded", status.reason, status.state))
 

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import aclosing
 
-from commd.bus import Bus
+from commd.bus import Bus, BusClosed
 from schemas import keys
 from schemas.percepts import PerceptSet
 from schemas.records import Health, Perception
@@ -77,11 +77,14 @@ class Perceiving:
     async def _repair(self) -> bool:
         snapshot: list[Perception] = []
         everything = keys.percept(self._bus.fleet, self._agent, "**")
-        async with aclosing(self._bus.query(everything, None, Perception, ASK_TIMEOUT)) as replies:
-            async for reply in replies:
-                if reply.record is None:
-                    return False
-                snapshot.append(reply.record)
+        try:
+            async with aclosing(self._bus.query(everything, None, Perception, ASK_TIMEOUT)) as replies:
+                async for reply in replies:
+                    if reply.record is None:
+                        return False
+                    snapshot.append(reply.record)
+        except BusClosed:
+            return False
         if not snapshot and len(self.percepts) and not self._reported.endswith(f":{EMPTY_HASH}"):
             return not self._bus.router_up  # nobody answered: the bridge is away, and its return raises doubt again
         changes = self.percepts.restore(snapshot)

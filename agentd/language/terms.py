@@ -4,7 +4,7 @@ Numbers are Python floats and strings Python strs, so arithmetic and comparison 
 else is one of the classes below. Terms are never changed, with two exceptions: a `Var` is bound once (and unbound
 again when the plan that bound it fails), and maps, sets and queues are changed in place, as Jason's are.
 
-A term that sits in a belief, an event of a new intention or a message is *resolved* first (`agentd.mind.unifier`):
+A term that sits in a belief, an event of a new intention or a message is *resolved* first (`agentd.mind.resolving`):
 no bound variable is left inside it.
 """
 

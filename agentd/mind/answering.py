@@ -12,7 +12,7 @@ from agentd.mind.effects import Log
 from agentd.mind.failed import Failed
 from agentd.mind.frames import Step
 from agentd.mind.inputs import Mail
-from agentd.mind.unifier import resolve
+from agentd.mind.resolving import resolve
 
 _ANSWERING = signature("answer_question")
 

@@ -12,9 +12,10 @@ from typing import Any
 
 from agentd.language.order import sorted_annots
 from agentd.language.signatures import Signature
-from agentd.language.sources import SELF, is_source
+from agentd.language.sources import is_source
 from agentd.language.terms import Expression, List, Literal, Open, Var, deref
-from agentd.mind.unifier import Copier, Trail, is_ground, undo, unify
+from agentd.mind.resolving import Copier, is_ground
+from agentd.mind.unifier import Trail, undo, unify
 
 Mode = tuple[bool, ...]
 """Which arguments of a query are given (True), which are only asked for."""
@@ -307,12 +308,3 @@ class BeliefBase:
         """Every fact, predicate by predicate in the order in which they were first mentioned."""
         for predicate in self.predicates():
             yield from predicate.facts()
-
-
-def with_source(annots: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Annotations with source(self) added if they name no source."""
-    if not annots:
-        return SELF
-    if any(is_source(a) for a in annots):
-        return annots
-    return sorted_annots(annots + SELF)

@@ -7,10 +7,11 @@ from typing import Any
 from agentd.language import syntax
 from agentd.language.sources import SELF
 from agentd.language.terms import Code, Literal, Var, deref
-from agentd.mind.beliefs import Predicate, with_source
+from agentd.mind.annotations import with_source
+from agentd.mind.beliefs import Predicate
 from agentd.mind.failed import Failed
 from agentd.mind.intentions import Intention
-from agentd.mind.unifier import detach, is_ground, resolve, resolve_all
+from agentd.mind.resolving import detach, is_ground, resolve, resolve_all
 
 
 def believe(

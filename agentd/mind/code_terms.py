@@ -1,4 +1,4 @@
-"""Plans, triggers, bodies and rules as terms: made, taken apart, unified."""
+"""Plans, triggers, bodies and rules as terms: made and taken apart."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ from typing import Any
 
 from agentd.language import syntax
 from agentd.language.instantiate import Instantiation, instantiate
-from agentd.language.signatures import signature
 from agentd.language.syntax import Operator
-from agentd.language.terms import TRUE, Code, Literal, Var, deref
+from agentd.language.terms import TRUE, Code, Literal, deref
 from agentd.mind.failed import Failed
-from agentd.mind.unifier import Trail, unify
 
 
 def capture(node: Any, values: dict[str, Any]) -> Code:
@@ -46,102 +44,3 @@ def parts_of(code: Code) -> list[Any]:
         context = TRUE if node.context is None else made.term(node.context)
         return [label, Code(node.trigger, values, bare=True), context, Code(node.body, values, bare=True)]
     return [code]
-
-
-def unify_code(left: Code, right: Code, trail: Trail) -> bool:
-    """Unify code with code of the same kind, part by part."""
-    a, b = left.syntax, right.syntax
-    if type(a) is not type(b):
-        return False
-    if a == b and left.values == right.values:
-        return True
-    match a:
-        case syntax.Trigger():
-            return _unify_triggers(left, right, trail)
-        case syntax.Body():
-            return _unify_bodies(a.formulas, left.values, b.formulas, right.values, trail)
-        case syntax.Plan():
-            return _unify_plans(left, right, trail)
-        case syntax.Rule():
-            names = dict(left.values), dict(right.values)
-            return unify(instantiate(a.head, names[0]), instantiate(b.head, names[1]), trail) and unify(
-                instantiate(a.body, names[0]), instantiate(b.body, names[1]), trail
-            )
-    return False
-
-
-def _unify_triggers(left: Code, right: Code, trail: Trail) -> bool:
-    a, b = left.syntax, right.syntax
-    if a.operator != b.operator or a.goal != b.goal:
-        return False
-    return unify(instantiate(a.literal, dict(left.values)), instantiate(b.literal, dict(right.values)), trail)
-
-
-def _unify_plans(left: Code, right: Code, trail: Trail) -> bool:
-    a, b = left.syntax, right.syntax
-    if a.trigger.operator != b.trigger.operator or a.trigger.goal != b.trigger.goal:
-        return False
-    first, second = Instantiation(dict(left.values), {}), Instantiation(dict(right.values), {})
-    pairs: list[tuple[Any, Any]] = [(first.term(a.trigger.literal), second.term(b.trigger.literal))]
-    if a.label is not None and b.label is not None:
-        pairs.insert(0, (first.term(a.label), second.term(b.label)))
-    contexts = [TRUE if n.context is None else i.term(n.context) for n, i in ((a, first), (b, second))]
-    pairs.append((contexts[0], contexts[1]))
-    if not all(unify(x, y, trail) for x, y in pairs):
-        return False
-    return _unify_bodies(a.body.formulas, first.values, b.body.formulas, second.values, trail)
-
-
-def _unify_bodies(
-    left: tuple[Any, ...],
-    left_values: dict[str, Any],
-    right: tuple[Any, ...],
-    right_values: dict[str, Any],
-    trail: Trail,
-) -> bool:
-    """``{ H; T }`` takes a body apart; a variable that ends the left side takes all that is left."""
-    for n in range(max(len(left), len(right))):
-        mine = _lone_variable(left[n], left_values) if n < len(left) else None
-        other = _lone_variable(right[n], right_values) if n < len(right) else None
-        if mine is not None and n == len(left) - 1:
-            return unify(mine, Code(syntax.Body(right[n:]), right_values), trail)
-        if other is not None and n == len(right) - 1:
-            return unify(other, Code(syntax.Body(left[n:]), left_values), trail)
-        if n >= len(left) or n >= len(right):
-            return False
-        if mine is not None:
-            fits = unify(mine, Code(syntax.Body((right[n],)), right_values), trail)
-        elif other is not None:
-            fits = unify(other, Code(syntax.Body((left[n],)), left_values), trail)
-        else:
-            fits = _unify_formulas(left[n], left_values, right[n], right_values, trail)
-        if not fits:
-            return False
-    return True
-
-
-def _lone_variable(formula: Any, values: dict[str, Any]) -> Any:
-    if isinstance(formula, syntax.Step) and not formula.operator.value and isinstance(formula.term, syntax.Variable):
-        return instantiate(formula.term, values)
-    return None
-
-
-def _unify_formulas(a: Any, a_values: dict[str, Any], b: Any, b_values: dict[str, Any], trail: Trail) -> bool:
-    if isinstance(a, syntax.Step) and isinstance(b, syntax.Step):
-        if a.operator is not b.operator:
-            return False
-        return unify(instantiate(a.term, a_values), instantiate(b.term, b_values), trail)
-    return bool(a == b)
-
-
-def call(function: Any, mind: Any, trail: Trail, sig: Any, args: tuple[Any, ...]) -> Any:
-    """A function of the program; a call that cannot be computed stays a term."""
-    value = function(mind, *[deref(a) for a in args])
-    return Literal(sig, args) if value is None else value
-
-
-def is_unbound(term: Any) -> bool:
-    return type(deref(term)) is Var
-
-
-__all__ = ["call", "capture", "lone_goal", "parts_of", "signature", "trigger_literal", "unify_code"]

@@ -15,7 +15,8 @@ from agentd.mind.effects import Log
 from agentd.mind.failed import Failed
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, Frame, Step
 from agentd.mind.intentions import Intention, values_of
-from agentd.mind.unifier import resolve, resolve_all, undo
+from agentd.mind.resolving import resolve, resolve_all
+from agentd.mind.unifier import undo
 
 _LONGEST = 200
 

@@ -1,4 +1,4 @@
-"""Functions that a program defines by a rule whose last argument is the result."""
+"""Functions in terms: how they are called, and those that a program defines by a rule."""
 
 from __future__ import annotations
 
@@ -6,8 +6,15 @@ from collections.abc import Callable
 from typing import Any
 
 from agentd.language.signatures import signature
-from agentd.language.terms import Var, deref
-from agentd.mind.unifier import resolve, undo
+from agentd.language.terms import Literal, Var, deref
+from agentd.mind.resolving import resolve
+from agentd.mind.unifier import Trail, undo
+
+
+def call(function: Any, mind: Any, trail: Trail, sig: Any, args: tuple[Any, ...]) -> Any:
+    """A function of the program; a call that cannot be computed stays a term."""
+    value = function(mind, *[deref(a) for a in args])
+    return Literal(sig, args) if value is None else value
 
 
 def by_rule(name: str, arity: int) -> Callable[..., Any]:

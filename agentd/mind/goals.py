@@ -8,14 +8,14 @@ from agentd.language import syntax
 from agentd.language.signatures import signature
 from agentd.language.term_text import text
 from agentd.language.terms import Code, Expression, Literal, Open, Var, deref
-from agentd.mind.beliefs import with_source
+from agentd.mind.annotations import with_source
 from agentd.mind.changes import change_term
 from agentd.mind.effects import PerformAction
 from agentd.mind.failed import Failed
 from agentd.mind.frames import STEP, Frame, Step
 from agentd.mind.intentions import Intention
+from agentd.mind.resolving import detach, is_ground, resolve, resolve_all
 from agentd.mind.solve import solve
-from agentd.mind.unifier import detach, is_ground, resolve, resolve_all
 
 
 def literal_of(term: Any) -> Literal:

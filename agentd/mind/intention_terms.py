@@ -9,7 +9,7 @@ from agentd.language.signatures import signature
 from agentd.language.terms import Code, Literal, atom, make_list
 from agentd.mind.frames import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Frame, Step
 from agentd.mind.intentions import Intention, values_of
-from agentd.mind.unifier import resolve, resolve_all
+from agentd.mind.resolving import resolve, resolve_all
 
 _IM, _MAP, _WAITING, _SUSPENDED = (
     signature("im", 4),

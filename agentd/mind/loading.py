@@ -10,7 +10,7 @@ from agentd.language.instantiate import Instantiation
 from agentd.language.term_text import code_text, text
 from agentd.language.terms import Code, Literal
 from agentd.mind.beliefs import RuleClause
-from agentd.mind.unifier import resolve
+from agentd.mind.resolving import resolve
 
 
 def include_program(mind: Any, program: CompiledProgram | None) -> None:

@@ -9,13 +9,14 @@ from agentd.language.order import sorted_annots
 from agentd.language.signatures import signature
 from agentd.language.sources import SOURCE_SELF, is_source, source, told_by
 from agentd.language.terms import FALSE, Literal, Var, atom, deref, make_list, proper
-from agentd.mind.beliefs import with_source
+from agentd.mind.annotations import with_source
 from agentd.mind.effects import Log, SendMail
 from agentd.mind.failed import Failed
 from agentd.mind.inputs import Mail
 from agentd.mind.intentions import Intention
+from agentd.mind.resolving import Copier, detach, resolve
 from agentd.mind.solve import solve
-from agentd.mind.unifier import Copier, detach, resolve, undo, unify
+from agentd.mind.unifier import undo, unify
 
 _KQML = signature("kqml_received", 4)
 

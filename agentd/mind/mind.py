@@ -19,7 +19,8 @@ from agentd.language.signatures import Signature
 from agentd.language.sources import SELF
 from agentd.language.terms import Literal
 from agentd.mind import failure, percepts
-from agentd.mind.beliefs import BeliefBase, Mode, RuleClause, with_source
+from agentd.mind.annotations import with_source
+from agentd.mind.beliefs import BeliefBase, Mode, RuleClause
 from agentd.mind.effects import CancelAction, Effect, Log
 from agentd.mind.failed import Failed
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame
@@ -41,10 +42,11 @@ from agentd.mind.library import Library
 from agentd.mind.messages import Question, receive
 from agentd.mind.nested import check_goal_conditions, condition_holds, nested_frame
 from agentd.mind.plans import Plan, PlanLibrary
+from agentd.mind.resolving import detach, resolve_all
 from agentd.mind.runtime import RUNTIME
 from agentd.mind.snapshot import BeliefView, IntentionView, views_of_beliefs, views_of_intentions
 from agentd.mind.team import Request
-from agentd.mind.unifier import detach, resolve_all, undo, unify
+from agentd.mind.unifier import undo, unify
 from agentd.mind.waiting import Timer, Timers, Wait, check_conditions, ended, forget
 
 MOST_FOCUSES: Final = 100_000

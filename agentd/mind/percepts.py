@@ -8,7 +8,7 @@ from agentd.language.sources import PERCEPT
 from agentd.language.terms import Literal
 from agentd.mind.changes import raise_event
 from agentd.mind.inputs import PerceptAdded, PerceptRemoved, PerceptReplaced
-from agentd.mind.unifier import detach, resolve_all
+from agentd.mind.resolving import detach, resolve_all
 
 Addition = tuple[Any, tuple[Any, ...], tuple[Any, ...]]
 

@@ -11,7 +11,8 @@ from agentd.language.terms import Code, Literal, deref, proper
 from agentd.mind.code_terms import trigger_literal
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.plans import Plan
-from agentd.mind.unifier import Trail, is_ground, resolve, undo, unify
+from agentd.mind.resolving import is_ground, resolve
+from agentd.mind.unifier import Trail, undo, unify
 
 
 def is_label(label: Any) -> bool:

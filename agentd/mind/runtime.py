@@ -7,27 +7,18 @@ from typing import Any, Final
 from agentd.language.order import distinct, ordered, sorted_annots
 from agentd.language.sources import SELF
 from agentd.language.terms import EMPTY, FALSE, TRUE, Expression, List, Literal, Open, Var, deref, elements, make_list
-from agentd.mind.beliefs import with_source
+from agentd.mind.annotations import Rest, annots_with_tail, with_source
 from agentd.mind.changes import believe, change_term, disbelieve, replace
-from agentd.mind.code_terms import call, capture
+from agentd.mind.code_terms import capture
 from agentd.mind.failed import action_said_no, constraint_failed
 from agentd.mind.forks import fork, join
+from agentd.mind.functions import call
 from agentd.mind.goals import achieve_term, pending, perform, qualify, run_term, test_event, test_failed, test_term
 from agentd.mind.loops import next_round, present
-from agentd.mind.solve import arithmetic, order, solve, univ
-from agentd.mind.unifier import (
-    Rest,
-    annots_with_tail,
-    detach,
-    open_list,
-    open_structure,
-    resolve,
-    same,
-    subsets,
-    undo,
-    unify,
-    value,
-)
+from agentd.mind.relations import arithmetic, order, same, univ
+from agentd.mind.resolving import detach, resolve
+from agentd.mind.solve import solve
+from agentd.mind.unifier import open_list, open_structure, subsets, undo, unify, value
 from agentd.mind.waiting import wait_until
 
 RUNTIME: Final[dict[str, Any]] = {

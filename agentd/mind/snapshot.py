@@ -9,7 +9,7 @@ from agentd.language.term_text import text
 from agentd.language.terms import Literal
 from agentd.mind.frames import ARGS, RELEVANT, STEP
 from agentd.mind.intentions import Intention
-from agentd.mind.unifier import resolve_all
+from agentd.mind.resolving import resolve_all
 
 
 @dataclass(frozen=True, slots=True)

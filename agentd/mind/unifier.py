@@ -1,4 +1,4 @@
-"""Unification, and the copying of terms out of a running plan.
+"""Unification, with or without decorations and annotations.
 
 Bindings are written into `Var` cells and noted on a *trail*, a list of the cells bound, so that they can be undone.
 Every function that may bind takes the trail as an argument.
@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language.instantiate import calculate
-from agentd.language.order import sorted_annots
 from agentd.language.signatures import DEFAULT, signature
 from agentd.language.terms import (
     ARITHMETIC,
@@ -23,11 +22,9 @@ from agentd.language.terms import (
     Open,
     Var,
     deref,
-    elements,
-    equal,
     make_list,
-    split,
 )
+from agentd.mind.annotations import Rest
 
 Trail = list[Var]
 
@@ -100,7 +97,7 @@ def _unify_other(left: Any, right: Any, trail: Trail) -> bool:
     if type(left) is Expression or type(right) is Expression:
         return _unify_expressions(value(left), value(right), trail)
     if type(left) is Code and type(right) is Code:
-        from agentd.mind.code_terms import unify_code
+        from agentd.mind.code_unifier import unify_code  # it unifies the parts of code with `unify`
 
         return unify_code(left, right, trail)
     if type(left) is Collection or type(left) is float:
@@ -176,23 +173,6 @@ def _renamed(literal: Literal, namespace: str, negated: bool) -> Literal:
     return Literal(signature(sig.functor, sig.arity, negated, namespace), literal.args, literal.annots)
 
 
-class Rest:
-    """The tail of an annotation list, ``[a|R]``: unifies with the annotations that are left over."""
-
-    __slots__ = ("tail",)
-
-    def __init__(self, tail: Any) -> None:
-        self.tail = tail
-
-
-def annots_with_tail(annots: tuple[Any, ...], tail: Any) -> tuple[Any, ...]:
-    """``[a|T]`` as annotations: with the elements of T if it has a value, else T stands for the rest."""
-    end = deref(tail)
-    if type(end) is Var:
-        return (*sorted_annots(annots), Rest(end))
-    return sorted_annots((*annots, *elements(end)))
-
-
 def subset(left: tuple[Any, ...], right: tuple[Any, ...], trail: Trail) -> bool:
     """Whether each annotation on the left unifies with one on the right (the first choice that fits, no backtracking).
 
@@ -246,180 +226,3 @@ def open_list(term: Any, trail: Trail) -> Any:
         bind(term, List((head,), tail), trail)
         return head, tail
     return None
-
-
-def is_ground(term: Any) -> bool:
-    """Whether no free variable is inside."""
-    pending = [term]
-    budget = MOST_NODES
-    while pending:
-        budget -= 1
-        if not budget:
-            raise RecursionError("a term is cyclic or too large")
-        term = deref(pending.pop())
-        kind = type(term)
-        if kind is float or kind is str:
-            continue
-        if kind is Var or kind is Open:
-            return False
-        if kind is Literal:
-            if not term.ground:
-                pending.extend(term.args)
-                pending.extend(term.annots)
-        elif kind is List:
-            while type(term) is List and not term.ground:
-                pending.extend(term.items[term.at :])
-                term = deref(term.tail)
-            if type(term) is not List:
-                pending.append(term)
-        elif kind is Expression:
-            pending.extend(term.operands)
-    return True
-
-
-def _looks_ground(term: Any) -> bool:
-    """Whether a flat literal is ground as it stands, found without a walk; notes it in the term."""
-    if type(term) is not Literal:
-        return False
-    for part in (*term.args, *term.annots) if term.annots else term.args:
-        kind = type(part)
-        if kind is not float and kind is not str and not (kind is Literal and part.ground):
-            return False
-    term.ground = True
-    return True
-
-
-class Copier:
-    """Copies terms out of a plan: bound variables become their values, arithmetic its result.
-
-    Free variables become new ones, the same for the same (``fresh``), or stay.
-    """
-
-    __slots__ = ("_fresh", "open")
-
-    def __init__(self, fresh: bool) -> None:
-        self._fresh: dict[Var, Var] | None = {} if fresh else None
-        self.open = False
-        """Whether a free variable was met."""
-
-    def copy(self, term: Any) -> Any:
-        term = deref(term)
-        kind = type(term)
-        if kind is float or kind is str:
-            return term
-        if (kind is Literal or kind is List) and (term.ground or _looks_ground(term)):
-            return term
-        return self._deep(term)
-
-    def _deep(self, term: Any) -> Any:
-        """Copy without recursion: nodes are opened on the way down and built on the way up."""
-        work: list[tuple[Any, bool]] = [(term, False)]
-        done: list[Any] = []
-        opened: list[bool] = []
-        budget = MOST_NODES
-        while work:
-            budget -= 1
-            if not budget:
-                raise RecursionError("a term is cyclic or too large to be copied")
-            node, build = work.pop()
-            if build:
-                self._build(node, done, opened)
-                continue
-            node = deref(node)
-            kind = type(node)
-            if kind is Literal and not node.ground:
-                work.append((node, True))
-                work.extend((a, False) for a in reversed(node.args + node.annots))
-                opened.append(self.open)
-                self.open = False
-            elif kind is List and not node.ground:
-                items, tail = split(node)
-                work.append(((List, len(items), node), True))
-                work.append((tail, False))
-                work.extend((a, False) for a in reversed(items))
-                opened.append(self.open)
-                self.open = False
-            elif kind is Expression:
-                work.append((node, True))
-                work.extend((a, False) for a in reversed(node.operands))
-            else:
-                done.append(self._leaf(node))
-        return done[0]
-
-    def _leaf(self, node: Any) -> Any:
-        if type(node) is Var:
-            self.open = True
-            if self._fresh is None:
-                return node
-            found = self._fresh.get(node)
-            if found is None:
-                found = self._fresh[node] = Var(node.name)
-            return found
-        if type(node) is Code and node.values:
-            return Code(node.syntax, {name: self.copy(v) for name, v in node.values.items()}, node.bare)
-        if type(node) is Rest:
-            self.open = True
-            return Rest(self.copy(node.tail))
-        if type(node) is Open:
-            self.open = True
-            annots = None if node.annots is None else tuple(self.copy(a) for a in node.annots)
-            literal = None if node.literal is None else self.copy(node.literal)
-            return Open(self.copy(node.variable), annots, node.negated, node.namespace, literal)
-        return node
-
-    def _build(self, node: Any, done: list[Any], opened: list[bool]) -> None:
-        if type(node) is Expression:
-            operands = tuple(done[-len(node.operands) :])
-            del done[-len(node.operands) :]
-            computed = calculate(node.operator, operands) if node.operator in ARITHMETIC else None
-            done.append(computed if type(computed) is float else Expression(node.operator, operands))
-            return
-        built: Any
-        if type(node) is Literal:
-            arity, total = len(node.args), len(node.args) + len(node.annots)
-            parts = done[-total:] if total else []
-            if total:
-                del done[-total:]
-            annots = tuple(parts[arity:])
-            built = Literal(node.sig, tuple(parts[:arity]), sorted_annots(annots) if len(annots) > 1 else annots)
-        else:
-            _, count, _ = node
-            parts = done[-count - 1 :]
-            del done[-count - 1 :]
-            built = List(tuple(parts[:-1]), parts[-1])
-        built.ground = not self.open
-        self.open = self.open or opened.pop()
-        done.append(built)
-
-
-def resolve(term: Any) -> Any:
-    """A term without bound variables and without arithmetic that can be computed; free variables stay themselves."""
-    kind = type(term)
-    if kind is float or kind is str or ((kind is Literal or kind is List) and (term.ground or _looks_ground(term))):
-        return term
-    return Copier(fresh=False).copy(term)
-
-
-def resolve_all(terms: tuple[Any, ...]) -> tuple[Any, ...]:
-    return tuple([resolve(t) for t in terms])
-
-
-def detach(terms: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Terms as another intention or agent gets them: resolved, and their free variables new ones of their own."""
-    for term in terms:
-        if type(term) is not float and type(term) is not str:
-            copier = Copier(fresh=True)
-            return tuple([copier.copy(t) for t in terms])
-    return terms
-
-
-def same(left: Any, right: Any) -> bool:
-    """``==``: equality without binding, arithmetic computed. Linked free variables are not equal (rule 25)."""
-    if type(left) is Literal and type(right) is Literal:
-        if left.sig is not right.sig:
-            return False
-        if left is right:
-            return True
-    if type(left) is Var and type(right) is Var and left is not right and type(deref(left)) is Var:
-        return False
-    return equal(resolve(left), resolve(right))

@@ -8,10 +8,12 @@ from typing import Any
 from agentd.language import syntax
 from agentd.language.instantiate import instantiate
 from agentd.language.terms import Code, Literal, Var, atom, deref, make_list
-from agentd.mind.beliefs import RuleClause, with_source
+from agentd.mind.annotations import with_source
+from agentd.mind.beliefs import RuleClause
 from agentd.mind.changes import believe, raise_event
 from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.unifier import Copier, Trail, detach, resolve_all, undo, unify
+from agentd.mind.resolving import Copier, detach, resolve_all
+from agentd.mind.unifier import Trail, undo, unify
 from agentd.stdlib.registry import internal_action
 
 

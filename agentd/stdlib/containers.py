@@ -8,7 +8,8 @@ from typing import Any
 from agentd.language.order import compare, distinct, ordered
 from agentd.language.terms import Collection, Var, deref, make_list, proper
 from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.unifier import Trail, resolve, undo, unify
+from agentd.mind.resolving import resolve
+from agentd.mind.unifier import Trail, undo, unify
 from agentd.stdlib.registry import internal_action
 
 

@@ -11,8 +11,9 @@ from agentd.language.order import compare, distinct, ordered
 from agentd.language.term_text import text
 from agentd.language.terms import EMPTY, Collection, Expression, List, Literal, Var, deref, elements, make_list, proper
 from agentd.mind.failed import Failed, wrong_arguments
+from agentd.mind.resolving import resolve
 from agentd.mind.solve import solve
-from agentd.mind.unifier import Trail, resolve, undo, unify
+from agentd.mind.unifier import Trail, undo, unify
 from agentd.stdlib.registry import internal_action
 
 

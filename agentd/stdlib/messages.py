@@ -7,7 +7,8 @@ from typing import Any
 from agentd.language.terms import List, Literal, deref, proper
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.messages import Question, send
-from agentd.mind.unifier import Copier, Trail
+from agentd.mind.resolving import Copier
+from agentd.mind.unifier import Trail
 from agentd.mind.waiting import milliseconds
 from agentd.stdlib.registry import internal_action
 

@@ -10,7 +10,8 @@ from agentd.language.term_text import printed, text
 from agentd.language.terms import List, Literal, Var, deref, split
 from agentd.mind.effects import Log, Print
 from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.unifier import Trail, resolve, unify
+from agentd.mind.resolving import resolve
+from agentd.mind.unifier import Trail, unify
 from agentd.stdlib.registry import internal_action
 
 

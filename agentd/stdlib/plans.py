@@ -8,10 +8,11 @@ from typing import Any
 from agentd.language import syntax
 from agentd.language.sources import SELF
 from agentd.language.terms import Code, Literal, Var, deref, make_list
-from agentd.mind.beliefs import with_source
+from agentd.mind.annotations import with_source
 from agentd.mind.code_terms import parts_of, trigger_literal
 from agentd.mind.plan_terms import add_plans, plans_for, read_trigger, relevant_plans, remove_plans, term_of
-from agentd.mind.unifier import Trail, detach, resolve, resolve_all, undo, unify
+from agentd.mind.resolving import detach, resolve, resolve_all
+from agentd.mind.unifier import Trail, undo, unify
 from agentd.stdlib.registry import internal_action
 
 _MYSELF = SELF[0].args[0]

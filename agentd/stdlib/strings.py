@@ -10,7 +10,8 @@ from agentd.language.instantiate import instantiate
 from agentd.language.term_text import text
 from agentd.language.terms import EMPTY, Collection, List, Literal, Var, atom, deref, make_list, proper, split
 from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.unifier import Trail, resolve, undo, unify
+from agentd.mind.resolving import resolve
+from agentd.mind.unifier import Trail, undo, unify
 from agentd.stdlib.registry import function, internal_action
 
 

@@ -8,7 +8,8 @@ from agentd.language.sources import is_source
 from agentd.language.terms import Literal, atom, deref
 from agentd.mind.effects import StopTeam
 from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.unifier import Trail, resolve_all, unify
+from agentd.mind.resolving import resolve_all
+from agentd.mind.unifier import Trail, unify
 from agentd.stdlib.registry import internal_action
 
 

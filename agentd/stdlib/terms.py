@@ -10,7 +10,8 @@ from agentd.language.order import sorted_annots
 from agentd.language.sources import is_source, source
 from agentd.language.terms import EMPTY, Code, Collection, List, Literal, Var, atom, deref, make_list, proper
 from agentd.mind.failed import Failed
-from agentd.mind.unifier import Copier, Trail, is_ground, resolve, undo, unify, value
+from agentd.mind.resolving import Copier, is_ground, resolve
+from agentd.mind.unifier import Trail, undo, unify, value
 from agentd.stdlib.registry import ACTIONS, internal_action
 
 

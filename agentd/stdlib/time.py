@@ -70,7 +70,7 @@ def at(mind: Any, trail: Trail, when: Any, trigger: Any) -> bool:
     """``.at("now +N unit", {trigger})``: raises the event then; it carries no source."""
     from agentd.mind.code_terms import trigger_literal
     from agentd.mind.plan_terms import read_trigger
-    from agentd.mind.unifier import detach, resolve_all
+    from agentd.mind.resolving import detach, resolve_all
 
     written = deref(when)
     match = _AT.match(written) if type(written) is str else None

@@ -12,7 +12,7 @@ from agentd.bridge import BridgeWatch
 from agentd.perceiving import Perceiving
 from commd.bus import Bus, Query
 from schemas import keys
-from schemas.records import Action, ActionStatus, Perception
+from schemas.records import Action, ActionStatus, Cancel, Perception
 from tests.support.buses import FLEET, Connect, on_a_bus, until
 
 Served = Callable[[Query[Action]], Awaitable[None]]
@@ -136,5 +136,63 @@ def test_a_status_does_not_wait_for_ever_for_a_percept_that_was_lost(endpoint: s
         status = await acting.perform("uav:b:1", "takeoff", (5,), 10)
         assert status.state == "succeeded"
         assert perceiving.counters["late"] == 1
+
+    on_a_bus(endpoint, body)
+
+
+def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_not_asked_for_again(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agentd.acting.RETRY", 0.5)
+    begun: list[str] = []
+
+    async def begin(query: Query[Action]) -> None:
+        assert query.record is not None
+        begun.append(query.record.id)
+        query.reply(ActionStatus(id=query.record.id, state="succeeded", result=True))
+
+    async def know_nothing(query: Query[Cancel]) -> None:
+        assert query.record is not None
+        query.reply(ActionStatus(id=query.record.id, state="refused", result=False, reason="no such action"))
+
+    async def body(connect: Connect) -> None:
+        acting, _, bridge, _ = await act(connect, None)
+        performing = asyncio.create_task(acting.perform("uav:b:1", "takeoff", (5,), 30))
+        await until(lambda: acting.counters["asked_again"] > 0, "the first attempt reached nobody")
+        bridge.serve(keys.cancel(FLEET, "uav"), Cancel, know_nothing)
+        bridge.serve(keys.action(FLEET, "uav", "*"), Action, begin)
+        await acting.cancel("uav:b:1")
+        status = await asyncio.wait_for(performing, 20)
+        assert (status.state, begun) == ("cancelled", [])
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(endpoint: str) -> None:
+    asked: list[str] = []
+
+    async def turn_away_once(query: Query[Cancel]) -> None:
+        assert query.record is not None
+        asked.append(query.record.id)
+        if len(asked) == 1:
+            query.reply_error("busy: too many queries at once")
+        else:
+            query.reply(ActionStatus(id=query.record.id, state="cancelled", result=False))
+
+    async def body(connect: Connect) -> None:
+        acting, _, bridge, _ = await act(connect, None)
+        bridge.serve(keys.cancel(FLEET, "uav"), Cancel, turn_away_once)
+        await acting.cancel("uav:b:1")
+        assert asked == ["uav:b:1", "uav:b:1"]
+
+    on_a_bus(endpoint, body)
+
+
+def test_an_argument_that_no_wire_carries_fails_the_action_at_once(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        acting, *_ = await act(connect, None)
+        status = await asyncio.wait_for(acting.perform("uav:b:1", "set_mode", ("\ud800",), 30), 5)
+        assert status.state == "failed"
+        assert status.reason.startswith("cannot be sent: Action:")
 
     on_a_bus(endpoint, body)

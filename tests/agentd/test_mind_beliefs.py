@@ -10,7 +10,8 @@ from agentd.language.parser import parse_formula
 from agentd.language.signatures import signature
 from agentd.language.term_text import text
 from agentd.language.terms import Var
-from agentd.mind.beliefs import BeliefBase, with_source
+from agentd.mind.annotations import with_source
+from agentd.mind.beliefs import BeliefBase
 from agentd.mind.inputs import PerceptAdded, PerceptRemoved, PerceptReplaced
 from tests.agentd.minds import run, term
 

@@ -83,7 +83,12 @@ def test_a_context_of_fifty_literals_compiles() -> None:
 
 
 def test_a_cyclic_term_fails_the_plan_that_stores_it_and_hangs_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in ("agentd.language.terms", "agentd.language.term_text", "agentd.mind.unifier"):
+    for module in (
+        "agentd.language.terms",
+        "agentd.language.term_text",
+        "agentd.mind.unifier",
+        "agentd.mind.resolving",
+    ):
         monkeypatch.setattr(f"{module}.MOST_NODES", 10_000)
     world = run("!s. +!s <- X = f(X); .print(cyclic); +b(X). -!s <- .print(handled).")
     assert world.prints == ["cyclic", "handled"]
