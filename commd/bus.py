@@ -93,7 +93,7 @@ class Bus:
     ) -> None:
         self.fleet, self.name, self.daemon, self.boot, self.wire = fleet, name, daemon, boot, wire
         self.counters: Counter[str] = Counter()
-        """dropped, bad_input, unknown_fields, replies_lost, puts_lost: what did not get through, so far."""
+        """dropped, bad_input, unknown_fields, unsendable, replies_lost, puts_lost: what did not get through so far."""
         self._session = session
         self._stamp = stamp
         self._loop = asyncio.get_running_loop()
@@ -123,14 +123,20 @@ class Bus:
         return Header(seq=self._seq[source, stream], stamp=self._stamp(), source=source, boot=self.boot)
 
     def put(self, key: str, record: Record) -> None:
-        """Publish a record; lost without a word if the router is away, so only for what is repaired or repeated."""
+        """Publish a record; lost without a word if the router is away, so only for what is repaired or repeated.
+
+        What cannot be encoded is told in the log and counted.
+        """
         made = codec(type(record))
         try:
+            payload = made.encode(record, self.wire)
+        except BadRecord as bad:
+            self.counters["unsendable"] += 1
+            log.error("unsendable key=%s count=%d %s", key, self.counters["unsendable"], bad)
+            return
+        try:
             self._session.put(
-                key,
-                made.encode(record, self.wire),
-                encoding=made.encoding(self.wire),
-                congestion_control=zenoh.CongestionControl.DROP,
+                key, payload, encoding=made.encoding(self.wire), congestion_control=zenoh.CongestionControl.DROP
             )
         except zenoh.ZError as error:
             self.counters["puts_lost"] += 1

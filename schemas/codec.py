@@ -37,11 +37,13 @@ class Codec(Generic[R]):
         return f"{MEDIA[wire]};argosy.{self.record.__name__}/{VERSION}"
 
     def encode(self, record: R, wire: Wire = "json") -> bytes:
-        """Return the bytes of `record`. Raises BadRecord for terms that are nested too deeply to send."""
+        """Return the bytes of `record`. Raises BadRecord for what cannot be sent: too deep, too big, no Unicode."""
         try:
             return _JSON.encode(record) if wire == "json" else _MSGPACK.encode(record)
         except RecursionError:
             raise BadRecord(f"{self.record.__name__}: nested too deeply to send") from None
+        except (UnicodeEncodeError, OverflowError, TypeError) as error:
+            raise BadRecord(f"{self.record.__name__}: {error}") from None
 
     def decode(self, payload: bytes, encoding: str = "") -> R:
         """Return the record that `payload` holds; no encoding means JSON, for what people send by hand.
