@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from agentd.language import syntax
 from agentd.language.compile_formula import FormulaCompiler
-from agentd.language.compile_terms import Scope, _tuple, is_plain_variable, variables
-from agentd.language.emit import Function, Ref
+from agentd.language.compile_terms import Scope
+from agentd.language.emit import Function, Ref, tuple_of
 from agentd.language.signatures import signature
 from agentd.language.syntax import Operator
+from agentd.language.variables import is_plain_variable, variables
 
 if TYPE_CHECKING:
     from agentd.language.compile_plan import PlanCode
@@ -150,7 +151,7 @@ class _StepWriter:
     def _literal(self, term: syntax.Structure) -> tuple[str, str, Scope]:
         """Expressions for arguments and event annotations of a literal, and the scope with its new variables."""
         scope = self.use(term)
-        args = _tuple([self.compiler.build(arg, scope) for arg in term.args])
+        args = tuple_of([self.compiler.build(arg, scope) for arg in term.args])
         return args, self.compiler.event_annots(term.annotations, scope), scope
 
     def _dynamic(self, call: str, term: Any) -> None:
@@ -182,7 +183,7 @@ class _StepWriter:
             self.became(scope)
 
     def _relevant(self, operator: str, goal: str, term: syntax.Structure) -> str:
-        from agentd.language.compile_terms import signature_of
+        from agentd.language.constants import signature_of
 
         return self.constant(Ref("relevant", (operator, goal, signature_of(term))))
 
@@ -191,7 +192,7 @@ class _StepWriter:
         self.compiler.formula(term, scope, self._succeed)
         if isinstance(term, syntax.Structure) and not isinstance(term.namespace, syntax.Variable):
             after = dict(scope)
-            args = _tuple([self.compiler.build(arg, after) for arg in term.args])
+            args = tuple_of([self.compiler.build(arg, after) for arg in term.args])
             annots = self.compiler.event_annots(term.annotations, after)
             relevant = self._relevant("+", "?", term)
             self.function.emit(f"r = test_event(m, i, {relevant}, {args}, {annots})")
@@ -255,7 +256,7 @@ class _StepWriter:
         if action is None:
             self.body.library.unknown_action(term)
             sig = self.constant(signature(name, arity))
-            args = _tuple([self.compiler.build(arg, scope) for arg in term.args])
+            args = tuple_of([self.compiler.build(arg, scope) for arg in term.args])
             self.store(scope)
             self.function.emit(f"return perform(m, i, Literal({sig}, {args}))")
             self.became(scope)
@@ -283,7 +284,7 @@ class _StepWriter:
         if not isinstance(term, syntax.Structure) or isinstance(term.namespace, syntax.Variable):
             self._dynamic(f"change_term(m, i, {self.constant(operator.value)}, {{}})", term)
             return
-        from agentd.language.compile_terms import signature_of
+        from agentd.language.constants import signature_of
 
         args, annots, scope = self._literal(term)
         predicate = self.constant(Ref("predicate", signature_of(term)))
@@ -317,7 +318,7 @@ class _StepWriter:
                 parts.append(built)
             else:
                 parts.append(f"{built} if type({built}) is float else resolve({built})")
-        return _tuple(parts)
+        return tuple_of(parts)
 
     # --- waiting and control ---
 
@@ -425,7 +426,7 @@ class _StepWriter:
 
         def take(inner: Scope) -> None:
             parts = [f"resolve({inner[name]})" if name in inner else "None" for name in new]
-            facts = f"present({_tuple(rows)})" if rows else "()"
+            facts = f"present({tuple_of(rows)})" if rows else "()"
             self.function.emit(f"{found}.append(({', '.join([*parts, facts])},))")
 
         self.compiler.formula(formula.condition, scope, take)
@@ -477,7 +478,7 @@ class _StepWriter:
             firsts.append(self.body.body(block, bound, join))
             for name in bound:
                 self.bound.setdefault(name, False)
-        steps = _tuple([self.step(first) for first in firsts])
+        steps = tuple_of([self.step(first) for first in firsts])
         self.function.emit(f"return fork(m, i, f, {self.constant(formula.operator)}, {steps})")
         self.finish()
 

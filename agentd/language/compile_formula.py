@@ -10,18 +10,13 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language import syntax
-from agentd.language.compile_terms import (
-    Next,
-    Scope,
-    TermCompiler,
-    _targets,
-    _tuple,
-    is_constant,
-    is_plain_variable,
-    signature_of,
-    variables,
-)
-from agentd.language.emit import Function, Ref
+from agentd.language.compile_match import Next
+from agentd.language.compile_queries import QUERIES
+from agentd.language.compile_relation import RelationCompiler
+from agentd.language.compile_terms import Scope
+from agentd.language.constants import is_constant, signature_of
+from agentd.language.emit import Function, Ref, targets_of, tuple_of
+from agentd.language.variables import is_plain_variable, variables
 
 _MAX_LOOPS = 8
 """So deep loops nest in one function; beyond, a generator takes over."""
@@ -29,10 +24,8 @@ _MAX_INDENT = 40
 _MOST_CONJUNCTS = 6
 """A longer conjunction is split into generators."""
 
-_COMPARISONS = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "==": "==", "\\==": "!="}
 
-
-class FormulaCompiler(TermCompiler):
+class FormulaCompiler(RelationCompiler):
     """Writes formulas into one function, which has the locals ``m`` (the mind) and ``trail``."""
 
     rows: list[str] | None = None
@@ -57,7 +50,7 @@ class FormulaCompiler(TermCompiler):
             case syntax.Not(operand=operand):
                 self._not(operand, scope, then)
             case syntax.Relation():
-                self._relation(node, scope, then)
+                self.relation(node, scope, then)
             case syntax.InternalAction():
                 self._internal_action(node, scope, then)
             case syntax.Structure(functor="true", args=()):
@@ -72,17 +65,17 @@ class FormulaCompiler(TermCompiler):
     def _apart(self, node: Any, scope: Scope, then: Next) -> None:
         """Make the formula a generator that yields the values of the variables it binds."""
         new = [name for name in variables(node) if name not in scope]
-        name = self._helper(node, scope, new, "yield")
-        self.binds = True
+        name = self.helper(node, scope, new, "yield")
         targets = [self.function.local() for _ in new]
-        call = f"{name}({', '.join(['m', 'trail', *self._passed(node, scope)])})"
-        with self.function.block(f"for {_targets(targets) if targets else '_'} in {call}:"):
+        call = f"{name}({', '.join(['m', 'trail', *self.passed(node, scope)])})"
+        with self.function.block(f"for {targets_of(targets) if targets else '_'} in {call}:"):
             then({**scope, **dict(zip(new, targets, strict=True))})
 
-    def _passed(self, node: Any, scope: Scope) -> list[str]:
+    def passed(self, node: Any, scope: Scope) -> list[str]:
+        """The locals that a function of its own gets for the variables of a formula."""
         return [scope[name] for name in variables(node) if name in scope]
 
-    def _helper(self, node: Any, scope: Scope, new: list[str], verb: str) -> str:
+    def helper(self, node: Any, scope: Scope, new: list[str], verb: str) -> str:
         """A function of its own for a formula; ``verb`` says what it does at a success."""
         name = self.unit.name("h")
         known = [v for v in variables(node) if v in scope]
@@ -94,7 +87,7 @@ class FormulaCompiler(TermCompiler):
         def succeed(found: Scope) -> None:
             if verb == "yield":
                 out = [inner.build(syntax.Variable(v), dict(found)) for v in new]
-                function.emit(f"yield {_tuple(out) if out else 'None'}")
+                function.emit(f"yield {tuple_of(out) if out else 'None'}")
             else:
                 function.emit("return True")
 
@@ -113,8 +106,8 @@ class FormulaCompiler(TermCompiler):
         return name
 
     def _not(self, operand: Any, scope: Scope, then: Next) -> None:
-        name = self._helper(operand, scope, [], "return True")
-        call = f"{name}({', '.join(['m', 'trail', *self._passed(operand, scope)])})"
+        name = self.helper(operand, scope, [], "return True")
+        call = f"{name}({', '.join(['m', 'trail', *self.passed(operand, scope)])})"
         mark = self.function.assign("len(trail)", "t")
         with self.function.block(f"if not {call}:"):
             then(scope)
@@ -128,9 +121,9 @@ class FormulaCompiler(TermCompiler):
         predicate = self.constant(Ref("predicate", signature_of(node)))
         given = [self._given(arg, scope) for arg in node.args]
         mode = self.constant(_shared_mode(tuple(g is not None for g in given)))
-        values = _tuple([g or "None" for g in given])
+        values = tuple_of([g or "None" for g in given])
         rows = [self.function.local("r") for _ in node.args]
-        targets = _targets(rows) if rows else "_"
+        targets = targets_of(rows) if rows else "_"
         annotated = node.annotations is not None and (node.annotations.items or node.annotations.tail)
         mark = self.function.assign("len(trail)", "t")
         if annotated:
@@ -153,7 +146,7 @@ class FormulaCompiler(TermCompiler):
                 then(inner)
 
         if self.rows is not None:
-            self.rows.append(f"({predicate}, {_tuple(rows)})")
+            self.rows.append(f"({predicate}, {tuple_of(rows)})")
         with self.function.block(head):
             self._match_row(list(zip(node.args, given, rows, strict=True)), scope, found)
             if rows or annotated:
@@ -192,7 +185,6 @@ class FormulaCompiler(TermCompiler):
             return
         inner = dict(scope)
         built = self.pattern_annots(pattern, inner)
-        self.binds = True
         with self.function.block(f"for _ in subsets({built}, {annots}, trail):"):
             then(self.settled(scope, inner))
 
@@ -200,85 +192,12 @@ class FormulaCompiler(TermCompiler):
         """A formula that only the run knows: a variable, or a literal in a namespace that is a variable."""
         inner = dict(scope)
         built = self.function.assign(self.build(node, inner))
-        self.binds = True
         with self.function.block(f"for _ in solve(m, {built}, trail):"):
             then(self.settled(scope, inner))
-
-    # --- relations ---
-
-    def _relation(self, node: syntax.Relation, scope: Scope, then: Next) -> None:
-        if node.operator == "=":
-            self.linking = True
-            self._unification(node.left, node.right, scope, then)
-            self.linking = False
-        elif node.operator == "=..":
-            inner = dict(scope)
-            left, right = self.build(node.left, inner), self.build(node.right, inner)
-            self.binds = True
-            with self.function.block(f"if univ({left}, {right}, trail):"):
-                then(self.settled(scope, inner))
-        else:
-            inner = dict(scope)
-            test = self._comparison(node, inner)
-            with self.function.block(f"if {test}:"):
-                then(inner)
-
-    def _comparison(self, node: syntax.Relation, scope: Scope) -> str:
-        left = self.function.assign(self.build(node.left, scope))
-        right = self.function.assign(self.build(node.right, scope))
-        operator = _COMPARISONS[node.operator]
-        if node.operator in ("==", "\\=="):
-            slow = f"{'' if operator == '==' else 'not '}same({left}, {right})"
-        else:
-            slow = f"order({left}, {right}) {operator} 0"
-        checks = [
-            f"type({name}) is float"
-            for name, part in ((left, node.left), (right, node.right))
-            if not isinstance(part, syntax.Number)
-        ]
-        return f"({left} {operator} {right} if {' and '.join(checks) or 'True'} else {slow})"
-
-    def _unification(self, left: Any, right: Any, scope: Scope, then: Next) -> None:
-        if self._is_new(left, scope) and self._is_new(right, scope) and not (left.anonymous or right.anonymous):
-            # Linked free variables are not == (rule 25): each has a cell of its own.
-            inner = dict(scope)
-            linked, other = self.build(left, inner), self.build(right, inner)
-            if linked != other:
-                self.function.emit(f"{linked}.ref = {other}")
-            then(inner)
-            return
-        if self._is_new(left, scope) and not _qualified(right):
-            inner = dict(scope)
-            value = self.function.assign(self.build(right, inner))
-            if left.anonymous:
-                then(inner)
-                return
-            self.match(left, value, inner, then)
-            return
-        if self._is_new(right, scope) and not _qualified(left):
-            inner = dict(scope)
-            value = self.function.assign(self.build(left, inner))
-            self.match(right, value, inner, then)
-            return
-        if all(name in scope for name in variables(right)):
-            value = self.function.assign(self.build(right, dict(scope)))
-            self.match(left, value, scope, then)
-            return
-        inner = dict(scope)
-        built = self.build(left, inner), self.build(right, inner)
-        self.binds = True
-        with self.function.block(f"if unify({built[0]}, {built[1]}, trail):"):
-            then(self.settled(scope, inner))
-
-    @staticmethod
-    def _is_new(node: Any, scope: Scope) -> bool:
-        return is_plain_variable(node) and (node.anonymous or node.name not in scope)
 
     # --- internal actions ---
 
     def _internal_action(self, node: syntax.InternalAction, scope: Scope, then: Next) -> None:
-        from agentd.language.compile_queries import QUERIES
-
         special = QUERIES.get((node.name, len(node.args)))
         if special is not None and special(self, node, scope, then):
             return
@@ -292,7 +211,6 @@ class FormulaCompiler(TermCompiler):
             return
         inner = dict(scope)
         args = "".join(f", {self.build(arg, inner)}" for arg in node.args)
-        self.binds = True
         if action.backtracks:
             function = self.constant(action.guarded())
             with self.function.block(f"for _ in {function}(m, trail{args}):"):
@@ -320,10 +238,6 @@ def _conjunction(parts: list[Any]) -> Any:
     for part in parts[1:]:
         node = syntax.And(node, part)
     return node
-
-
-def _qualified(node: Any) -> bool:
-    return getattr(node, "namespace", None) is not None
 
 
 def _can_be_given(node: Any) -> bool:

@@ -12,8 +12,9 @@ from typing import Any
 from agentd.language import syntax
 from agentd.language.compile_body import BodyCompiler
 from agentd.language.compile_formula import FormulaCompiler
-from agentd.language.compile_terms import Scope, is_plain_variable, variables
+from agentd.language.compile_terms import Scope
 from agentd.language.emit import Function, Ref, Unit
+from agentd.language.variables import is_plain_variable, variables
 
 FRAME_HEADER = 6
 """So many places of a frame come before its variables; see `agentd.mind.frames`."""

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 from agentd.language import syntax
-from agentd.language.compile_terms import Next, Scope
+from agentd.language.compile_match import Next
+from agentd.language.compile_terms import Scope
 
 if TYPE_CHECKING:
     from agentd.language.compile_formula import FormulaCompiler
@@ -81,9 +82,9 @@ def _count(compiler: FormulaCompiler, node: syntax.InternalAction, scope: Scope,
 def _eval(compiler: FormulaCompiler, node: syntax.InternalAction, scope: Scope, then: Next) -> bool:
     if not is_query(node.args[1], scope):
         return False
-    name = compiler._helper(node.args[1], scope, [], "return True")
+    name = compiler.helper(node.args[1], scope, [], "return True")
     mark = compiler.function.assign("len(trail)", "t")
-    call = f"{name}({', '.join(['m', 'trail', *compiler._passed(node.args[1], scope)])})"
+    call = f"{name}({', '.join(['m', 'trail', *compiler.passed(node.args[1], scope)])})"
     result = compiler.function.assign(f"TRUE if {call} else FALSE")
     compiler.function.emit(f"undo(trail, {mark})")
     compiler.match(node.args[0], result, scope, then)

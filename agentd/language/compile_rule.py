@@ -6,8 +6,8 @@ from typing import Any
 
 from agentd.language import syntax
 from agentd.language.compile_formula import FormulaCompiler
-from agentd.language.compile_terms import Scope, _tuple
-from agentd.language.emit import Function, Unit
+from agentd.language.compile_terms import Scope
+from agentd.language.emit import Function, Unit, tuple_of
 
 
 def compile_rule(rule: syntax.Rule, mode: tuple[bool, ...], library: Any, values: dict[str, Any]) -> Unit:
@@ -33,7 +33,7 @@ def compile_rule(rule: syntax.Rule, mode: tuple[bool, ...], library: Any, values
         ]
         if annotated:
             out.append(compiler.annots(head.annotations, inner))
-        function.emit(f"yield {_tuple(out) if out else '()'}")
+        function.emit(f"yield {tuple_of(out) if out else '()'}")
 
     given = [(arg, name) for arg, name, known in zip(head.args, parameters, mode, strict=False) if known]
     compiler.match_all(given, scope, lambda inner: compiler.formula(rule.body, inner, answer))

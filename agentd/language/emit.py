@@ -123,3 +123,13 @@ class Function:
         if len(lines) == 1:
             lines.append("    pass")
         return "\n".join(lines)
+
+
+def tuple_of(parts: list[str]) -> str:
+    """The display of a tuple."""
+    return f"({', '.join(parts)}{',' if len(parts) == 1 else ''})"
+
+
+def targets_of(names: list[str]) -> str:
+    """The left side that takes a tuple apart; there is at least one name."""
+    return f"({names[0]},)" if len(names) == 1 else ", ".join(names)

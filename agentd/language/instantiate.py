@@ -9,7 +9,7 @@ from agentd.language import syntax
 from agentd.language.numbers import OPERATIONS, UndefinedNumber
 from agentd.language.order import sorted_annots
 from agentd.language.signatures import DEFAULT, signature
-from agentd.language.terms import EMPTY, Code, Expression, Literal, Open, Var, deref, make_list
+from agentd.language.terms import EMPTY, Code, Expression, Literal, Open, Var, deref, elements, make_list
 
 Functions = Mapping[tuple[str, int], Callable[..., Any]]
 """Functions by name and arity, as ``math.max`` with 2; each takes terms and returns one, or None for no value."""
@@ -68,8 +68,6 @@ class Instantiation:
             return ()
         found, end = [self.term(item) for item in node.items], node.tail
         if end is not None:
-            from agentd.language.terms import elements
-
             found.extend(elements(self.term(end)))
         return sorted_annots(found)
 

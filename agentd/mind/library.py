@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from agentd.language import syntax
-from agentd.language.compile_terms import constant_term
+from agentd.language.constants import constant_term
 from agentd.stdlib import registry
 from agentd.stdlib.registry import InternalAction, find_action
 

@@ -182,7 +182,7 @@ class Mind:
 
     def add_rule(self, rule: syntax.Rule, values: dict[str, Any], last: bool = False) -> None:
         """Believe a rule, before the other clauses of its predicate or after them."""
-        from agentd.language.compile_terms import signature_of
+        from agentd.language.constants import signature_of
 
         clause = RuleClause(rule, self._compile_rule, values)
         self.beliefs.predicate(signature_of(rule.head)).add_rule(clause, last)
@@ -190,7 +190,7 @@ class Mind:
 
     def remove_rule(self, rule: syntax.Rule) -> None:
         """Forget the first rule that is written so."""
-        from agentd.language.compile_terms import signature_of
+        from agentd.language.constants import signature_of
 
         predicate = self.beliefs.predicate(signature_of(rule.head))
         for entry in list(predicate.entries):

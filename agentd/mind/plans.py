@@ -7,7 +7,7 @@ from typing import Any
 
 from agentd.language import syntax
 from agentd.language.compile_plan import FRAME_HEADER, PlanCode, compile_fragment, compile_plan
-from agentd.language.compile_terms import signature_of
+from agentd.language.constants import signature_of
 from agentd.language.emit import Ref
 from agentd.language.instantiate import Instantiation
 from agentd.language.signatures import DEFAULT, Signature, signature

@@ -1,0 +1,113 @@
+"""Generates Python that matches values against patterns: unification with one side known when it is written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+from agentd.language import syntax
+from agentd.language.compile_terms import Scope, TermCompiler
+from agentd.language.constants import is_constant, signature_of
+from agentd.language.emit import targets_of
+from agentd.language.variables import is_plain_variable
+
+Next: TypeAlias = Callable[[Scope], None]
+"""Writes what comes after a success, with the variables known there."""
+
+
+class MatchCompiler(TermCompiler):
+    """Writes matches into one function, which has the local ``trail``."""
+
+    def match(self, node: syntax.Term, value: str, scope: Scope, then: Next) -> None:
+        """Write the unification of a pattern with a value (a local), the pattern being the left side."""
+        if is_plain_variable(node):
+            assert isinstance(node, syntax.Variable)
+            if node.anonymous:
+                then(scope)
+            elif node.name not in scope:
+                then({**scope, node.name: value})
+            else:
+                self._match_known(scope[node.name], value, scope, then)
+            return
+        if is_constant(node):
+            self._match_constant(node, value, scope, then)
+        elif type(node) is syntax.Structure and self._is_plain_structure(node):
+            self._match_structure(node, value, scope, then)
+        elif type(node) is syntax.ListTerm:
+            self._match_list(node, value, scope, then)
+        else:
+            self.match_built(node, value, scope, then)
+
+    def match_built(self, node: syntax.Term, value: str, scope: Scope, then: Next) -> None:
+        """Build the pattern as a term and unify."""
+        inner = dict(scope)
+        built = self.build(node, inner)
+        with self.function.block(f"if unify({built}, {value}, trail):"):
+            then(self.settled(scope, inner))
+
+    def settled(self, before: Scope, after: Scope) -> Scope:
+        """The scope after a unification: cells made for it are read, so that what follows sees plain values."""
+        settled = dict(after)
+        for name, local in after.items():
+            if name not in before:
+                settled[name] = self.function.assign(f"deref({local})")
+        return settled
+
+    def _is_plain_structure(self, node: syntax.Structure) -> bool:
+        return (
+            node.annotations is None
+            and not isinstance(node.namespace, syntax.Variable)
+            and not self.library.is_function(node.functor, len(node.args))
+        )
+
+    def _match_known(self, known: str, value: str, scope: Scope, then: Next) -> None:
+        if known == value:
+            then(scope)
+            return
+        both = f"type({known}) is float and type({value}) is float"
+        with self.function.block(f"if ({known} == {value} if {both} else unify({known}, {value}, trail)):"):
+            then(scope)
+
+    def _match_constant(self, node: Any, value: str, scope: Scope, then: Next) -> None:
+        inner = dict(scope)
+        constant = self.function.assign(self.build(node, inner))
+        if isinstance(node, syntax.Structure | syntax.ListTerm):
+            test = f"{value} is {constant} or (type({value}) is not float and unify({constant}, {value}, trail))"
+        else:
+            kind = "str" if isinstance(node, syntax.String) else "float"
+            test = f"{value} == {constant} or (type({value}) is not {kind} and unify({constant}, {value}, trail))"
+        with self.function.block(f"if {test}:"):
+            then(scope)
+
+    def _match_structure(self, node: syntax.Structure, value: str, scope: Scope, then: Next) -> None:
+        sig = self.constant(signature_of(node))
+        args = self.function.assign(
+            f"{value}.args if type({value}) is Literal and {value}.sig is {sig}"
+            f" else open_structure({value}, {sig}, trail)"
+        )
+        with self.function.block(f"if {args} is not None:"):
+            locals_ = [self.function.local() for _ in node.args]
+            self.function.emit(f"{targets_of(locals_)} = {args}")
+            self.match_all(list(zip(node.args, locals_, strict=True)), scope, then)
+
+    def _match_list(self, node: syntax.ListTerm, value: str, scope: Scope, then: Next) -> None:
+        if not node.items:
+            self.match_built(node, value, scope, then)
+            return
+        pair = self.function.assign(f"open_list({value}, trail)")
+        with self.function.block(f"if {pair} is not None:"):
+            head, rest = self.function.local(), self.function.local()
+            self.function.emit(f"{head}, {rest} = {pair}")
+            if len(node.items) > 1:
+                others: Any = syntax.ListTerm(node.items[1:], node.tail)
+            else:
+                others = syntax.ListTerm() if node.tail is None else node.tail
+            self.match_all([(node.items[0], head), (others, rest)], scope, then)
+
+    def match_all(self, pairs: list[tuple[Any, str]], scope: Scope, then: Next) -> None:
+        """Match several patterns one after the other."""
+        if not pairs:
+            then(scope)
+            return
+        (node, value), others = pairs[0], pairs[1:]
+        self.match(node, value, scope, lambda inner: self.match_all(others, inner, then))
