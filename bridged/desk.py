@@ -23,10 +23,10 @@ FEEDBACK_EVERY = 1.0
 MAX_RUNNING = 8
 """Actions that may run at once, counted over all agents."""
 MAX_FOLLOWERS = 16
-"""Queries that may wait for the end of one action."""
+"""Queries that may wait for the end of one action; the newest: an asker whose link flaps has given up the others."""
 
-Follower = Callable[[ActionStatus], None]
-"""Called with each status of an action from now on; the last one is final."""
+Follower = Callable[[ActionStatus | None], None]
+"""Called with each status of an action from now on; the last one is final, or None if a newer asker took the place."""
 log = logging.getLogger("actions")
 
 
@@ -72,6 +72,11 @@ class ActionDesk:
         self._jobs: dict[str, _Job] = {}
         self._seq = 0
         self._by_hand = 0
+
+    @property
+    def arming(self) -> bool:
+        """Whether an action is under way that may have armed the robot without its state showing it yet."""
+        return any(job.entry.confirm == "armed" for job in self._jobs.values())
 
     @property
     def running(self) -> list[str]:
@@ -138,8 +143,9 @@ class ActionDesk:
         job = self._jobs.get(request.id)
         if job is not None:
             follower(job.status)
-            if len(job.followers) < MAX_FOLLOWERS:
-                job.followers.append(follower)
+            if len(job.followers) >= MAX_FOLLOWERS:
+                job.followers.pop(0)(None)
+            job.followers.append(follower)
             return True
         if not self._ledger.knows(request.id):
             return False
@@ -167,8 +173,10 @@ class ActionDesk:
         try:
             self._ledger.begin(action.id)
         except OSError as error:
-            self._refuse(action, f"its id cannot be kept on disk: {error.strerror}", follower)
-            return
+            if not entry.supersedes:
+                self._refuse(action, f"its id cannot be kept on disk: {error.strerror}", follower)
+                return
+            log.error("the id of %s cannot be kept on disk: %s", action.id, error.strerror)  # a way down must stay
         for other in self._superseded(entry):
             self._end(other, Outcome("cancelled", f"superseded by {action.name} of {action.agent}"), hold=False)
         self.holder = action.agent

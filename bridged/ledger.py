@@ -75,8 +75,9 @@ class Ledger:
         if sync:
             os.fsync(self._file.fileno())
         if self._file.tell() > REWRITE_AT:
-            self._file.close()
+            before = self._file
             self._rewrite()
+            before.close()
 
     def _remember(self, entry: Entry) -> None:
         self._entries.pop(entry.id, None)
@@ -100,12 +101,13 @@ class Ledger:
                 continue
 
     def _rewrite(self) -> None:
-        """Write what is remembered into a new file and put it in the place of the old one."""
+        """Write what is remembered into a new file and put it in the place of the old one, which stays on an error."""
         fresh = self.path.with_suffix(".new")
         with fresh.open("wb") as file:
             for entry in self._entries.values():
                 file.write(msgspec.json.encode(entry) + b"\n")
             file.flush()
             os.fsync(file.fileno())
+        now = fresh.open("ab")
         fresh.replace(self.path)
-        self._file = self.path.open("ab")
+        self._file = now

@@ -10,7 +10,9 @@ import math
 from collections.abc import Iterable
 
 AGENT_GRACE = 1.0
-"""Wall seconds for which a token must be missing while the router answers; a router's restart takes 0.3 s."""
+"""Wall seconds for which a token must be missing while the router answers."""
+ROUTER_GRACE = 5.0
+"""Wall seconds that an agent has to come back after the router did: each daemon reconnects at its own pace."""
 BUS_GRACE = 5.0
 """Wall seconds without a router after which the agents count as lost: nobody could tell the robot anything."""
 
@@ -52,5 +54,9 @@ class Presence:
         return {
             agent: "its token is gone"
             for agent, since in self._absent_since.items()
-            if wall - max(since, self._router_since) >= AGENT_GRACE
+            if wall - since >= AGENT_GRACE and (since > self._router_since or wall - self._router_since >= ROUTER_GRACE)
         }
+
+    def anybody(self) -> bool:
+        """Whether any agent is there, or may be as far as is known without a router."""
+        return not self._router_up or any(self._tokens.values())

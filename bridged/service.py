@@ -64,9 +64,9 @@ class Service:
             self._describe(agent, query)
             return
         name = query.key.rpartition("/")[2]
-        statuses: asyncio.Queue[ActionStatus] = asyncio.Queue()
+        statuses: asyncio.Queue[ActionStatus | None] = asyncio.Queue()
 
-        def follow(status: ActionStatus) -> None:
+        def follow(status: ActionStatus | None) -> None:
             if statuses.qsize() >= MAX_STATUSES:
                 statuses.get_nowait()
                 self.left_out += 1
@@ -74,9 +74,10 @@ class Service:
 
         desk.ask(agent, name, query.record, follow)
         async with asyncio.timeout(FOLLOW_AT_MOST):
-            while not (status := await statuses.get()).final:
+            while (status := await statuses.get()) is not None:
                 query.reply(status)
-        query.reply(status)
+                if status.final:
+                    return
 
     def _describe(self, agent: str, query: Query[Action]) -> None:
         asked = zenoh.KeyExpr(query.key)

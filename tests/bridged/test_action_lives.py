@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.desk import MAX_FOLLOWERS
+from bridged.drivers.mavlink.flight import Call, Flight, Steps, Task
+from bridged.drivers.mavlink.procedures import PROCEDURES
 from schemas.records import Action, ActionStatus
 from tests.bridged.sky import GOAL, MISSION, Sky, is_ack_of, is_command
 
@@ -209,6 +213,25 @@ def test_a_duplicated_request_is_executed_once_and_both_askers_hear_the_end(sky:
     assert late == [first[-1]]
 
 
+def test_the_newest_askers_hear_the_end_however_often_the_link_flaps(sky: Sky) -> None:
+    sky.flying()
+    first = sky.begin("goto", *GOAL)
+    askers: list[list[ActionStatus | None]] = [[] for _ in range(MAX_FOLLOWERS + 4)]
+    for attempt, asker in enumerate(askers, start=2):
+        sky.bridge.desk.ask("uav", "goto", action_of(first, attempt=attempt), asker.append)
+    sky.forward(lambda: askers[-1][-1] is not None and askers[-1][-1].final, "arrival")
+    ends = [asker[-1].state if asker[-1] is not None else None for asker in askers]
+    assert ends == [None] * 4 + ["succeeded"] * MAX_FOLLOWERS
+
+
+def test_a_full_disk_refuses_what_moves_but_not_the_way_down(sky: Sky, monkeypatch: pytest.MonkeyPatch) -> None:
+    sky.flying()
+    monkeypatch.setattr(sky.bridge.ledger, "begin", Mock(side_effect=OSError(28, "No space left on device")))
+    moving = sky.do("goto", *GOAL)
+    assert (moving.state, moving.reason) == ("refused", "its id cannot be kept on disk: No space left on device")
+    assert sky.do("land").state == "succeeded"
+
+
 def test_an_id_is_not_executed_again_by_the_next_life_of_the_bridge(sky: Sky, tmp_path: Path) -> None:
     ended = sky.do("set_mode", "GUIDED")
     begun = sky.begin("arm_motors", True)
@@ -401,3 +424,27 @@ def test_streams_that_another_station_slows_down_are_asked_for_again(sky: Sky) -
     sky.do("setpoint", *GOAL)
     sky.wait(2)
     assert len([one for agent, one in sky.percepts if one.name == "global_pos"]) > seen + 10
+
+
+def test_a_defect_in_a_procedure_fails_its_action_and_nothing_else(sky: Sky, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(flight: Flight, task: Task, call: Call) -> Steps:
+        yield
+        raise KeyError("target")
+
+    sky.flying()
+    monkeypatch.setitem(PROCEDURES, "arrival", broken)
+    status = sky.do("goto", *GOAL, within=2)
+    assert (status.state, status.reason) == ("failed", "defect in argosy: KeyError: 'target'")
+    assert sky.do("land").state == "succeeded"
+
+
+def test_the_request_for_the_vehicles_own_target_is_made_again_when_nobody_answered_it(sky: Sky) -> None:
+    target = float(dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT)
+    interval = is_command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL)
+    sky.hears_us = lambda message: not (interval(message) and message.param1 == target)
+    assert sky.do("set_mode", "GUIDED").state == "succeeded"
+    assert sky.do("arm_motors", True).state == "succeeded"
+    sky.wait(3)
+    sky.hears_us = lambda message: True
+    assert sky.do("takeoff", 5).state == "succeeded"
+    assert sky.do("setpoint", *GOAL).state == "succeeded"

@@ -6,17 +6,25 @@ import asyncio
 import random
 import signal
 import socket
+import time
 from pathlib import Path
+from threading import Thread
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.daemon import serve
+from bridged.drivers.mavlink.driver import MavlinkDriver
+from bridged.drivers.mavlink.wire import Encoder
+from bridged.drivers.robot import Reading
 from commd.bus import AlreadyRunning, Bus
+from commd.clock import Clock
 from schemas import keys
-from schemas.manifest import ActionDescription
+from schemas.manifest import ActionDescription, load_manifest
+from schemas.mission import read_mission
 from schemas.percepts import PerceptSet
 from schemas.records import ActionStatus, Cancel, Health, Outcome, Perception, StopOrder
-from tests.bridged.airfield import Airfield, on_the_airfield, present, until
+from tests.bridged.airfield import Airfield, free_udp_port, on_the_airfield, present, until
 from tests.bridged.sky import MISSION
 from tests.support.processes import Daemon
 
@@ -136,6 +144,45 @@ def test_leaving_in_flight_carries_out_on_shutdown_and_fails_the_running_action(
         assert field.vehicle.copter.mode.name == "RTL"
 
     on_the_airfield(endpoint, tmp_path, body)
+
+
+def test_a_bridge_that_stood_still_reads_what_came_before_it_calls_the_vehicle_silent() -> None:
+    port, link_loss = free_udp_port(), 5.0
+    mission = read_mission(MISSION.replace("127.0.0.1:0", f"127.0.0.1:{port}"), Path("test.yaml"))
+    readings: list[Reading] = []
+    ours = Encoder(1, 1)
+    beat = dialect.MAVLink_heartbeat_message(2, 3, 1, 4, 4, 3)
+    place = dialect.MAVLink_global_position_int_message(1000, -276040330, -485183630, 21000, 0, 0, 0, 0, 0)
+
+    def speak(seconds: float) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+            for tick in range(int(seconds * 10)):
+                if tick % 10 == 0:
+                    vehicle.sendto(ours.pack(beat), ("127.0.0.1", port))
+                for _ in range(3):
+                    vehicle.sendto(ours.pack(place), ("127.0.0.1", port))
+                time.sleep(0.1)
+
+    async def body() -> None:
+        driver = MavlinkDriver(
+            load_manifest("arducopter"), mission.robots["uav1"], Clock(), readings.append, lambda: None
+        )
+        driving = asyncio.create_task(driver.run())
+        await asyncio.sleep(0.2)
+        speaking = Thread(target=speak, args=(link_loss + 3.0,))
+        speaking.start()
+        await until(lambda: bool(readings), "the vehicle is heard")
+        time.sleep(link_loss + 1.0)  # a slow disk, say: the event loop gets no turn while packets come in
+        await asyncio.sleep(0.5)
+        driving.cancel()
+        await asyncio.gather(driving, return_exceptions=True)
+        speaking.join()
+        assert driver.counters()["stalls"] == 1
+
+    asyncio.run(body())
+    told = [reading.fields["connected"] for reading in readings if reading.source == "HEARTBEAT" and reading.fields]
+    assert len(told) > link_loss
+    assert all(told)
 
 
 def test_a_second_bridge_of_the_same_robot_refuses_to_start_and_says_which(endpoint: str, tmp_path: Path) -> None:

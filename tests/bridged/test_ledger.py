@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from unittest.mock import Mock
+
+import pytest
 
 from bridged.ledger import KEEP, Ledger
 from schemas.records import ActionStatus
@@ -65,3 +68,20 @@ def test_ids_older_than_an_hour_are_forgotten_and_the_file_shrinks(tmp_path: Pat
     assert ledger.knows("b:1")
     assert path.stat().st_size < size / 100
     ledger.close()
+
+
+def test_a_disk_that_is_full_while_the_file_shrinks_costs_no_later_id(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ledger = Ledger(tmp_path / "uav1.actions")
+    monkeypatch.setattr("bridged.ledger.REWRITE_AT", 1)
+    with monkeypatch.context() as full:
+        full.setattr("bridged.ledger.Path.replace", Mock(side_effect=OSError(28, "No space left on device")))
+        with pytest.raises(OSError, match="No space left"):
+            ledger.begin("a:1")
+    ledger.begin("a:2")
+    ledger.close()
+    again = Ledger(tmp_path / "uav1.actions")
+    assert again.knows("a:1")
+    assert again.knows("a:2")
+    again.close()

@@ -5,6 +5,7 @@ Pure: messages and the time (mission seconds) go in, messages and readings come 
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -31,6 +32,7 @@ MAX_STRANGERS = 8
 MAX_TASKS = 16
 """Executions under way at once; the bridge allows fewer."""
 NO_LIMITS, NOBODYS_FAILSAFE = Limits(), Failsafe()
+log = logging.getLogger("mavlink")
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,11 +179,16 @@ class Conversation:
                 continue
             try:
                 next(steps)
+                continue
             except StopIteration as stop:
-                self._tasks.pop(task, None)
-                task.end(stop.value)
-                if task.takes_control and stop.value.state == "succeeded":
-                    self._control_taken()
+                outcome: Outcome = stop.value
+            except Exception as error:  # a defect must not take the link down, and with it the way home
+                log.exception("defect in argosy: %s", task.name)
+                outcome = Outcome("failed", f"defect in argosy: {type(error).__name__}: {error}")
+            self._tasks.pop(task, None)
+            task.end(outcome)
+            if task.takes_control and outcome.state == "succeeded":
+                self._control_taken()
 
     def _pace(self) -> None:
         """Full streams while the vehicle is armed or something is asked of it, and a little longer."""

@@ -24,6 +24,10 @@ TICK = 0.25
 """Wall seconds between looks at the time when no message comes; at speed N the vehicle's second is 1/N of one."""
 TICKS_AT_WORK, TICKS_IDLE = 2.0, 1.0
 """Looks per second of the vehicle, at least: one is enough for its heartbeat."""
+STALL = 1.0
+"""Wall seconds that a tick may be late; after that the vehicle's packets are read before its silence is judged."""
+CATCH_UP = 0.2
+"""Wall seconds to read what came meanwhile."""
 log = logging.getLogger("mavlink")
 
 
@@ -48,6 +52,8 @@ class MavlinkDriver:
         """Under which ids we speak, and to whom."""
         self.unsendable = 0
         """Messages so far that could not be packed."""
+        self.stalls = 0
+        """How often so far the event loop was away for longer than `STALL`."""
         self._conversation = Conversation(
             manifest,
             self.identity,
@@ -60,6 +66,7 @@ class MavlinkDriver:
 
     async def run(self) -> None:
         """Carry the vehicle's traffic until cancelled. Raises LinkError if the link cannot be opened."""
+        loop = asyncio.get_running_loop()
         link = self._link = await open_link(
             self._address,
             lambda message, _peer: self.receive(message),
@@ -70,9 +77,18 @@ class MavlinkDriver:
         self.attach(link)
         try:
             while True:
-                self.tick()
+                try:
+                    self.tick()
+                except Exception as error:  # a defect must not take the link down, and with it the way home
+                    loop.call_exception_handler({"message": "looking at the vehicle", "exception": error})
                 ticks = TICKS_AT_WORK if self._conversation.streams.at_work else TICKS_IDLE
-                await asyncio.sleep(min(TICK, 1 / (ticks * self._clock.speed)))
+                pause = min(TICK, 1 / (ticks * self._clock.speed))
+                due = loop.time() + pause
+                await asyncio.sleep(pause)
+                if (late := loop.time() - due) > STALL:
+                    self.stalls += 1
+                    log.warning("this process stood still for %.1f s", late)
+                    await asyncio.sleep(CATCH_UP)
         finally:
             await link.close()
             self._link = self._carrier = None
@@ -130,6 +146,7 @@ class MavlinkDriver:
             "streams_requested": talk.streams.requested,
             "reboots": talk.vehicle.reboots,
             "unsendable": self.unsendable,
+            "stalls": self.stalls,
         }
         if self._link is not None:
             came = self._link.counters

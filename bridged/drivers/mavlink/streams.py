@@ -108,8 +108,9 @@ class Streams:
                     dialect.MAV_RESULT_DENIED,
                     dialect.MAV_RESULT_UNSUPPORTED,
                 )
+                unheard = stream.pending.silent and stream.name in SPORADIC  # of the others, what came is judged
                 stream.pending = None
-                if stream.asked != self._rate(stream) and self._judge_at < math.inf:
+                if (unheard or stream.asked != self._rate(stream)) and self._judge_at < math.inf:
                     self._ask(stream, now)
         if now >= self._judge_at:
             starved = [stream for stream in self._streams.values() if stream.starved(self._window)]
