@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from typing import Any
 
 from agentd.language import syntax
-from agentd.language.compile_plan import FRAME_HEADER, PlanCode, compile_fragment, compile_plan
+from agentd.language.compile_plan import compile_fragment, compile_plan
 from agentd.language.constants import signature_of
 from agentd.language.emit import Ref
 from agentd.language.instantiate import Instantiation
+from agentd.language.plan_code import FRAME_HEADER, PlanCode
 from agentd.language.signatures import DEFAULT, Signature, signature
 from agentd.language.sources import SOURCE_SELF
 from agentd.language.terms import Literal, atom
