@@ -57,6 +57,9 @@ class Bridge:
             now=clock.now,
             speed=speed,
         )
+        holder = self.ledger.last_agent()
+        if holder in agents:  # whoever had the robot in our last life is still answered for
+            self.desk.holder = holder
 
     def step(self) -> None:
         """After the driver has looked at the robot: age percepts, pass on what became of actions."""

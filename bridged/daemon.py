@@ -98,7 +98,8 @@ async def watch_agents(
             log.info("agent %s is back", agent)
             orders.call_off()
         lost = set(now_lost)
-        bridge.driver.speak_for_agent(bridge.desk.holder not in lost)
+        somebody = bool(presence.known() - lost) or not bridge.driver.active
+        bridge.driver.speak_for_agent(bridge.desk.holder not in lost and somebody)
         await asyncio.sleep(WATCH_EVERY)
 
 

@@ -120,8 +120,8 @@ class ActionDesk:
         return execution
 
     def end_all(self, agent: str, outcome: Outcome) -> None:
-        """End every action of an agent that is no more."""
-        for job in [job for job in self._jobs.values() if job.action.agent == agent]:
+        """End every action of an agent that is no more; an empty name is every agent."""
+        for job in [job for job in self._jobs.values() if agent in ("", job.action.agent)]:
             self._end(job, outcome, hold=False)
 
     def step(self) -> None:

@@ -64,6 +64,14 @@ class Ledger:
         except BadRecord:
             return None
 
+    def last_agent(self) -> str:
+        """Whose action was begun last, empty if none was: ids are `agent:boot:counter`."""
+        for action in reversed(self._entries):
+            final = self.final(action)
+            if final is None or final.state != "refused":
+                return action.partition(":")[0]
+        return ""
+
     def close(self) -> None:
         """Close the file."""
         self._file.close()

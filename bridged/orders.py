@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import cast, get_args
 
@@ -18,6 +17,8 @@ from schemas.mission import Mission
 
 ORDER_PATIENCE = 10.0
 """Wall seconds in which the vehicle must confirm the mode of an order."""
+ARMING_SHOWS = 1.5
+"""Wall seconds after which a vehicle that was told to arm shows whether it did: its HEARTBEAT comes once a second."""
 FALLBACK: tuple[Order, ...] = ("rtl", "land", "hold")
 """What is tried next when the vehicle does not do what is ordered at the end."""
 log = logging.getLogger("orders")
@@ -62,8 +63,13 @@ class Orders:
         confirmed = asyncio.Event()
         execution.ended = confirmed.set
         if execution.outcome is None:
-            with suppress(TimeoutError):
+            try:
                 await asyncio.wait_for(confirmed.wait(), ORDER_PATIENCE)
+            except TimeoutError:
+                pass
+            except asyncio.CancelledError:  # called off: it must not go on against whoever has the robot now
+                self._driver.stop(execution, Outcome("cancelled", "called off"), hold=False)
+                raise
         waits = f": it waits for {execution.waits_for}" if execution.waits_for else ""
         said = f"the vehicle did not confirm {order} within {ORDER_PATIENCE:g} s{waits}"
         self._driver.stop(execution, Outcome("timed_out", said), hold=False)
@@ -91,8 +97,9 @@ class Orders:
     def agent_lost(self, agent: str, why: str, steps: Sequence[Step]) -> None:
         """Do what the mission declares, step by step, until `call_off`."""
         log.error("agent %s is lost (%s)", agent, why)
+        arming = self._desk.arming
         self._desk.end_all(agent, Outcome("failed", f"agent {agent} is lost: {why}"))
-        if self._driver.active and not self._desk.blocked:
+        if (self._driver.active or arming) and not self._desk.blocked:
             self.call_off()
             self._sequence = asyncio.create_task(self._steps(agent, steps))
 
@@ -103,14 +110,24 @@ class Orders:
             self._sequence = None
 
     async def _steps(self, agent: str, steps: Sequence[Step]) -> None:
+        if not self._driver.active:
+            await asyncio.sleep(ARMING_SHOWS)
         for step in steps:
-            await self.carry_out(step.order, f"agent {agent} is lost: {step.order}", block=False)
+            again = False
+            while self._driver.active:  # one that is out of reach may come back: it is told until it answers
+                outcome = await self.carry_out(step.order, f"agent {agent} is lost: {step.order}", block=False)
+                if outcome.state == "succeeded" or (self._driver.heard and (again or outcome.state != "timed_out")):
+                    break
+                again = self._driver.heard
             await self._clock.sleep(step.pause)
 
     async def shut_down(self, order: Order) -> str:
         """Leave the robot safe at the end of the bridge. Returns in words what was left."""
         self.call_off()
         self._desk.blocked = "the bridge stops"
+        if self._desk.arming and not self._driver.active:
+            self._desk.end_all("", Outcome("failed", "the bridge stops"))
+            await asyncio.sleep(ARMING_SHOWS)
         if not self._driver.active:
             return "not armed"
         tries = (order, *(other for other in FALLBACK if other != order))

@@ -49,14 +49,13 @@ class Presence:
         if not self._router_up:
             if wall - self._router_since < BUS_GRACE:
                 return {}
-            known = [agent for agent, tokens in self._tokens.items() if tokens or agent in self._absent_since]
-            return dict.fromkeys(known, f"no router for {wall - self._router_since:.0f} s")
+            return dict.fromkeys(sorted(self.known()), f"no router for {wall - self._router_since:.0f} s")
         return {
             agent: "its token is gone"
             for agent, since in self._absent_since.items()
             if wall - since >= AGENT_GRACE and (since > self._router_since or wall - self._router_since >= ROUTER_GRACE)
         }
 
-    def anybody(self) -> bool:
-        """Whether any agent is there, or may be as far as is known without a router."""
-        return not self._router_up or any(self._tokens.values())
+    def known(self) -> set[str]:
+        """The agents that are there, or were."""
+        return {agent for agent, tokens in self._tokens.items() if tokens or agent in self._absent_since}

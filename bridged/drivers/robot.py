@@ -72,6 +72,10 @@ class Driver(Protocol):
     def active(self) -> bool:
         """Whether leaving the robot alone now needs an order first: it is armed or in flight."""
 
+    @property
+    def heard(self) -> bool:
+        """Whether the robot can be heard now."""
+
     def speak_for_agent(self, present: bool) -> None:
         """Say whether an agent is there: without one the driver claims to be nobody's ground station."""
 

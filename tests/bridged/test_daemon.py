@@ -242,6 +242,67 @@ def test_a_dead_agents_robot_holds_and_then_returns(endpoint: str, tmp_path: Pat
     on_the_airfield(endpoint, tmp_path, body)
 
 
+def test_the_robot_of_an_agent_that_dies_after_its_bridge_restarted_returns_all_the_same(
+    endpoint: str, tmp_path: Path
+) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client("watcher") as watcher:
+            daemon = field.start()
+            await until_served(watcher)
+            async with field.client() as agent:
+                await agent.claim("uav")
+                await field.take_off(agent)
+                field.stop.set()
+                await daemon
+                field.stop.clear()
+                daemon = field.start()
+                await until_served(watcher)
+                await asyncio.sleep(1)
+            await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl, although the agent asked for nothing")
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body, mission=MISSION.replace("    link:", "    on_shutdown: hold\n    link:"))
+
+
+def test_a_vehicle_out_of_reach_when_its_agent_dies_returns_once_it_is_heard_again(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bridged.orders.ORDER_PATIENCE", 1.0)
+
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client("watcher") as watcher:
+            daemon = field.start()
+            await until_served(watcher)
+            async with field.client() as agent:
+                await agent.claim("uav")
+                await field.take_off(agent)
+                field.silent = True
+            await asyncio.sleep(8)
+            field.silent = False
+            await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl, which was not heard at first")
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body)
+
+
+def test_a_vehicle_that_arms_while_the_bridge_stops_is_not_left_armed(endpoint: str, tmp_path: Path) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as bus:
+            daemon = field.start()
+            await until_served(bus)
+            assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
+            arming = asyncio.create_task(field.ask(bus, "arm_motors", True))
+            await until(lambda: field.vehicle.copter.armed, "armed, before a HEARTBEAT says so")
+            field.stop.set()
+            assert await daemon == 0
+            assert not field.vehicle.copter.armed
+            assert not (await arming)[-1].result
+
+    on_the_airfield(endpoint, tmp_path, body, speed=1.0)
+
+
 def test_an_agent_that_comes_back_while_the_robot_holds_decides_itself(endpoint: str, tmp_path: Path) -> None:
     patient = MISSION.replace("    link:", "    on_agent_loss: [hold 30s, rtl]\n    link:")
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.orders import Orders, Step
 from bridged.presence import AGENT_GRACE, BUS_GRACE, ROUTER_GRACE, Presence
-from tests.bridged.sky import MISSION, Sky
+from tests.bridged.sky import MISSION, Sky, is_command
 
 
 @pytest.fixture
@@ -57,6 +60,11 @@ def test_an_agent_that_does_not_come_back_with_the_router_is_lost(presence: Pres
     assert presence.lost(23.0 + ROUTER_GRACE) == {"uav": "its token is gone"}
 
 
+def test_who_came_is_known_until_the_bridge_ends(presence: Presence) -> None:
+    presence.token("uav", "b1", False, 20.0)
+    assert presence.known() == {"uav"}
+
+
 def test_without_a_router_for_long_nobody_could_tell_the_robot_anything(presence: Presence) -> None:
     presence.router(False, 20.0)
     assert presence.lost(20.0 + BUS_GRACE) == {"uav": "no router for 5 s"}
@@ -101,6 +109,25 @@ def test_a_dead_agents_vehicle_is_not_kept_from_its_own_failsafe(tmp_path: Path)
     sky.driver.speak_for_agent(False)
     sky.forward(lambda: sky.vehicle.copter.mode.name == "RTL", "the vehicle's own failsafe", 10)
     sky.forward(lambda: sky.belief("override") == ("RTL",), "the percept of it", 3)
+
+
+def test_an_order_that_is_called_off_does_not_go_on_against_the_agent_that_is_back(tmp_path: Path) -> None:
+    async def body() -> None:
+        sky = Sky(tmp_path).flying()
+        orders = Orders(sky.bridge.desk, sky.driver, sky.clock)
+        deaf = is_command(dialect.MAV_CMD_DO_SET_MODE)
+        sky.hears_us = lambda message: not deaf(message)
+        orders.agent_lost("uav", "its token is gone", [Step("rtl")])
+        await asyncio.sleep(0)
+        sky.wait(0.5)
+        assert sky.commands(dialect.MAV_CMD_DO_SET_MODE)
+        orders.call_off()
+        await asyncio.sleep(0.1)
+        sky.hears_us = lambda message: True
+        sky.wait(10)
+        assert sky.vehicle.copter.mode.name == "GUIDED"
+
+    asyncio.run(body())
 
 
 def test_a_vehicle_that_does_not_tell_its_failsafe_is_a_warning(tmp_path: Path) -> None:

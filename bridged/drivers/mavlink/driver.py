@@ -132,6 +132,11 @@ class MavlinkDriver:
         """Armed, as far as is known; a vehicle that fell silent while armed counts as armed."""
         return self._conversation.vehicle.armed
 
+    @property
+    def heard(self) -> bool:
+        """Whether its HEARTBEATs come."""
+        return self._conversation.vehicle.connected
+
     def speak_for_agent(self, present: bool) -> None:
         """Without an agent, heartbeats that claim to be the ground station stop."""
         self._conversation.speaks_for_agent = present
