@@ -14,7 +14,7 @@ log = logging.getLogger("bridge")
 DEBOUNCE = 0.3
 """Wall seconds that a token must be absent under a live router before its daemon counts as dead."""
 ROUTER_GRACE = 5.0
-"""Wall seconds that daemons have to come back after the router did."""
+"""Wall seconds that the router has to come back, and daemons after it did: what they told is out of date by then."""
 
 
 class BridgeWatch:
@@ -24,7 +24,8 @@ class BridgeWatch:
         self.up = False
         """A bridge has been seen and has not been given up."""
         self.gone = False
-        """A bridge was there and is dead: its token is absent although the router answers."""
+        """A bridge was there and is dead or out of reach: its token is absent although the router answers, or the
+        router itself has been away for too long."""
         self._bus, self._robot, self._on_up, self._on_gone = bus, robot, on_up, on_gone
         self._tokens: set[str] = set()
         self._router_since = asyncio.get_running_loop().time()
@@ -57,9 +58,11 @@ class BridgeWatch:
             await asyncio.sleep(DEBOUNCE)
             while not self._tokens:
                 restarted = self._router_since > lost_at
-                if self._bus.router_up and (not restarted or loop.time() - self._router_since > ROUTER_GRACE):
+                since = lost_at if not self._bus.router_up else self._router_since
+                if (self._bus.router_up and not restarted) or loop.time() - since > ROUTER_GRACE:
                     self.up, self.gone = False, True
-                    log.warning("bridge_lost robot=%s", self._robot)
+                    why = "its token is gone" if self._bus.router_up else "no router"
+                    log.warning("bridge_lost robot=%s: %s", self._robot, why)
                     self._on_gone()
                     return
                 await asyncio.sleep(0.1)

@@ -25,15 +25,17 @@ EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT = 0, 1, 2
 
 
 def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
-    """Run a daemon's `main(stop)` until it returns; SIGTERM and SIGINT set `stop`. Returns the exit code."""
+    """Run a daemon's `main(stop)` until it returns; SIGTERM, SIGINT and SIGHUP (the terminal or the ssh connection it
+    was started from is gone) set `stop`. Returns the exit code."""
     logging.basicConfig(level=logging.INFO, stream=sys.stderr, format=f"%(levelname)s {name} %(name)s %(message)s")
 
     async def supervised() -> int:
         stop = asyncio.Event()
         loop = asyncio.get_running_loop()
         loop.set_exception_handler(_defect)
-        for signum in (signal.SIGTERM, signal.SIGINT):
-            loop.add_signal_handler(signum, stop.set)
+        for signum in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            if signum != signal.SIGHUP or signal.getsignal(signum) != signal.SIG_IGN:  # ignored: under nohup
+                loop.add_signal_handler(signum, stop.set)
         return await main(stop)
 
     try:
@@ -62,7 +64,11 @@ def _defect(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
 async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[], Health] = Health) -> None:
     """Publish the daemon's health once a second, for ever."""
     while True:
-        health = details()
+        try:
+            health = details()
+        except Exception as error:  # a defect in a figure must not end the record that others live by
+            log.exception("defect in argosy: health of %s", name)
+            health = Health(notes=(f"defect in argosy: {type(error).__name__}: {error}",))
         used = resource.getrusage(resource.RUSAGE_SELF)
         bus.put(
             keys.health(bus.fleet, name, bus.daemon),

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import time
-from typing import Any
+from contextlib import AbstractAsyncContextManager
+from typing import Any, Literal
+
+import pytest
 
 from agentd.bridge import BridgeWatch
 from agentd.perceiving import Perceiving
-from commd.bus import Bus, Query
+from commd.bus import Bus, Query, open_bus
 from schemas import keys
 from schemas.percepts import PerceptSet
 from schemas.records import Health, Perception
@@ -173,3 +176,31 @@ def test_no_percept_expires_while_nothing_changes(endpoint: str) -> None:
         assert len(perceiving.percepts) == 1
 
     on_a_bus(endpoint, body)
+
+
+def test_without_a_router_for_long_what_the_bridge_told_is_believed_no_more(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agentd.bridge.ROUTER_GRACE", 1.0)
+
+    def bus(name: str, daemon: str, mode: Literal["client", "router"] = "client") -> AbstractAsyncContextManager[Bus]:
+        return open_bus(endpoint, fleet=FLEET, name=name, daemon=daemon, stamp=time.time_ns, mode=mode)
+
+    async def everything() -> None:
+        async with (
+            bus("board", "commd", "router") as router,
+            bus("uav1", "bridged") as ours,
+            bus("uav", "agentd") as agent,
+        ):
+            bridge = FakeBridge(ours)
+            bridge.tell("altitude", 5)
+            await ours.claim("uav1")
+            perceiving, heard = perceive(agent)
+            watch = BridgeWatch(agent, "uav1", perceiving.doubt, perceiving.forget)
+            await until(lambda: watch.up and len(heard) == 1, "the percept is there")
+            await router.close()
+            await until(lambda: watch.gone and heard[-1] == ("gone", "altitude", (5,)), "what may be wrong is gone", 10)
+            async with bus("board", "commd", "router"):
+                await until(lambda: watch.up and heard[-1] == ("came", "altitude", (5,)), "all is back with the router")
+
+    asyncio.run(everything())

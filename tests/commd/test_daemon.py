@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import asyncio
 import signal
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
+from commd.clock import Clock
+from commd.process import report_health
+from schemas import keys
+from schemas.records import Health
+from tests.support.buses import FLEET, Connect, on_a_bus, until
 from tests.support.processes import running
 
 MISSION = "missions/single_uav.yaml"
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_commd_leaves_cleanly_within_a_second_when_told_to(endpoint: str, number: int) -> None:
     with running("commd", "serve", MISSION, "--router", endpoint) as commd:
         commd.says("router board=local")
@@ -21,6 +28,21 @@ def test_commd_leaves_cleanly_within_a_second_when_told_to(endpoint: str, number
         commd.signal(number)
         assert commd.ends(10) == 0
         assert time.monotonic() - started < 2
+
+
+def test_a_figure_that_cannot_be_told_does_not_end_a_daemons_health(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
+        heard: list[Health] = []
+        observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
+        details = Mock(side_effect=[KeyError("figure"), Health(notes=("all is well",))])
+        await asyncio.sleep(0.3)
+        reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), details))
+        await until(lambda: len(heard) == 2, "health goes on")
+        reporting.cancel()
+        assert [one.notes for one in heard] == [("defect in argosy: KeyError: 'figure'",), ("all is well",)]
+
+    on_a_bus(endpoint, body)
 
 
 def test_two_routers_on_one_endpoint_do_not_start_and_the_second_says_why(endpoint: str) -> None:
