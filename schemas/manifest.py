@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from schemas.durations import Duration
+from schemas.files import read_text
 from schemas.findings import Finding, Findings
 from schemas.manifest_entries import (
     ActionDescription,
@@ -66,14 +67,7 @@ def load_manifest(name: str | Path, relative_to: Path | None = None) -> Manifest
     if path is None:
         known = ", ".join(shipped_names("manifests", ".toml"))
         raise Findings([Finding(str(name), 0, 0, f"no such manifest; expected a file or one of: {known}")])
-    try:
-        text = path.read_bytes().decode()
-    except OSError as error:
-        raise Findings([Finding(str(path), 0, 0, f"cannot be read: {error.strerror}")]) from None
-    except UnicodeDecodeError as error:
-        line = path.read_bytes()[: error.start].count(b"\n") + 1
-        raise Findings([Finding(str(path), line, 0, "expected UTF-8 text")]) from None
-    return read_manifest(text, str(path))
+    return read_manifest(read_text(path), str(path))
 
 
 def read_manifest(text: str, file: str) -> Manifest:

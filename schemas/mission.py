@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 
 from schemas.durations import Duration
+from schemas.files import read_text
 from schemas.findings import Finding, Findings
 from schemas.names import check_name
 from schemas.positions import Positions, Steps, convert, did_you_mean, read_yaml
@@ -158,13 +159,7 @@ class Mission:
 def load_mission(path: str | Path) -> Mission:
     """Read a mission file. Raises Findings with everything that is wrong with it."""
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise Findings([Finding(str(path), 0, 0, "not a text file in UTF-8")]) from None
-    except OSError as error:
-        raise Findings([Finding(str(path), 0, 0, f"cannot be read: {error.strerror}")]) from None
-    return read_mission(text, path)
+    return read_mission(read_text(path), path)
 
 
 def read_mission(text: str, path: Path) -> Mission:

@@ -12,11 +12,11 @@
      .print("mission done");
      +mission_done.
 
-// Whatever went wrong, a flying vehicle comes home before the mission is given up.
--!fly_mission[reason(Reason)]
-  <- .print("mission failed: ", Reason);
+// Whatever went wrong, be it an action, a test or a plan: a flying vehicle comes home before the mission is given up.
+-!fly_mission[error_msg(Why)]
+  <- .print("mission failed: ", Why);
      !safe;
-     +mission_failed(Reason).
+     +mission_failed(Why).
 
 +!airborne(Altitude)
   <- set_mode("GUIDED");
@@ -37,9 +37,11 @@
 
 +!safe : state(_, true, true) <- .print("returning to home"); return_to_launch.
 +!safe.
--!safe[reason(Reason)]
-  <- .print("could not return: ", Reason, "; landing here");
-     land.
+-!safe[error_msg(Why)] <- .print("could not return: ", Why); !landed.
+
++!landed : state(_, true, true) <- .print("landing here"); land.
++!landed.
+-!landed[error_msg(Why)] <- .print("could not land: ", Why, "; over to the pilot").
 
 // The bridge was lost in flight, which failed the mission, and is back: what still flies comes home.
 +state(_, true, true) : mission_failed(_) & not .intend(safe) <- !safe.

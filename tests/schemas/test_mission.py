@@ -113,8 +113,14 @@ def test_a_missing_or_unreadable_file_is_a_finding(tmp_path: Path) -> None:
     with pytest.raises(Findings, match=r"nowhere\.yaml: error: cannot be read: No such file or directory"):
         load_mission(tmp_path / "nowhere.yaml")
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(Findings, match="not a text file in UTF-8"):
+    with pytest.raises(Findings, match="expected UTF-8 text"):
         load_mission(tmp_path / "binary.yaml")
+
+
+def test_a_file_that_nobody_wrote_is_refused_at_once(tmp_path: Path) -> None:
+    (tmp_path / "big.yaml").write_bytes(b"# a comment\n" * 100_000)
+    with pytest.raises(Findings, match=r"big\.yaml: error: larger than 1000000 bytes"):
+        load_mission(tmp_path / "big.yaml")
 
 
 LINES = GOOD.splitlines()
