@@ -145,7 +145,10 @@ class Host:
         match effect:
             case Print(text=text):
                 self._prints.append(text)
-                print(f"[{self.part.name}] {text}", flush=True)
+                try:
+                    print(f"[{self.part.name}] {text}", flush=True)
+                except (OSError, ValueError):  # whoever read it is gone: no reason to leave a robot alone
+                    self.counters["prints_lost"] += 1
             case Log(level=level, text=text):
                 log.log(_LEVELS.get(level, logging.INFO), "agent=%s %s", self.part.name, text)
             case PerformAction():

@@ -13,6 +13,7 @@ from agentd.mind.failed import Failed
 from agentd.mind.frames import Step
 from agentd.mind.inputs import Mail
 from agentd.mind.resolving import resolve
+from agentd.mind.sending import answer_text, reply
 
 _ANSWERING = signature("answer_question")
 
@@ -34,8 +35,6 @@ class _AnsweringPlan:
 
     def on_failure(self, mind: Any, failure: Failed) -> None:
         """A test that fails is the answer false; any other failure gives none, as Jason."""
-        from agentd.mind.messages import reply
-
         if failure.error == "test_goal_failed":
             reply(mind, self._mail, FALSE)
             return
@@ -45,8 +44,6 @@ class _AnsweringPlan:
 
 def answer_by_plan(mind: Any, mail: Mail, relevant: Any, question: Literal, annots: tuple[Any, ...]) -> None:
     """Start the intention that finds the answer to a question and tells it."""
-    from agentd.mind.messages import reply
-
     written = syntax.Step(syntax.Operator.TEST, syntax.Structure(question.sig.functor))
 
     def ask(mind: Any, intention: Any, frame: Any) -> bool:
@@ -54,9 +51,7 @@ def answer_by_plan(mind: Any, mail: Mail, relevant: Any, question: Literal, anno
         return True
 
     def tell(mind: Any, intention: Any, frame: Any) -> None:
-        from agentd.mind.messages import _answer_text
-
-        reply(mind, mail, _answer_text(mind, resolve(question)))
+        reply(mind, mail, answer_text(mind, resolve(question)))
 
     plan = _AnsweringPlan(mail)
     first, second = Step(written, plan), Step(written, plan)

@@ -12,6 +12,8 @@ from agentd.mind.beliefs import Predicate
 from agentd.mind.failed import Failed
 from agentd.mind.intentions import Intention
 from agentd.mind.resolving import detach, is_ground, resolve, resolve_all
+from agentd.mind.rules import add_rule, remove_rule
+from agentd.mind.waiting import hear
 
 
 def believe(
@@ -33,7 +35,7 @@ def believe(
 def raise_event(mind: Any, focus: Any, relevant: Any, args: Any, annots: Any) -> bool | None:
     """The event of a belief change, in the focus of an intention or (None) as a new one."""
     if mind.listeners:
-        mind.hear(relevant, args, annots)
+        hear(mind, relevant, args, annots)
     if relevant.plans or mind.plans.has_nested:
         if focus is None:
             mind.post(relevant, args, annots)
@@ -112,14 +114,21 @@ def _change_code(mind: Any, operator: str, code: Code) -> None:
     values = {name: resolve(v) for name, v in code.values.items() if is_ground(v)}
     if isinstance(code.syntax, syntax.Rule):
         if operator.startswith("-") and operator != "-+":
-            mind.remove_rule(code.syntax)
+            remove_rule(mind, code.syntax)
         else:
-            mind.add_rule(code.syntax, values, last=operator == "+>")
+            add_rule(mind, code.syntax, values, last=operator == "+>")
     elif isinstance(code.syntax, syntax.Plan):
         if operator in ("-", "--"):
             if code.syntax.label is not None:
-                mind.remove_plan(code.syntax.label)
+                _remove_plans(mind, code.syntax.label)
         else:
             mind.plans.add(mind.plans.make(code.syntax, values), first=operator != "+>")
     else:
         raise Failed("body_var_not_literal", "Only literals, rules and plans can be added.")
+
+
+def _remove_plans(mind: Any, label: Any) -> None:
+    """Take out the plans with a label, given as syntax."""
+    for plan in list(mind.plans):
+        if plan.label.sig.functor == getattr(label, "functor", None):
+            mind.plans.remove(plan)

@@ -9,12 +9,47 @@ from agentd.language import syntax
 from agentd.language.instantiate import instantiate
 from agentd.language.syntax import Operator
 from agentd.language.terms import Literal
+from agentd.mind.effects import CancelAction
+from agentd.mind.failed import Failed
+from agentd.mind.failure import error_annots, fail
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP
 from agentd.mind.intention_terms import ahead
 from agentd.mind.intentions import Intention, values_of
+from agentd.mind.questions import Question
+from agentd.mind.timers import Timer
 from agentd.mind.unifier import Trail, undo, unify
+from agentd.mind.waiting import Wait, forget
 
 _ACHIEVING = (Operator.ACHIEVE, Operator.ACHIEVE_NEW_FOCUS)
+
+
+def drop(mind: Any, intention: Intention) -> None:
+    """End an intention without any event; its action is cancelled and its branches go with it."""
+    token: Any = mind.waiting.pop(intention.id, (None, None))[1]
+    if isinstance(token, Wait):
+        forget(mind, token)
+    elif isinstance(token, Timer):
+        token.cancelled = True
+    elif hasattr(token, "branches"):
+        for branch in list(token.branches):
+            drop(mind, branch)
+    elif isinstance(token, int):
+        mind.requests.pop(token, None)
+    elif isinstance(token, Question):
+        token.forget(mind)
+    if intention.action is not None:
+        mind.effects.append(CancelAction(intention.action))
+        intention.action = None
+    if intention in mind.running:
+        mind.running.remove(intention)
+    mind.suspended.pop(intention.id, None)
+    if any(e[3] is intention for e in mind.events):
+        kept = [e for e in mind.events if e[3] is not intention]
+        mind.events.clear()
+        mind.events.extend(kept)
+    intention.waiting = None
+    mind.gone(intention)
+    intention.stack.clear()
 
 
 def goal_frames(intention: Intention) -> Iterator[tuple[int, Literal]]:
@@ -67,7 +102,7 @@ def drop_intention(mind: Any, goal: Literal, trail: Trail) -> bool:
         mark = len(trail)
         if find_goal(intention, goal, trail) is not None:
             own |= intention is mind.current
-            mind.drop(intention)
+            drop(mind, intention)
         undo(trail, mark)
     return own
 
@@ -121,7 +156,7 @@ def end_goal(mind: Any, intention: Intention, place: int, succeeded: bool) -> No
     stack = [frame[:] for frame in intention.stack[: place + 1]]
     trail = intention.trail
     kept = list(trail)
-    mind.drop(intention)
+    drop(mind, intention)
     intention.stack = stack
     trail[:] = kept
     frame = stack[place]
@@ -132,9 +167,6 @@ def end_goal(mind: Any, intention: Intention, place: int, succeeded: bool) -> No
         if stack:
             mind.running.append(intention)
         return
-    from agentd.mind.failed import Failed
-    from agentd.mind.failure import error_annots, fail
-
     literal = Literal(frame[RELEVANT].sig, frame[ARGS], frame[ANNOTS])
     failure = Failed("goal_failed", "the goal was failed by .fail_goal")
     fail(mind, intention, error_annots(failure, literal, 0, ""), f"{frame[PLAN].head}", failure)

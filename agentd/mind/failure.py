@@ -14,6 +14,7 @@ from agentd.language.terms import Code, Literal, atom
 from agentd.mind.effects import Log
 from agentd.mind.failed import Failed
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, Frame, Step
+from agentd.mind.goal_states import raise_state
 from agentd.mind.intentions import Intention, values_of
 from agentd.mind.resolving import resolve, resolve_all
 from agentd.mind.unifier import undo
@@ -71,6 +72,14 @@ def error_annots(failure: Failed, code: Any, line: int, source: str) -> tuple[An
     return (*found, *own)
 
 
+def _calling_line(mind: Any, intention: Intention) -> tuple[int, str]:
+    """Line and file of the formula that raised the event which the intention waits for."""
+    step = intention.last
+    if step is None:
+        return 0, ""
+    return step.syntax.position.line, step.syntax.position.file
+
+
 def goal_failed(mind: Any, relevant: Any, args: Any, annots: Any, intention: Intention | None) -> None:
     """A goal event found no plan. Its own ``-!g`` is asked first, then those of the goals below."""
     literal = Literal(relevant.sig, resolve_all(args), resolve_all(annots))
@@ -82,7 +91,7 @@ def goal_failed(mind: Any, relevant: Any, args: Any, annots: Any, intention: Int
     message = f"Found a goal for which there is no {kind} plan: {trigger}"
     line, source, where = 0, "", trigger
     if intention is not None and intention.stack:
-        line, source = mind.calling_line(intention)
+        line, source = _calling_line(mind, intention)
         where = f"{source}:{line}: {trigger}"
     failure = Failed(error, message)
     extra = error_annots(failure, literal, line, source)
@@ -114,8 +123,8 @@ def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, fa
         relevant = top[RELEVANT]
         if relevant.operator == "+" and relevant.goal:
             if mind.plans.has_meta:
-                mind.meta(relevant, top[ARGS], top[ANNOTS], "failed")
-                mind.meta(relevant, top[ARGS], top[ANNOTS], "finished")
+                raise_state(mind, relevant, top[ARGS], top[ANNOTS], "failed")
+                raise_state(mind, relevant, top[ARGS], top[ANNOTS], "finished")
             handler = relevant.counterpart("-")
             if handler.plans:
                 annots = sorted_annots((*top[ANNOTS], *extra))

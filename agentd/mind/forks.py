@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from agentd.mind.dropping import drop
 from agentd.mind.failed import Failed
 from agentd.mind.frames import STEP, VARIABLES, Frame, Step
 from agentd.mind.intentions import Intention
+from agentd.mind.waiting import fail_parent, resume_waiting
 
 
 class Fork:
@@ -22,10 +24,10 @@ class Fork:
         if self.all_needed and self.branches:
             return
         for other in list(self.branches):
-            mind.drop(other)
+            drop(mind, other)
         self.branches.clear()
         self.frame[VARIABLES:] = frame[VARIABLES:]
-        mind.resume_waiting(self.parent)
+        resume_waiting(mind, self.parent)
 
     def failed(self, mind: Any, branch: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
         """A branch has failed without a handler of its own: fatal for ``|&|``, tolerated by ``|||`` except the last."""
@@ -34,9 +36,9 @@ class Fork:
         if not self.all_needed and self.branches:
             return
         for other in list(self.branches):
-            mind.drop(other)
+            drop(mind, other)
         self.branches.clear()
-        mind.fail_parent(self.parent, extra, where, failure)
+        fail_parent(mind, self.parent, extra, where, failure)
 
 
 def fork(mind: Any, intention: Intention, frame: Frame, operator: str, firsts: tuple[Step, ...]) -> bool:

@@ -10,9 +10,11 @@ from agentd.language.term_text import text
 from agentd.language.terms import Code, Expression, Literal, Open, Var, deref
 from agentd.mind.annotations import with_source
 from agentd.mind.changes import change_term
+from agentd.mind.code_terms import lone_goal, trigger_literal
 from agentd.mind.effects import PerformAction
 from agentd.mind.failed import Failed
 from agentd.mind.frames import STEP, Frame, Step
+from agentd.mind.goal_states import pending
 from agentd.mind.intentions import Intention
 from agentd.mind.resolving import detach, is_ground, resolve, resolve_all
 from agentd.mind.solve import solve
@@ -24,12 +26,8 @@ def literal_of(term: Any) -> Literal:
     if type(term) is Var:
         raise Failed("body_var_without_value", f"The variable '{term.name}' must be ground.")
     if type(term) is Code and isinstance(term.syntax, syntax.Trigger):
-        from agentd.mind.code_terms import trigger_literal
-
         return trigger_literal(term)
     if type(term) is Code and isinstance(term.syntax, syntax.Body) and len(term.syntax.formulas) == 1:
-        from agentd.mind.code_terms import lone_goal
-
         goal = lone_goal(term)
         if goal is not None:
             return goal
@@ -70,18 +68,12 @@ def achieve_term(mind: Any, intention: Intention, term: Any, new_focus: bool) ->
     return True
 
 
-def pending(mind: Any, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
-    """``^!g[state(pending)]``, in programs with plans for the states of goals."""
-    mind.meta(relevant, args, annots, "pending")
-
-
 def test_event(mind: Any, intention: Intention, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> bool:
     """``?g`` that the beliefs do not answer: its event if there are plans for it, else a failure."""
     if relevant.plans or mind.plans.has_nested:
         mind.events.append((relevant, args, annots, intention))
         return True
-    mind.fail_test(intention)
-    return False
+    raise Failed("test_goal_failed")
 
 
 def test_term(mind: Any, intention: Intention, term: Any) -> bool | None:
@@ -94,12 +86,12 @@ def test_term(mind: Any, intention: Intention, term: Any) -> bool | None:
     if type(formula) is Literal:
         relevant = mind.plans.relevant("+", "?", formula.sig)
         return test_event(mind, intention, relevant, formula.args, with_source(formula.annots))
-    return bool(mind.fail_test(intention))
+    raise Failed("test_goal_failed")
 
 
 def test_failed(mind: Any, intention: Intention) -> None:
     """A compound test without a solution raises no event."""
-    mind.fail_test(intention)
+    raise Failed("test_goal_failed")
 
 
 def perform(mind: Any, intention: Intention, action: Any) -> bool:

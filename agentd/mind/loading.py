@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from agentd.language import syntax
@@ -10,7 +11,35 @@ from agentd.language.instantiate import Instantiation
 from agentd.language.term_text import code_text, text
 from agentd.language.terms import Code, Literal
 from agentd.mind.beliefs import RuleClause
+from agentd.mind.effects import Log
+from agentd.mind.functions import by_rule
 from agentd.mind.resolving import resolve
+from agentd.mind.rules import add_rule
+from agentd.stdlib.registry import FUNCTIONS
+
+
+def load_program(mind: Any, program: CompiledProgram) -> None:
+    """Give a new mind its program: functions, plans, initial beliefs and goals, and tell the warnings."""
+    for name, arity, rule in program.functions:
+        mind.compiler.register_function(name, arity, by_rule(rule, arity))
+    mind.plans.extend(list(program.plans))
+    functions = {key: _bound_function(mind, key) for key in FUNCTIONS}
+    for item in reversed(program.beliefs):
+        if isinstance(item, syntax.Rule):
+            add_rule(mind, item, {})
+            continue
+        literal = Instantiation({}, functions).term(item.literal)
+        assert isinstance(literal, Literal)
+        mind.add_belief(literal)
+    for goal in program.goals:
+        mind.add_goal(Instantiation({}, functions).term(goal.literal), goal.operator)
+    for warning in program.warnings:
+        mind.effects.append(Log("warning", warning))
+
+
+def _bound_function(mind: Any, key: tuple[str, int]) -> Callable[..., Any]:
+    compute = mind.compiler.function(*key)
+    return lambda *args: compute(mind, *args)
 
 
 def include_program(mind: Any, program: CompiledProgram | None) -> None:
@@ -21,7 +50,7 @@ def include_program(mind: Any, program: CompiledProgram | None) -> None:
         mind.plans.add(mind.plans.make(node))
     for item in reversed(program.beliefs):
         if isinstance(item, syntax.Rule):
-            mind.add_rule(item, {})
+            add_rule(mind, item, {})
         else:
             mind.add_belief(Instantiation({}, {}).term(item.literal))
     for goal in program.goals:
@@ -40,3 +69,18 @@ def program_text(mind: Any, goals: list[Any]) -> str:
     lines += [f"!{text(resolve(goal))}." for goal in goals]
     lines += [f"{code_text(Code(plan.syntax, plan.values, bare=True))}." for plan in mind.plans]
     return "\n".join(lines) + "\n"
+
+
+def copy_mind(mind: Any, other: Any) -> None:
+    """Take over another mind's beliefs, rules and plans, without their events (``.clone``)."""
+    for predicate in other.beliefs.predicates():
+        own = mind.beliefs.predicate(predicate.sig)
+        for entry in list(predicate.entries.values()):
+            if type(entry) is RuleClause:
+                add_rule(mind, entry.syntax, entry.values)
+            else:
+                own.add(entry.args, entry.annots)
+    known = {id(plan.syntax) for plan in mind.plans}
+    for plan in other.plans:
+        if id(plan.syntax) not in known:
+            mind.plans.add(mind.plans.make(plan.syntax, plan.values))

@@ -10,13 +10,18 @@ from agentd.language.signatures import signature
 from agentd.language.sources import SOURCE_SELF, is_source, source, told_by
 from agentd.language.terms import FALSE, Literal, Var, atom, deref, make_list, proper
 from agentd.mind.annotations import with_source
-from agentd.mind.effects import Log, SendMail
+from agentd.mind.answering import answer_by_plan
+from agentd.mind.changes import disbelieve
+from agentd.mind.dropping import drop_desire
+from agentd.mind.effects import Log
 from agentd.mind.failed import Failed
 from agentd.mind.inputs import Mail
-from agentd.mind.intentions import Intention
+from agentd.mind.plan_terms import add_plans, relevant_plans, remove_plans
 from agentd.mind.resolving import Copier, detach, resolve
+from agentd.mind.sending import answer_text, reply, send
 from agentd.mind.solve import solve
 from agentd.mind.unifier import undo, unify
+from agentd.mind.waiting import hear
 
 _KQML = signature("kqml_received", 4)
 
@@ -88,8 +93,6 @@ def _untell(mind: Any, mail: Mail) -> None:
     content = deref(mail.content)
     if type(content) is not Literal:
         raise Failed("no_applicable", "only a literal can be untold")
-    from agentd.mind.changes import disbelieve
-
     told = from_sender(mind, content, mail.sender)
     predicate = mind.beliefs.predicate(told.sig)
     trail: list[Var] = []
@@ -104,8 +107,6 @@ def _achieve(mind: Any, mail: Mail) -> None:
 
 
 def _unachieve(mind: Any, mail: Mail) -> None:
-    from agentd.mind.dropping import drop_desire
-
     content = deref(mail.content)
     if type(content) is Literal:
         drop_desire(mind, content, [])
@@ -117,37 +118,8 @@ def _signal(mind: Any, mail: Mail) -> None:
         told = from_sender(mind, content, mail.sender)
         relevant = mind.plans.relevant("+", "", told.sig)
         if mind.listeners:
-            mind.hear(relevant, told.args, told.annots)
+            hear(mind, relevant, told.args, told.annots)
         mind.post(relevant, told.args, told.annots)
-
-
-def reply(mind: Any, mail: Mail, content: Any) -> None:
-    """Answer a question: a synchronous one by a message in reply, another one by telling."""
-    if not mail.msg_id.startswith("sync") and content is FALSE:
-        return
-    send(mind, mail.sender, "tell", content, mail.msg_id)
-
-
-def send(
-    mind: Any, receiver: str | None, performative: str, content: Any, in_reply_to: str = "", sync: bool = False
-) -> str:
-    """Hand a message out; returns its id."""
-    mind.message_count += 1
-    msg_id = f"{'sync' if sync else 'mid'}{mind.message_count}.{mind.name}"
-    mind.effects.append(SendMail(receiver, performative, content, msg_id, in_reply_to))
-    return msg_id
-
-
-def _answer_text(mind: Any, literal: Any) -> Any:
-    """A belief as an answer: source(self) becomes the name of this agent."""
-    literal = Copier(fresh=True).copy(literal)
-    if type(literal) is not Literal:
-        return literal
-    me = source(atom(mind.name))
-    annots = tuple(me if a == SOURCE_SELF else a for a in literal.annots)
-    if not any(map(is_source, annots)):
-        annots = (*annots, me)
-    return Literal(literal.sig, literal.args, sorted_annots(annots))
 
 
 def answers(mind: Any, question: Any) -> list[Any]:
@@ -173,7 +145,7 @@ def answers(mind: Any, question: Any) -> list[Any]:
 def _ask_one(mind: Any, mail: Mail) -> None:
     found = answers(mind, mail.content)
     if found:
-        reply(mind, mail, _answer_text(mind, found[0]))
+        reply(mind, mail, answer_text(mind, found[0]))
         return
     question = Copier(fresh=True).copy(mail.content)
     if type(question) is Literal:
@@ -186,21 +158,17 @@ def _ask_one(mind: Any, mail: Mail) -> None:
 
 def _ask_plan(mind: Any, mail: Mail, relevant: Any, question: Literal) -> None:
     """Let a ``+?`` plan find the answer: an intention that tells it when the plan has ended."""
-    from agentd.mind.answering import answer_by_plan
-
     told = from_sender(mind, question, mail.sender)
     answer_by_plan(mind, mail, relevant, question, told.annots)
 
 
 def _ask_all(mind: Any, mail: Mail) -> None:
-    found = [_answer_text(mind, a) for a in answers(mind, mail.content)]
+    found = [answer_text(mind, a) for a in answers(mind, mail.content)]
     if mail.msg_id.startswith("sync") or found:
         reply(mind, mail, make_list(found))
 
 
 def _ask_how(mind: Any, mail: Mail) -> None:
-    from agentd.mind.plan_terms import relevant_plans
-
     found = relevant_plans(mind, mail.content)
     if not mail.msg_id.startswith("sync"):
         if found:
@@ -210,14 +178,10 @@ def _ask_how(mind: Any, mail: Mail) -> None:
 
 
 def _tell_how(mind: Any, mail: Mail) -> None:
-    from agentd.mind.plan_terms import add_plans
-
     add_plans(mind, mail.content, atom(mail.sender), first=False)
 
 
 def _untell_how(mind: Any, mail: Mail) -> None:
-    from agentd.mind.plan_terms import remove_plans
-
     remove_plans(mind, mail.content, atom(mail.sender))
 
 
@@ -234,41 +198,3 @@ _HANDLERS: Final[dict[str, Callable[[Any, Mail], None]]] = {
     "tellHow": _tell_how,
     "untellHow": _untell_how,
 }
-
-
-class Question:
-    """A synchronous ask: the intention that waits, and for whose answers."""
-
-    def __init__(self, intention: Intention, answer: Any, many: bool, wanted: int) -> None:
-        self.intention, self.answer, self.many, self.wanted = intention, answer, many, wanted
-        self.ids: list[str] = []
-        self.found: list[Any] = []
-        self.timer: Any = None
-
-    def answered(self, mind: Any, mail: Mail) -> None:
-        """One answer has come."""
-        mind.questions.pop(mail.in_reply_to, None)
-        self.found.append(mail.content)
-        if len(self.found) < self.wanted:
-            return
-        self.finish(mind, make_list(self.found) if self.many else self.found[0])
-
-    def timed_out(self, mind: Any) -> None:
-        self.finish(mind, make_list(self.found) if self.many else atom("timeout"))
-
-    def forget(self, mind: Any) -> None:
-        """No answer is waited for any more."""
-        if self.timer is not None:
-            self.timer.cancelled = True
-        for msg_id in self.ids:
-            mind.questions.pop(msg_id, None)
-
-    def finish(self, mind: Any, value: Any) -> None:
-        self.forget(mind)
-        trail = self.intention.trail
-        mark = len(trail)
-        if unify(self.answer, value, trail):
-            mind.resume_waiting(self.intention)
-        else:
-            undo(trail, mark)
-            mind.fail_waiting(self.intention, Failed("ask_failed", "the answer does not unify with what was expected"))

@@ -1,4 +1,4 @@
-"""Goal conditions (``<:``) and plans nested in ``{ }`` (rules 94 and 95)."""
+"""Plans nested in ``{ }``: which are in sight of an event (rule 95)."""
 
 from __future__ import annotations
 
@@ -7,30 +7,6 @@ from typing import Any
 from agentd.mind.frames import PLAN, Frame
 from agentd.mind.intentions import Intention
 from agentd.mind.unifier import undo
-
-
-def condition_holds(mind: Any, intention: Intention, frame: Frame) -> bool:
-    """Whether the condition of the goal that a frame is for holds now."""
-    mark = len(intention.trail)
-    holds = frame[PLAN].condition(mind, intention.trail, frame)
-    undo(intention.trail, mark)
-    return bool(holds)
-
-
-def check_goal_conditions(mind: Any) -> None:
-    """After beliefs have changed: end the goals whose conditions hold now, wherever their plans are."""
-    from agentd.mind.dropping import end_goal
-
-    left = []
-    for intention, frame in mind.goal_conditions:
-        place = next((n for n, other in enumerate(intention.stack) if other is frame), None)
-        if place is None:
-            continue
-        if condition_holds(mind, intention, frame):
-            end_goal(mind, intention, place, True)
-        else:
-            left.append((intention, frame))
-    mind.goal_conditions[:] = left
 
 
 def nested_frame(

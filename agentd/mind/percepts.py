@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from agentd.language.order import sorted_annots
 from agentd.language.sources import PERCEPT
 from agentd.language.terms import Literal
 from agentd.mind.changes import raise_event
@@ -39,8 +40,6 @@ def _agrees(percept: tuple[Any, ...], args: tuple[Any, ...], key: tuple[int, ...
 
 
 def _annots(literal: Literal) -> tuple[Any, ...]:
-    from agentd.language.order import sorted_annots
-
     return sorted_annots((*literal.annots, *PERCEPT)) if literal.annots else PERCEPT
 
 

@@ -6,7 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 from agentd.language import syntax
+from agentd.language.errors import SyntaxErrors
 from agentd.language.instantiate import instantiate
+from agentd.language.parser import parse_plan, parse_trigger
 from agentd.language.terms import Code, Literal, deref, proper
 from agentd.mind.code_terms import trigger_literal
 from agentd.mind.failed import Failed, wrong_arguments
@@ -22,9 +24,6 @@ def is_label(label: Any) -> bool:
 
 def read_plan(text: str) -> syntax.Plan:
     """A plan from its text. Fails with ``unknown`` where it does not parse."""
-    from agentd.language.errors import SyntaxErrors
-    from agentd.language.parser import parse_plan
-
     try:
         return parse_plan(text, "<plan>")
     except SyntaxErrors as errors:
@@ -67,9 +66,6 @@ def read_trigger(term: Any) -> Code:
     """A trigger term, or the text of one."""
     term = deref(term)
     if type(term) is str:
-        from agentd.language.errors import SyntaxErrors
-        from agentd.language.parser import parse_trigger
-
         try:
             return Code(parse_trigger(term))
         except SyntaxErrors as errors:

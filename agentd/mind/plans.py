@@ -13,7 +13,8 @@ from agentd.language.instantiate import Instantiation
 from agentd.language.plan_code import FRAME_HEADER, PlanCode
 from agentd.language.signatures import DEFAULT, Signature, signature
 from agentd.language.sources import SOURCE_SELF
-from agentd.language.terms import Literal, atom
+from agentd.language.term_text import code_text
+from agentd.language.terms import Code, Literal, atom
 from agentd.mind.frames import Frame, Step
 
 _ATOMIC = signature("atomic")
@@ -142,9 +143,6 @@ class Plan:
     @property
     def head(self) -> str:
         """The trigger as written."""
-        from agentd.language.term_text import code_text
-        from agentd.language.terms import Code
-
         return code_text(Code(self.syntax.trigger, bare=True))
 
 

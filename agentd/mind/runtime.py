@@ -13,7 +13,8 @@ from agentd.mind.code_terms import capture
 from agentd.mind.failed import action_said_no, constraint_failed
 from agentd.mind.forks import fork, join
 from agentd.mind.functions import call
-from agentd.mind.goals import achieve_term, pending, perform, qualify, run_term, test_event, test_failed, test_term
+from agentd.mind.goal_states import pending
+from agentd.mind.goals import achieve_term, perform, qualify, run_term, test_event, test_failed, test_term
 from agentd.mind.loops import next_round, present
 from agentd.mind.relations import arithmetic, order, same, univ
 from agentd.mind.resolving import detach, resolve

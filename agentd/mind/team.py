@@ -10,6 +10,7 @@ from agentd.mind.failed import Failed
 from agentd.mind.inputs import TeamReply
 from agentd.mind.intentions import Intention
 from agentd.mind.unifier import undo, unify
+from agentd.mind.waiting import fail_waiting, resume_waiting
 
 Use = Callable[[Any], None]
 
@@ -24,16 +25,16 @@ class Request:
         """Go on with the answer, or fail with its error."""
         intention = self.intention
         if reply.error:
-            mind.fail_waiting(intention, Failed(reply.error, reply.message))
+            fail_waiting(mind, intention, Failed(reply.error, reply.message))
             return
         if self.use is not None:
             self.use(reply.value)
         mark = len(intention.trail)
         if self.result is not None and not unify(self.result, reply.value, intention.trail):
             undo(intention.trail, mark)
-            mind.fail_waiting(intention, Failed("ia_failed"))
+            fail_waiting(mind, intention, Failed("ia_failed"))
             return
-        mind.resume_waiting(intention)
+        resume_waiting(mind, intention)
 
 
 def request(mind: Any, what: str, arguments: tuple[Any, ...], result: Any = None, use: Use | None = None) -> bool:

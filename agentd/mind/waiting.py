@@ -1,58 +1,50 @@
-"""Waiting: for a time, for a formula to hold, for an event; and what happens at a due time."""
+"""Waiting: how an intention goes on or fails when what it waits for has come, and ``.wait`` in its three forms."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from heapq import heappop, heappush
 from typing import Any
 
 from agentd.language import syntax
 from agentd.language.terms import Code, Literal, Var, deref
+from agentd.mind import failure
+from agentd.mind.code_terms import trigger_literal
+from agentd.mind.execution import end_frames
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.frames import Frame
 from agentd.mind.intentions import Intention
+from agentd.mind.timers import Timer
 from agentd.mind.unifier import undo, unify
 
 
-class Timer:
-    """Something to do at a mission time."""
+def resume_waiting(mind: Any, intention: Intention) -> None:
+    """What an intention waited for has come: it goes on, or stays suspended."""
+    mind.waiting.pop(intention.id, None)
+    intention.waiting = None
+    intention.action = None
+    if intention.suspended is not None:
+        mind.suspended[intention.id] = intention
+        return
+    end_frames(mind, intention)
+    if intention.stack and intention.waiting is None:
+        mind.running.append(intention)
 
-    __slots__ = ("action", "cancelled", "due", "number")
 
-    def __init__(self, due: float, number: int, action: Callable[[], None]) -> None:
-        self.due, self.number, self.action = due, number, action
-        self.cancelled = False
+def fail_waiting(mind: Any, intention: Intention, failed: Failed) -> None:
+    """What an intention waited for will not come: the formula that it waits in fails."""
+    mind.waiting.pop(intention.id, None)
+    intention.waiting = None
+    intention.action = None
+    frame = intention.stack[-1]
+    assert intention.last is not None
+    failure.step_failed(mind, intention, intention.last, frame, failed)
 
-    def __lt__(self, other: Timer) -> bool:
-        return (self.due, self.number) < (other.due, other.number)
 
-
-class Timers:
-    """What is due when. Equal times keep the order in which they were set."""
-
-    def __init__(self) -> None:
-        self.heap: list[Timer] = []
-        """The timers, the next one first; some may be cancelled."""
-        self._count = 0
-
-    def at(self, due: float, action: Callable[[], None]) -> Timer:
-        self._count += 1
-        timer = Timer(due, self._count, action)
-        heappush(self.heap, timer)
-        return timer
-
-    def next_due(self) -> float | None:
-        """When the earliest timer is due; None without any."""
-        while self.heap and self.heap[0].cancelled:
-            heappop(self.heap)
-        return self.heap[0].due if self.heap else None
-
-    def run(self, now: float) -> None:
-        """Do what is due."""
-        while self.heap and (self.heap[0].cancelled or self.heap[0].due <= now):
-            timer = heappop(self.heap)
-            if not timer.cancelled:
-                timer.action()
+def fail_parent(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, failed: Failed) -> None:
+    """A branch of a fork of this intention has failed."""
+    mind.waiting.pop(intention.id, None)
+    intention.waiting = None
+    failure.fail(mind, intention, extra, where, failed)
 
 
 class Wait:
@@ -80,7 +72,7 @@ def wait_time(mind: Any, intention: Intention, seconds: float) -> bool:
     """Wait for a time, then go on."""
 
     def over() -> None:
-        mind.resume_waiting(intention)
+        resume_waiting(mind, intention)
 
     timer = mind.timers.at(mind.now + seconds, over)
     mind.await_something(intention, f"wait({seconds:g}s)", timer)
@@ -107,8 +99,6 @@ def wait_until(
 
 def wait_event(mind: Any, intention: Intention, trigger: Code, limit: Any = None, elapsed: Any = None) -> bool:
     """Wait until an event unifies with a trigger."""
-    from agentd.mind.code_terms import trigger_literal
-
     seconds = None if limit is None else milliseconds(limit)
     node = trigger.syntax
     if not isinstance(node, syntax.Trigger):
@@ -143,7 +133,7 @@ def timed_out(mind: Any, wait: Wait) -> None:
     if wait.elapsed is not None:
         ended(mind, wait)
         return
-    mind.fail_waiting(intention, Failed("wait_timeout", "timeout in .wait"))
+    fail_waiting(mind, intention, Failed("wait_timeout", "timeout in .wait"))
 
 
 def ended(mind: Any, wait: Wait) -> None:
@@ -151,7 +141,7 @@ def ended(mind: Any, wait: Wait) -> None:
     forget(mind, wait)
     if wait.elapsed is not None:
         _tell_elapsed(wait.intention, wait.elapsed, (mind.now - wait.since) * 1000.0)
-    mind.resume_waiting(wait.intention)
+    resume_waiting(mind, wait.intention)
 
 
 def _tell_elapsed(intention: Intention, elapsed: Any, value: float) -> None:
@@ -169,6 +159,21 @@ def check_conditions(mind: Any) -> None:
         trail = wait.intention.trail
         mark = len(trail)
         if wait.check(mind, wait.intention, wait.frame):
+            ended(mind, wait)
+        else:
+            undo(trail, mark)
+
+
+def hear(mind: Any, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
+    """Tell those who wait for an event."""
+    for wait in list(mind.listeners):
+        assert wait.pattern is not None
+        operator, goal, literal = wait.pattern
+        if operator != relevant.operator or goal != relevant.goal:
+            continue
+        trail = wait.intention.trail
+        mark = len(trail)
+        if unify(literal, Literal(relevant.sig, args, annots), trail):
             ended(mind, wait)
         else:
             undo(trail, mark)

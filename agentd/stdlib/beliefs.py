@@ -13,6 +13,7 @@ from agentd.mind.beliefs import RuleClause
 from agentd.mind.changes import believe, raise_event
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.resolving import Copier, detach, resolve_all
+from agentd.mind.rules import add_rule
 from agentd.mind.unifier import Trail, undo, unify
 from agentd.stdlib.registry import internal_action
 
@@ -39,7 +40,7 @@ def abolish(mind: Any, trail: Trail, pattern: Any) -> bool:
 def _assert(mind: Any, term: Any, last: bool) -> bool:
     term = deref(term)
     if type(term) is Code and isinstance(term.syntax, syntax.Rule):
-        mind.add_rule(term.syntax, dict(term.values), last=last)
+        add_rule(mind, term.syntax, dict(term.values), last=last)
         return True
     if type(term) is not Literal:
         raise Failed("unknown", "only beliefs and rules can be asserted")

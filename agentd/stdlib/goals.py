@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from agentd.language.terms import Literal, deref
+from agentd.language.terms import Literal, atom, deref
 from agentd.mind import dropping
+from agentd.mind.dropping import drop
 from agentd.mind.failed import wrong_arguments
 from agentd.mind.intention_terms import stack_of, state_of
 from agentd.mind.unifier import Trail, undo, unify
+from agentd.mind.waiting import resume_waiting
 from agentd.stdlib.registry import internal_action
 
 
@@ -49,7 +51,7 @@ def _own_end(mind: Any, own: bool) -> bool | None:
 @internal_action(".drop_intention", (0, 1), suspends=True)
 def drop_intention(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
     if goal is None:
-        mind.drop(mind.current)
+        drop(mind, mind.current)
         return True
     return _own_end(mind, dropping.drop_intention(mind, _goal(goal), trail))
 
@@ -68,7 +70,7 @@ def drop_event(mind: Any, trail: Trail, goal: Any) -> bool | None:
 def drop_all_intentions(mind: Any, trail: Trail) -> bool:
     for intention in mind.all_intentions():
         if intention is not mind.current and not any(e[3] is intention for e in mind.events):
-            mind.drop(intention)
+            drop(mind, intention)
     return True
 
 
@@ -121,7 +123,7 @@ def drop_future_intention(mind: Any, trail: Trail, goal: Any) -> bool | None:
         mark = len(trail)
         if dropping.has_ahead(intention, pattern, trail):
             own |= intention is mind.current
-            mind.drop(intention)
+            drop(mind, intention)
         undo(trail, mark)
     return _own_end(mind, own)
 
@@ -187,7 +189,7 @@ def resume(mind: Any, trail: Trail, goal: Any) -> bool:
         if fits and intention.suspended is not None:
             intention.suspended = None
             if mind.suspended.pop(intention.id, None) is not None:
-                mind.resume_waiting(intention)
+                resume_waiting(mind, intention)
     return True
 
 
@@ -197,9 +199,7 @@ def suspended(mind: Any, trail: Trail, goal: Any, reason: Any) -> Iterator[None]
     mark = len(trail)
     for intention in mind.all_intentions():
         why = "suspend_ia" if intention.suspended is not None else intention.waiting
-        if why and dropping.find_goal(intention, pattern, trail) is not None:
-            from agentd.language.terms import atom
-
-            if unify(reason, atom(why.partition(" ")[0]), trail):
-                yield None
+        fits = why and dropping.find_goal(intention, pattern, trail) is not None
+        if fits and unify(reason, atom(why.partition(" ")[0]), trail):
+            yield None
         undo(trail, mark)

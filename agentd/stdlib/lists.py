@@ -9,7 +9,20 @@ from typing import Any
 
 from agentd.language.order import compare, distinct, ordered
 from agentd.language.term_text import text
-from agentd.language.terms import EMPTY, Collection, Expression, List, Literal, Var, deref, elements, make_list, proper
+from agentd.language.terms import (
+    EMPTY,
+    FALSE,
+    TRUE,
+    Collection,
+    Expression,
+    List,
+    Literal,
+    Var,
+    deref,
+    elements,
+    make_list,
+    proper,
+)
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.resolving import resolve
 from agentd.mind.solve import solve
@@ -300,8 +313,6 @@ def count(mind: Any, trail: Trail, query: Any, result: Any) -> bool:
 
 @internal_action(".eval", 2)
 def evaluate(mind: Any, trail: Trail, result: Any, query: Any) -> bool:
-    from agentd.language.terms import FALSE, TRUE
-
     mark = len(trail)
     holds = FALSE
     for _ in solve(mind, _query(query), trail):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.language.terms import List, Literal, deref, proper
+from agentd.language.terms import List, Literal, atom, deref, make_list, proper
 from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.messages import Question, send
+from agentd.mind.questions import Question
 from agentd.mind.resolving import Copier
-from agentd.mind.unifier import Trail
+from agentd.mind.sending import send
+from agentd.mind.unifier import Trail, unify
 from agentd.mind.waiting import milliseconds
 from agentd.stdlib.registry import internal_action
 
@@ -83,8 +84,5 @@ def broadcast(mind: Any, trail: Trail, performative: Any, content: Any) -> bool:
 
 @internal_action(".all_names", 1)
 def all_names(mind: Any, trail: Trail, result: Any) -> bool:
-    from agentd.language.terms import atom, make_list
-    from agentd.mind.unifier import unify
-
     names = [mind.name] if mind.agents is None else list(mind.agents())
     return unify(result, make_list([atom(n) for n in names]), trail)

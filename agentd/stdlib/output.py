@@ -10,6 +10,7 @@ from agentd.language.term_text import printed, text
 from agentd.language.terms import List, Literal, Var, deref, split
 from agentd.mind.effects import Log, Print
 from agentd.mind.failed import Failed, wrong_arguments
+from agentd.mind.intentions import values_of
 from agentd.mind.resolving import resolve
 from agentd.mind.unifier import Trail, unify
 from agentd.stdlib.registry import internal_action
@@ -104,8 +105,6 @@ def puts(mind: Any, trail: Trail, pattern: Any, result: Any = None) -> bool:
     form = deref(pattern)
     if type(form) is not str:
         wrong_arguments(".puts takes a string")
-    from agentd.mind.intentions import values_of
-
     values = values_of(mind.current.stack[-1]) if mind.current is not None and mind.current.stack else {}
 
     def piece(match: re.Match[str]) -> str:

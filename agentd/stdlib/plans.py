@@ -13,6 +13,7 @@ from agentd.mind.code_terms import parts_of, trigger_literal
 from agentd.mind.plan_terms import add_plans, plans_for, read_trigger, relevant_plans, remove_plans, term_of
 from agentd.mind.resolving import detach, resolve, resolve_all
 from agentd.mind.unifier import Trail, undo, unify
+from agentd.mind.waiting import hear
 from agentd.stdlib.registry import internal_action
 
 _MYSELF = SELF[0].args[0]
@@ -81,6 +82,6 @@ def signal(mind: Any, trail: Trail, trigger: Any, kind: Any = None) -> bool:
     event = mind.plans.relevant(code.syntax.operator, code.syntax.goal, literal.sig)
     args, annots = detach(resolve_all(literal.args)), with_source(resolve_all(literal.annots))
     if mind.listeners:
-        mind.hear(event, args, annots)
+        hear(mind, event, args, annots)
     mind.post(event, args, annots)
     return True

@@ -6,7 +6,9 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from agentd.language.errors import SyntaxErrors
 from agentd.language.instantiate import instantiate
+from agentd.language.parser import parse_term
 from agentd.language.term_text import text
 from agentd.language.terms import EMPTY, Collection, List, Literal, Var, atom, deref, make_list, proper, split
 from agentd.mind.failed import Failed, wrong_arguments
@@ -148,9 +150,6 @@ def reverse(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
 
 def read_term(mind: Any, written: str) -> Any:
     """The term that a text stands for; its variables are those of the running plan. What cannot be read is an atom."""
-    from agentd.language.errors import SyntaxErrors
-    from agentd.language.parser import parse_term
-
     try:
         node = parse_term(written)
     except (SyntaxErrors, RecursionError):

@@ -8,10 +8,13 @@ from typing import Any
 
 from agentd.language import syntax
 from agentd.language.terms import Code, Expression, Literal, deref
+from agentd.mind.code_terms import trigger_literal
 from agentd.mind.failed import Failed, wrong_arguments
+from agentd.mind.plan_terms import read_trigger
+from agentd.mind.resolving import detach, resolve_all
 from agentd.mind.solve import solve
 from agentd.mind.unifier import Trail, unify
-from agentd.mind.waiting import milliseconds, wait_event, wait_time, wait_until
+from agentd.mind.waiting import hear, milliseconds, wait_event, wait_time, wait_until
 from agentd.stdlib.registry import function, internal_action
 
 
@@ -26,8 +29,6 @@ def wait(mind: Any, trail: Trail, what: Any, limit: Any = None, elapsed: Any = N
         code = _as_trigger(term)
         return wait_event(mind, intention, code, limit, elapsed)
     if type(term) is str:
-        from agentd.mind.plan_terms import read_trigger
-
         return wait_event(mind, intention, read_trigger(term), limit, elapsed)
     if type(term) in (Literal, Expression):
 
@@ -68,10 +69,6 @@ _UNITS = {
 @internal_action(".at", 2)
 def at(mind: Any, trail: Trail, when: Any, trigger: Any) -> bool:
     """``.at("now +N unit", {trigger})``: raises the event then; it carries no source."""
-    from agentd.mind.code_terms import trigger_literal
-    from agentd.mind.plan_terms import read_trigger
-    from agentd.mind.resolving import detach, resolve_all
-
     written = deref(when)
     match = _AT.match(written) if type(written) is str else None
     if match is None or (match.group(2) or "") not in _UNITS:
@@ -84,7 +81,7 @@ def at(mind: Any, trail: Trail, when: Any, trigger: Any) -> bool:
 
     def due() -> None:
         if mind.listeners:
-            mind.hear(relevant, args, annots)
+            hear(mind, relevant, args, annots)
         mind.post(relevant, args, annots)
 
     mind.future_events.append(mind.timers.at(mind.now + delay, due))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -122,3 +125,20 @@ def test_included_files_and_their_mistakes_are_those_of_the_program(tmp_path: Pa
     with running("agentd", "serve", path, "b", "--router", endpoint) as agent:
         assert agent.ends(30) == 2
         assert agent.lines[0].startswith(f"{tmp_path}/more.asl:2:")
+
+
+def test_an_agent_goes_on_when_nobody_reads_its_prints_or_they_cannot_be_shown(tmp_path: Path, endpoint: str) -> None:
+    program = '!start.\n+!start <- .print("Höhe"); .wait(100); .print("b"); .wait(100); .stopMAS(0, 3).\n'
+    path = mission(tmp_path, "mission: m\nagents:\n  a: {program: speak.asl}\ndone: 'a: x'\n", speak=program)
+    command = [sys.executable, "-m", "agentd", "serve", path, "--router", endpoint]
+    ascii_only = os.environ | {"PYTHONIOENCODING": "ascii"}
+    with running("commd", "serve", path, "--router", endpoint) as router:
+        router.says("router board")
+        shown = subprocess.run(command, capture_output=True, timeout=60, env=ascii_only)
+        assert (shown.returncode, shown.stdout) == (3, b"[a] H\\xf6he\n[a] b\n"), shown.stderr
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as agent:
+            assert agent.stdout is not None
+            agent.stdout.close()
+            _, said = agent.communicate(timeout=60)
+        assert b"stops the team" in said
+        assert b"defect" not in said

@@ -1,0 +1,90 @@
+"""Running an intention: one formula of its innermost plan, and the end of plans that have no more."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language.numbers import UndefinedNumber
+from agentd.language.term_text import text
+from agentd.mind import failure
+from agentd.mind.failed import Failed
+from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame
+from agentd.mind.goal_states import raise_state
+from agentd.mind.intentions import Intention
+from agentd.mind.unifier import undo
+
+
+def run_intention(mind: Any, intention: Intention) -> None:
+    """One formula of one intention."""
+    frame = intention.stack[-1]
+    step = frame[STEP]
+    if step is not None:
+        frame[STEP] = step.next
+        intention.last = step
+        mind.current = intention
+        try:
+            if step.run(mind, intention, frame):
+                return
+        except Failed as failed:
+            _step_failed(mind, intention, step, frame, failed)
+            return
+        except UndefinedNumber as undefined:
+            _step_failed(mind, intention, step, frame, Failed("undefined_number", str(undefined)))
+            return
+        except RecursionError:
+            message = "the computation is too deep"
+            _step_failed(mind, intention, step, frame, Failed("recursion_too_deep", message))
+            return
+        except Exception as error:  # an internal action may raise anything; it must not end the mind
+            _step_failed(mind, intention, step, frame, Failed("unknown", f"{type(error).__name__}: {error}"))
+            return
+    stack = intention.stack
+    top = stack[-1]
+    if top[STEP] is None:
+        if len(stack) > 1 and stack[-2][STEP] is not None and not (top[PLAN].special or mind.plans.has_meta):
+            stack.pop()
+            if len(intention.trail) > top[MARK]:
+                intention.trim(top[MARK])
+        else:
+            end_frames(mind, intention)
+            if not stack or intention.waiting is not None:
+                return
+    mind.running.append(intention)
+
+
+def _step_failed(mind: Any, intention: Intention, step: Any, frame: Frame, failed: Failed) -> None:
+    if failed.error == "test_goal_failed" and not failed.args[0].startswith("Failed"):
+        code = failure.code_of(step, frame)
+        failed = Failed("test_goal_failed", f"Failed to test '{text(code)}'", code=code)
+    failure.step_failed(mind, intention, step, frame, failed)
+
+
+def end_frames(mind: Any, intention: Intention) -> None:
+    """Take away the plans that have ended; the ones below go on."""
+    stack = intention.stack
+    while stack:
+        top = stack[-1]
+        if top[STEP] is not None:
+            return
+        if top[PLAN].special or mind.plans.has_meta:
+            if top[PLAN].condition is not None and not condition_holds(mind, intention, top):
+                mind.await_something(intention, "goal condition")
+                return
+            stack.pop()
+            mind.left(intention, top)
+            if mind.plans.has_meta and top[RELEVANT].operator == "+" and top[RELEVANT].goal:
+                raise_state(mind, top[RELEVANT], top[ARGS], top[ANNOTS], "achieved")
+                raise_state(mind, top[RELEVANT], top[ARGS], top[ANNOTS], "finished")
+        else:
+            stack.pop()
+        if len(intention.trail) > top[MARK]:
+            intention.trim(top[MARK])
+    mind.gone(intention)
+
+
+def condition_holds(mind: Any, intention: Intention, frame: Frame) -> bool:
+    """Whether the condition of the goal that a frame is for holds now."""
+    mark = len(intention.trail)
+    holds = frame[PLAN].condition(mind, intention.trail, frame)
+    undo(intention.trail, mark)
+    return bool(holds)

@@ -1,0 +1,23 @@
+"""Events about the states of goals, ``^!g[state(S)]``, for programs that have plans for them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language.order import sorted_annots
+from agentd.language.signatures import signature
+from agentd.language.terms import Literal, atom
+from agentd.mind.resolving import resolve_all
+
+
+def raise_state(mind: Any, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], state: str) -> None:
+    """The event ``^!g[state(S)]`` if there is a plan for it."""
+    meta = mind.plans.relevant("^", relevant.goal, relevant.sig)
+    if meta.plans:
+        told = Literal(signature("state", 1), (atom(state),))
+        mind.post(meta, resolve_all(args), sorted_annots((*resolve_all(annots), told)))
+
+
+def pending(mind: Any, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
+    """``^!g[state(pending)]``, in programs with plans for the states of goals."""
+    raise_state(mind, relevant, args, annots, "pending")

@@ -1,0 +1,64 @@
+"""Taking in what has come from outside: percepts, results of actions, answers, goals and beliefs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language.signatures import signature
+from agentd.language.terms import Literal, atom
+from agentd.mind import percepts
+from agentd.mind.annotations import with_source
+from agentd.mind.failed import Failed
+from agentd.mind.inputs import (
+    ActionDone,
+    BeliefAdded,
+    GoalAdded,
+    PerceptAdded,
+    PerceptRemoved,
+    PerceptReplaced,
+    SignalRaised,
+    TeamReply,
+)
+from agentd.mind.waiting import fail_waiting, resume_waiting
+
+
+def take_inputs(mind: Any) -> None:
+    """All percepts and results that have come in: deletions of percepts before additions."""
+    batch = list(mind.inputs)
+    mind.inputs.clear()
+    added: list[Any] = []
+    for item in batch:
+        if mind.on_input is not None:
+            mind.on_input(mind.cycle, item)
+        match item:
+            case PerceptReplaced() | PerceptAdded() | PerceptRemoved():
+                added += percepts.update(mind, item)
+            case ActionDone():
+                _action_done(mind, item)
+            case TeamReply():
+                request = mind.requests.pop(item.id, None)
+                if request is not None:
+                    request.answered(mind, item)
+            case GoalAdded(literal=literal):
+                mind.add_goal(literal)
+            case BeliefAdded(literal=literal):
+                mind.add_belief(literal)
+            case SignalRaised(literal=literal):
+                mind.post(mind.plans.relevant("+", "", literal.sig), literal.args, with_source(literal.annots))
+            case _:
+                pass
+    percepts.raise_additions(mind, added)
+
+
+def _action_done(mind: Any, done: ActionDone) -> None:
+    for intention, _ in list(mind.waiting.values()):
+        if intention.action != done.id:
+            continue
+        if done.ok:
+            resume_waiting(mind, intention)
+            return
+        facts = [Literal(signature("reason", 1), (done.reason,))] if done.reason else []
+        if done.state:
+            facts.append(Literal(signature("state", 1), (atom(done.state),)))
+        fail_waiting(mind, intention, Failed("action_failed", done.reason, tuple(facts)))
+        return

@@ -1,0 +1,33 @@
+"""Rules of a mind: believed, forgotten, compiled for the modes in which they are asked."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.compile_rule import compile_rule
+from agentd.language.constants import signature_of
+from agentd.mind.beliefs import Mode, RuleClause
+
+
+def add_rule(mind: Any, rule: syntax.Rule, values: dict[str, Any], last: bool = False) -> None:
+    """Believe a rule, before the other clauses of its predicate or after them."""
+    clause = RuleClause(rule, partial(_compile_rule, mind), values)
+    mind.beliefs.predicate(signature_of(rule.head)).add_rule(clause, last)
+    mind.changes += 1
+
+
+def remove_rule(mind: Any, rule: syntax.Rule) -> None:
+    """Forget the first rule that is written so."""
+    predicate = mind.beliefs.predicate(signature_of(rule.head))
+    for entry in list(predicate.entries):
+        if type(entry) is RuleClause and entry.syntax == rule:
+            predicate.remove_rule(entry)
+            mind.changes += 1
+            return
+
+
+def _compile_rule(mind: Any, clause: RuleClause, mode: Mode) -> Any:
+    unit = compile_rule(clause.syntax, mode, mind.compiler, clause.values)
+    return unit.load(mind.plans.runtime, mind.plans.provide)["answers"]

@@ -1,0 +1,117 @@
+"""Selecting the plan for an event: the first that is relevant and applicable becomes a frame of an intention."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language.terms import Literal
+from agentd.mind import failure
+from agentd.mind.effects import Log
+from agentd.mind.execution import condition_holds, end_frames
+from agentd.mind.failed import Failed
+from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame
+from agentd.mind.goal_states import raise_state
+from agentd.mind.intentions import Intention
+from agentd.mind.nested import nested_frame
+from agentd.mind.plans import Plan
+from agentd.mind.resolving import resolve_all
+from agentd.mind.unifier import undo
+from agentd.mind.waiting import hear, resume_waiting
+
+Event = tuple[Any, tuple[Any, ...], tuple[Any, ...], Intention | None]
+"""The `Relevant` plans, arguments and annotations of an event, and the intention that waits for it (or None)."""
+
+
+def take_event(mind: Any, event: Event) -> bool:
+    """Find the plan for an event and put it on its intention. False: nothing happened, take the next event."""
+    relevant, args, annots, intention = event
+    trail: list[Any] = [] if intention is None else intention.trail
+    mark = len(trail)
+    frame = None
+    if mind.listeners and relevant.goal:
+        hear(mind, relevant, args, annots)
+    try:
+        if mind.plans.has_nested:
+            frame = nested_frame(mind, trail, relevant, args, annots, intention)
+        for plan in relevant.plans if frame is None else ():
+            frame = plan.select(mind, trail, relevant, args, annots)
+            if frame is not None:
+                break
+            if len(trail) > mark:
+                undo(trail, mark)
+    except Exception as error:  # an internal action may raise anything; it must not end the mind
+        _context_failed(mind, relevant, error)
+        undo(trail, mark)
+        frame = None
+    if frame is None:
+        return _no_plan(mind, relevant, args, annots, intention)
+    if trail:
+        frame[MARK] = mark
+    if intention is None:
+        intention = mind.new_intention()
+        if trail:
+            intention.trail = trail
+    stack = intention.stack
+    if stack:
+        top = stack[-1]
+        if top[STEP] is None and relevant.tail is not None and not top[PLAN].special:
+            below = top[RELEVANT].tail
+            if below is not None and below == relevant.tail:
+                stack.pop()
+                if len(trail) > top[MARK]:
+                    intention.trim(top[MARK])
+                    frame[MARK] = min(frame[MARK], len(trail))
+    stack.append(frame)
+    plan = frame[PLAN]
+    if plan.special or mind.plans.has_meta:
+        _entered(mind, intention, frame)
+        if not stack:
+            return True
+    if intention.suspended is not None:
+        mind.suspended[intention.id] = intention
+    else:
+        mind.running.append(intention)
+    return True
+
+
+def _entered(mind: Any, intention: Intention, frame: Frame) -> None:
+    """A plan that needs more than a frame is about to begin."""
+    plan: Plan = frame[PLAN]
+    if mind.plans.has_meta and frame[RELEVANT].operator == "+" and frame[RELEVANT].goal:
+        raise_state(mind, frame[RELEVANT], frame[ARGS], frame[ANNOTS], "executing")
+    if plan.atomic:
+        mind.atomic = intention
+    if plan.condition is not None:
+        if condition_holds(mind, intention, frame):
+            frame[STEP] = None
+            end_frames(mind, intention)
+        else:
+            mind.goal_conditions.append((intention, frame))
+
+
+def _context_failed(mind: Any, relevant: Any, error: Exception) -> None:
+    what = "it is too deep" if isinstance(error, RecursionError) else str(error) or type(error).__name__
+    plans = ", ".join(f"{plan.syntax.position}" for plan in relevant.plans[:3])
+    mind.effects.append(Log("warning", f"{plans}: the context of a plan for {relevant!r} cannot be computed: {what}"))
+
+
+def _no_plan(
+    mind: Any, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], intention: Intention | None
+) -> bool:
+    """An event without an applicable plan."""
+    if not relevant.goal or relevant.operator == "^":
+        if intention is None:
+            return False
+        resume_waiting(mind, intention)
+        return True
+    if relevant.operator == "+":
+        failure.goal_failed(mind, relevant, args, annots, intention)
+        return True
+    event = f"{relevant.text}{Literal(relevant.sig, resolve_all(args))}"
+    mind.effects.append(Log("error", f"no applicable plan handles the failure {event}; the intention ends"))
+    if intention is not None:
+        mind.gone(intention)
+        if intention.branch is not None:
+            reason = Failed("no_applicable", f"no applicable plan handles {event}")
+            intention.branch.failed(mind, intention, annots, event, reason)
+    return True

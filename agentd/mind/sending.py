@@ -1,0 +1,41 @@
+"""Messages that go out: ids, answers, and how a belief is told to others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language.order import sorted_annots
+from agentd.language.sources import SOURCE_SELF, is_source, source
+from agentd.language.terms import FALSE, Literal, atom
+from agentd.mind.effects import SendMail
+from agentd.mind.inputs import Mail
+from agentd.mind.resolving import Copier
+
+
+def send(
+    mind: Any, receiver: str | None, performative: str, content: Any, in_reply_to: str = "", sync: bool = False
+) -> str:
+    """Hand a message out; returns its id."""
+    mind.message_count += 1
+    msg_id = f"{'sync' if sync else 'mid'}{mind.message_count}.{mind.name}"
+    mind.effects.append(SendMail(receiver, performative, content, msg_id, in_reply_to))
+    return msg_id
+
+
+def reply(mind: Any, mail: Mail, content: Any) -> None:
+    """Answer a question: a synchronous one by a message in reply, another one by telling."""
+    if not mail.msg_id.startswith("sync") and content is FALSE:
+        return
+    send(mind, mail.sender, "tell", content, mail.msg_id)
+
+
+def answer_text(mind: Any, literal: Any) -> Any:
+    """A belief as an answer: source(self) becomes the name of this agent."""
+    literal = Copier(fresh=True).copy(literal)
+    if type(literal) is not Literal:
+        return literal
+    me = source(atom(mind.name))
+    annots = tuple(me if a == SOURCE_SELF else a for a in literal.annots)
+    if not any(map(is_source, annots)):
+        annots = (*annots, me)
+    return Literal(literal.sig, literal.args, sorted_annots(annots))
