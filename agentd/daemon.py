@@ -16,7 +16,7 @@ from agentd.language.parser import parse_file
 from agentd.language.syntax import Program
 from commd.bus import open_bus
 from commd.clock import Clock
-from commd.process import EXIT_DONE, report_health, run_daemon
+from commd.process import EXIT_DONE, add_router_argument, report_health, run_daemon
 from schemas.findings import Finding, Findings
 from schemas.manifest import load_manifest
 from schemas.mission import Mission, load_mission
@@ -31,7 +31,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("mission", help="mission file")
     parser.add_argument("agents", nargs="*", metavar="AGENT", help="agents to run (default: all of the board)")
     parser.add_argument("--board", help="run the agents of this board")
-    parser.add_argument("--router", metavar="ENDPOINT", help="the router, if not at the mission's endpoint")
+    add_router_argument(parser)
     parser.add_argument("--speed", type=float, help="mission seconds per wall second (simulation only)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the minds' random numbers")
 

@@ -14,7 +14,7 @@ from bridged.presence import Presence
 from bridged.service import Service
 from commd.bus import Bus, open_bus
 from commd.clock import Clock
-from commd.process import EXIT_DONE, EXIT_FAILED, report_health, run_daemon
+from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, report_health, run_daemon
 from schemas import keys
 from schemas.mission import Mission, load_mission
 
@@ -27,7 +27,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `bridged serve`."""
     parser.add_argument("mission", help="mission file")
     parser.add_argument("robot", help="which robot of the mission")
-    parser.add_argument("--router", metavar="ENDPOINT", help="the board's router instead of the mission's")
+    add_router_argument(parser)
     parser.add_argument("--speed", type=float, metavar="X", help="instead of the mission's; simulation only")
     parser.add_argument("--state", type=Path, metavar="DIR", help="where action ids are kept")
     parser.add_argument("--link", help="link to the robot instead of the mission's")

@@ -10,7 +10,7 @@ from typing import Literal
 from commd.bus import open_bus
 from commd.clock import Clock
 from commd.mailroom import Mailroom
-from commd.process import EXIT_DONE, report_health, run_daemon
+from commd.process import EXIT_DONE, add_router_argument, report_health, run_daemon
 from schemas import keys
 from schemas.findings import Finding, Findings
 from schemas.mission import THIS_MACHINE, Mission, load_mission
@@ -24,7 +24,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `commd serve`."""
     parser.add_argument("mission", help="mission file")
     parser.add_argument("--board", help="which board this is (default: the only one)")
-    parser.add_argument("--router", metavar="ENDPOINT", help="listen here instead of the mission's endpoint")
+    add_router_argument(parser)
 
 
 def run(args: Namespace) -> int:

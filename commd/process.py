@@ -8,12 +8,14 @@ import os
 import resource
 import signal
 import sys
+from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Awaitable, Callable
 from typing import Any
 
 from commd.bus import AlreadyRunning, Bus, BusClosed
 from commd.clock import Clock
 from schemas import keys
+from schemas.endpoints import check_endpoint
 from schemas.findings import Findings
 from schemas.records import Health
 
@@ -22,6 +24,18 @@ HEALTH_PERIOD = 1.0
 log = logging.getLogger("process")
 
 EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT = 0, 1, 2
+
+
+def add_router_argument(parser: ArgumentParser) -> None:
+    """Declare `--router`, which every daemon takes."""
+
+    def endpoint(text: str) -> str:
+        try:
+            return check_endpoint(text)
+        except ValueError as error:
+            raise ArgumentTypeError(str(error)) from None
+
+    parser.add_argument("--router", metavar="ENDPOINT", type=endpoint, help="the router, instead of the mission's")
 
 
 def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 
 from schemas.durations import Duration
+from schemas.endpoints import check_endpoint
 from schemas.files import read_text
 from schemas.findings import Finding, Findings
 from schemas.names import check_name
@@ -245,6 +246,10 @@ def _check(mission: Mission) -> list[Finding]:
                 wrong(
                     path, f"{kind}.{name}: there is no board `{part.board}`{did_you_mean(part.board, mission.boards)}"
                 )
+    try:
+        check_endpoint(mission.router.endpoint)
+    except ValueError as error:
+        wrong(("router", "endpoint"), f"router.endpoint: {str(error)[:1].lower()}{str(error)[1:]}")
     links: dict[str, str] = {}
     for name, robot in mission.robots.items():
         other = links.setdefault(robot.link, name)

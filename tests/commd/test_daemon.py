@@ -65,8 +65,8 @@ def test_a_bad_mission_ends_commd_with_its_findings(tmp_path: Path, endpoint: st
         ]
 
 
-def test_a_bad_endpoint_is_one_clear_line() -> None:
-    with running("commd", "serve", MISSION, "--router", "carrier-pigeon/here") as commd:
-        assert commd.ends() == 1
-        assert "error: commd: cannot listen at carrier-pigeon/here" in commd.text
-        assert "Traceback" not in commd.text
+@pytest.mark.parametrize("endpoint", ["carrier-pigeon/here", "tcp/127.0.0.1:99999", "127.0.0.1:7447", ""])
+def test_what_is_no_endpoint_is_refused_with_what_is_one(endpoint: str) -> None:
+    with running("commd", "serve", MISSION, "--router", endpoint) as commd:
+        assert commd.ends() == 2
+        assert commd.lines[-1].endswith(f"Expected an endpoint such as `tcp/127.0.0.1:7447`, got `{endpoint}`")

@@ -83,6 +83,11 @@ def test_the_shipped_mission_reads() -> None:
         ("speed: 5", "speed: 5\nspeed: 6", "m.yaml:14:1: error: `speed` stands here twice"),
         ("speed: 5", "speed: [5", "m.yaml:14:1: error: not YAML: expected ',' or ']', but got '<stream end>'"),
         ("speed: 5", "speed: !!python/object:os.system 5", "m.yaml:13:8: error: `5` cannot be read as"),
+        (
+            "speed: 5",
+            "router: {endpoint: nonsense}",
+            "m.yaml:13:20: error: router.endpoint: expected an endpoint such as `tcp/127.0.0.1:7447`, got `nonsense`",
+        ),
         ("  uav1:\n", "  uav:\n", "m.yaml:7:3: error: `uav` is in agents already: names are unique in a fleet"),
     ],
 )
