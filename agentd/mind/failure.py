@@ -145,3 +145,16 @@ def _contexts(mind: Any, relevant: Any) -> str:
         return ""
     places = ", ".join(f"{p.head} (line {p.syntax.position.line})" for p in relevant.plans[:3])
     return f"; relevant were {places}"
+
+
+def unhandled(relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> str:
+    """What to say when there are handlers for a failed goal and none fits: what failed, where, and which they are."""
+    facts = {a.sig: a.args[0] for a in resolve_all(annots) if type(a) is Literal and len(a.args) == 1}
+    said = [text(facts[_ERROR])] if _ERROR in facts else []
+    if facts.get(_MESSAGE):
+        said.append(str(facts[_MESSAGE]))
+    where = f"{facts[_SOURCE]}:{facts[_LINE]:g}: " if facts.get(_LINE) and facts.get(_SOURCE) else ""
+    code = f"{text(facts[_CODE])}: " if _CODE in facts else ""
+    event = f"{relevant.text}{text(Literal(relevant.sig, resolve_all(args)))}"
+    handlers = ", ".join(f"{plan.head} at {plan.syntax.position}" for plan in relevant.plans[:3])
+    return f"{where}{code}{': '.join(said)}; no handler of {event} fits ({handlers}), the intention ends"

@@ -108,7 +108,7 @@ def _no_plan(
         failure.goal_failed(mind, relevant, args, annots, intention)
         return True
     event = f"{relevant.text}{Literal(relevant.sig, resolve_all(args))}"
-    mind.effects.append(Log("error", f"no applicable plan handles the failure {event}; the intention ends"))
+    mind.effects.append(Log("error", failure.unhandled(relevant, args, annots)))
     if intention is not None:
         mind.gone(intention)
         if intention.branch is not None:

@@ -15,6 +15,13 @@ def test_a_failure_without_handler_names_plan_goal_formula_and_place() -> None:
     assert "+!sub(1), +!start" in line
 
 
+def test_a_failure_whose_handlers_do_not_fit_names_the_formula_its_place_and_the_handlers() -> None:
+    world = run("!g.\n+!g <-\n   ?nothing(3).\n-!g[reason(R)] <- .print(R).")
+    (line,) = world.logs
+    assert line.startswith("test.asl:3: nothing(3): test_goal_failed: Failed to test 'nothing(3)'")
+    assert "no handler of -!g fits (-!g[reason(R)] at test.asl:4:1), the intention ends" in line
+
+
 def test_bindings_made_before_the_failure_are_gone_for_the_handler() -> None:
     world = run('!s. +!s <- !read(X); .print("X=", X). +!read(Y) <- !deep(Y); .fail. +!deep(5). -!read(Y) <- Y = 6.')
     assert world.prints == ["X=6"]
