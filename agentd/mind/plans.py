@@ -253,12 +253,5 @@ class PlanLibrary:
             if plan in relevant.plans:
                 relevant.plans.remove(plan)
 
-    def labelled(self, label: Literal) -> Plan | None:
-        """The plan with a label, annotations aside."""
-        for plan in self.plans:
-            if plan.label.sig.functor == label.sig.functor:
-                return plan
-        return None
-
     def __iter__(self) -> Iterator[Plan]:
         return iter(self.plans)

@@ -9,6 +9,8 @@ from agentd.stdlib import (  # noqa: F401 - imported for their registrations
     messages,
     output,
     plans,
+    queries,
+    random,
     strings,
     system,
     team,

@@ -1,4 +1,4 @@
-"""Lists: members, positions, order, sets as lists, collecting over queries."""
+"""Lists: members, positions, order, parts, sets as lists, ranges."""
 
 from __future__ import annotations
 
@@ -10,13 +10,8 @@ from typing import Any
 from agentd.language.order import compare, distinct, ordered
 from agentd.language.term_text import text
 from agentd.language.terms import (
-    EMPTY,
-    FALSE,
-    TRUE,
     Collection,
-    Expression,
     List,
-    Literal,
     Var,
     deref,
     elements,
@@ -25,7 +20,6 @@ from agentd.language.terms import (
 )
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.resolving import resolve
-from agentd.mind.solve import solve
 from agentd.mind.unifier import Trail, undo, unify
 from agentd.stdlib.registry import internal_action
 
@@ -119,13 +113,6 @@ def _delete_positions(what: list[Any], collection: Any, result: Any, trail: Trai
 def sort(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
     """``.sort(L, R)``: standard order, duplicates kept."""
     return unify(result, make_list(ordered(members_of(items, ".sort"))), trail)
-
-
-@internal_action(".shuffle", 2)
-def shuffle(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
-    members = members_of(items, ".shuffle")
-    mind.random.shuffle(members)
-    return unify(result, make_list(members), trail)
 
 
 @internal_action(".min", 2)
@@ -223,100 +210,3 @@ def number_range(mind: Any, trail: Trail, item: Any, first: Any, last: Any, step
             yield None
         undo(trail, mark)
         at += pace
-
-
-@internal_action(".random", (1, 3), backtracks=True)
-def random(mind: Any, trail: Trail, *args: Any) -> Iterator[None]:
-    """``.random(X)``, ``.random(X, N)``: numbers from 0 to 1; ``.random(L, X[, N])``: members of a list."""
-    first = deref(args[0])
-    mark = len(trail)
-    if type(first) is List:
-        members = members_of(first, ".random")
-        if len(args) == 1:
-            wrong_arguments(".random of a list needs a variable")
-        target, times = args[1], _times(args[2]) if len(args) == 3 else 1
-        if not members:
-            return
-        if type(deref(target)) is not Var:
-            wrong_arguments("a variable is needed for a random member")
-    else:
-        if type(first) is not Var:
-            wrong_arguments("the first argument of .random is a variable or a list")
-        members, target, times = [], first, _times(args[1]) if len(args) > 1 else 1
-    done = 0
-    while times == 0 or done < times:
-        done += 1
-        value = mind.random.choice(members) if members else mind.random.random()
-        if unify(target, value, trail):
-            yield None
-        undo(trail, mark)
-
-
-def _times(term: Any) -> int:
-    number = deref(term)
-    if type(number) is not float:
-        wrong_arguments(".random takes a number of times")
-    return int(number)
-
-
-@internal_action(".set_random_seed", 1)
-def set_random_seed(mind: Any, trail: Trail, seed: Any) -> bool:
-    number = deref(seed)
-    if type(number) is not float:
-        wrong_arguments("a random seed is a number")
-    mind.random.seed(int(number))
-    return True
-
-
-def _query(term: Any) -> Any:
-    """A query held by a variable. Fails with ``wrong_arguments`` when it is no formula."""
-    query = deref(term)
-    if type(query) not in (Literal, Expression):
-        wrong_arguments("a formula is needed as query")
-    return query
-
-
-def _solutions(mind: Any, template: Any, query: Any, trail: Trail) -> list[Any]:
-    found = []
-    for _ in solve(mind, _query(query), trail):
-        found.append(resolve(template))
-    return found
-
-
-@internal_action(".findall", 3)
-def findall(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
-    """``.findall(T, Query, L)``. The compiler writes a loop for it where the query is written out."""
-    return unify(result, make_list(_solutions(mind, template, query, trail)), trail)
-
-
-@internal_action(".setof", 3)
-def setof(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
-    return unify(result, make_list(distinct(_solutions(mind, template, query, trail))), trail)
-
-
-@internal_action(".min", 3)
-def minimum_of(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
-    found = ordered(_solutions(mind, template, query, trail))
-    return bool(found) and unify(result, found[0], trail)
-
-
-@internal_action(".max", 3)
-def maximum_of(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
-    found = ordered(_solutions(mind, template, query, trail))
-    return bool(found) and unify(result, found[-1], trail)
-
-
-@internal_action(".count", 2)
-def count(mind: Any, trail: Trail, query: Any, result: Any) -> bool:
-    return unify(result, float(len(_solutions(mind, EMPTY, query, trail))), trail)
-
-
-@internal_action(".eval", 2)
-def evaluate(mind: Any, trail: Trail, result: Any, query: Any) -> bool:
-    mark = len(trail)
-    holds = FALSE
-    for _ in solve(mind, _query(query), trail):
-        holds = TRUE
-        break
-    undo(trail, mark)
-    return unify(result, holds, trail)

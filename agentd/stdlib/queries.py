@@ -1,0 +1,67 @@
+"""Collecting over the solutions of a query that a variable holds; those written out are loops of the compiler."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language.order import distinct, ordered
+from agentd.language.terms import EMPTY, FALSE, TRUE, Expression, Literal, deref, make_list
+from agentd.mind.failed import wrong_arguments
+from agentd.mind.resolving import resolve
+from agentd.mind.solve import solve
+from agentd.mind.unifier import Trail, undo, unify
+from agentd.stdlib.registry import internal_action
+
+
+def _query(term: Any) -> Any:
+    """A query held by a variable. Fails with ``wrong_arguments`` when it is no formula."""
+    query = deref(term)
+    if type(query) not in (Literal, Expression):
+        wrong_arguments("a formula is needed as query")
+    return query
+
+
+def _solutions(mind: Any, template: Any, query: Any, trail: Trail) -> list[Any]:
+    found = []
+    for _ in solve(mind, _query(query), trail):
+        found.append(resolve(template))
+    return found
+
+
+@internal_action(".findall", 3)
+def findall(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+    """``.findall(T, Query, L)``. The compiler writes a loop for it where the query is written out."""
+    return unify(result, make_list(_solutions(mind, template, query, trail)), trail)
+
+
+@internal_action(".setof", 3)
+def setof(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+    return unify(result, make_list(distinct(_solutions(mind, template, query, trail))), trail)
+
+
+@internal_action(".min", 3)
+def minimum_of(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+    found = ordered(_solutions(mind, template, query, trail))
+    return bool(found) and unify(result, found[0], trail)
+
+
+@internal_action(".max", 3)
+def maximum_of(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+    found = ordered(_solutions(mind, template, query, trail))
+    return bool(found) and unify(result, found[-1], trail)
+
+
+@internal_action(".count", 2)
+def count(mind: Any, trail: Trail, query: Any, result: Any) -> bool:
+    return unify(result, float(len(_solutions(mind, EMPTY, query, trail))), trail)
+
+
+@internal_action(".eval", 2)
+def evaluate(mind: Any, trail: Trail, result: Any, query: Any) -> bool:
+    mark = len(trail)
+    holds = FALSE
+    for _ in solve(mind, _query(query), trail):
+        holds = TRUE
+        break
+    undo(trail, mark)
+    return unify(result, holds, trail)
