@@ -77,8 +77,6 @@ class Builder(TermBuilder):
         self._end_of_text = end_of_text
         self._trigger_bodies: dict[int, tuple[TriggerTerm, Body]] = {}
 
-    # --- programs ----------------------------------------------------------------------------------------------------
-
     def program(self, at: int, *parts: _ItemPart) -> Program:
         open_blocks: list[tuple[_Begin, list[Item]]] = []
         items: list[Item] = []
@@ -185,8 +183,6 @@ class Builder(TermBuilder):
     def call(self, at: int, name: str, arguments: tuple[Term, ...] | None) -> Structure:
         return Structure(name, arguments or (), position=self.position(at))
 
-    # --- plan bodies -------------------------------------------------------------------------------------------------
-
     def body(self, at: int, *formulas: BodyFormula) -> Body:
         return Body(formulas, self.position(at))
 
@@ -261,8 +257,6 @@ class Builder(TermBuilder):
             self.refuse(at, f"{KINDS[type(term)]} is no belief; + and - change beliefs, or plans and rules in {{ }}")
         return term
 
-    # --- code as terms -----------------------------------------------------------------------------------------------
-
     def body_term(self, at: int, body: Body | None) -> BodyTerm | TriggerTerm:
         position = self.position(at)
         if body is not None and len(body.formulas) == 1:
@@ -292,8 +286,6 @@ class Builder(TermBuilder):
 
     def rule_term(self, at: int, head: Structure, body: Term) -> RuleTerm:
         return RuleTerm(self.rule(at, head, body), self.position(at))
-
-    # --- texts that are one thing ------------------------------------------------------------------------------------
 
     def lone_expression(self, at: int, term: Term) -> Term:
         return term

@@ -94,8 +94,6 @@ class TermBuilder:
         line, column = (where.line, where.column) if isinstance(where, Position) else self.source.place(where)
         self.problems.append(problem_on(self.source, line, column, message))
 
-    # --- expressions -------------------------------------------------------------------------------------------------
-
     def or_(self, at: int, left: Term, right: Term) -> Or:
         return Or(self.formula_of(at, left, "left of |"), self.formula_of(at, right, "right of |"), self.position(at))
 
@@ -205,8 +203,6 @@ class TermBuilder:
 
     def annotations_rest(self, at: int, tail: Variable | ListTerm) -> ListTerm:
         return ListTerm((), tail, self.position(at))
-
-    # --- what a grammar cannot refuse --------------------------------------------------------------------------------
 
     def formula_of(self, at: int, term: Term, where: str) -> Formula:
         if is_formula(term):

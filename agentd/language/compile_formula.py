@@ -31,8 +31,6 @@ class FormulaCompiler(RelationCompiler):
     rows: list[str] | None = None
     """While a ``for`` is written: expressions for the facts that a solution rests on."""
 
-    # --- connectives ---
-
     def formula(self, node: Any, scope: Scope, then: Next) -> None:
         """Write a formula; ``then`` is written once, where it holds, and may be reached several times."""
         if self.function.indent > _MAX_INDENT or self.function.loops > _MAX_LOOPS:
@@ -114,8 +112,6 @@ class FormulaCompiler(RelationCompiler):
         with self.function.block(f"elif len(trail) > {mark}:"):
             self.function.emit(f"undo(trail, {mark})")
 
-    # --- beliefs and rules ---
-
     def _query(self, node: syntax.Structure, scope: Scope, then: Next) -> None:
         """A literal: a loop over the answers of its predicate."""
         predicate = self.constant(Ref("predicate", signature_of(node)))
@@ -194,8 +190,6 @@ class FormulaCompiler(RelationCompiler):
         built = self.function.assign(self.build(node, inner))
         with self.function.block(f"for _ in solve(m, {built}, trail):"):
             then(self.settled(scope, inner))
-
-    # --- internal actions ---
 
     def _internal_action(self, node: syntax.InternalAction, scope: Scope, then: Next) -> None:
         special = QUERIES.get((node.name, len(node.args)))

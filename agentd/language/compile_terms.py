@@ -34,8 +34,6 @@ class TermCompiler:
     def constant(self, value: Any) -> str:
         return self.unit.constant(value)
 
-    # --- building ---
-
     def build(self, node: syntax.Term, scope: Scope) -> str:
         """An expression for a term. Variables that are new get a cell and are added to ``scope``."""
         if is_constant(node):

@@ -51,9 +51,6 @@ NOWHERE = Position("", 0, 0)
 """The position of nodes that no source text stands behind."""
 
 
-# --- terms -----------------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, slots=True)
 class Number:
     """A numeral; every number of the dialect is a double. A minus before it is an `Arithmetic` of one operand."""
@@ -208,9 +205,6 @@ Formula: TypeAlias = Structure | Variable | InternalAction | Relation | Not | An
 """What can stand in a context, a rule body, a test: a subset of the terms."""
 
 
-# --- plan bodies -----------------------------------------------------------------------------------------------------
-
-
 class Operator(enum.Enum):
     """What a `Step` does with its term; the value is how it is written."""
 
@@ -279,9 +273,6 @@ class Body:
 
     formulas: tuple[BodyFormula, ...] = ()
     position: Position = field(default=NOWHERE, compare=False, repr=False)
-
-
-# --- plans and programs ----------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,8 +71,6 @@ class Predicate:
         """Whether there are only ground facts: then a query is a loop over argument tuples."""
         self._indexes: dict[int, tuple[dict[Any, dict[Any, Any]], dict[Any, Any]]] = {}
 
-    # --- queries ---
-
     def rows(self, position: int, key: Any) -> Any:
         """The arguments of the facts that may have ``key`` at ``position``. For `plain` predicates only."""
         entries = self.entries
@@ -151,8 +149,6 @@ class Predicate:
     def facts(self) -> Iterator[Literal]:
         """The facts in query order, as they are now."""
         return iter([e for e in reversed(self.entries.values()) if type(e) is Literal])
-
-    # --- changes ---
 
     def add(self, args: tuple[Any, ...], annots: tuple[Any, ...], last: bool = False) -> tuple[Any, ...] | None:
         """Believe a fact with resolved arguments. Returns the annotations that are new; None if nothing is."""

@@ -136,8 +136,6 @@ class Mind:
         """Take over another mind's beliefs, rules and plans, without their events (``.clone``)."""
         copy_mind(self, other)
 
-    # --- what others may ask and do ---
-
     def feed(self, item: Input) -> None:
         """Hand in an input; it is taken in the next cycle (mail: one message per cycle, at most `MOST_MAIL` wait)."""
         if isinstance(item, Mail):
@@ -205,8 +203,6 @@ class Mind:
     def belief_views(self) -> list[BeliefView]:
         """The beliefs as they stand, for people."""
         return views_of_beliefs(self)
-
-    # --- events and intentions ---
 
     def post(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
         """Queue an event that starts an intention of its own."""
