@@ -11,7 +11,9 @@ from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass
 from itertools import pairwise
 
+from argosy.aloft import age, last_line
 from argosy.journal import Level
+from argosy.lines import Left, of_a_bridge, read_line
 from argosy.observe import Observer
 from argosy.processes import Process, plan
 from argosy.status import Status
@@ -238,6 +240,10 @@ class Flight:
         widows = [bridge for bridge in bridges if self._simulator_is_dead(bridge.process.subject)]
         others = [bridge for bridge in bridges if bridge not in widows]
         patience = LEAVE_REAL if self.status.setup.real else LEAVE_SIMULATED
+        for robot in self._picture.robots.values():
+            if old := age(self.status, robot):
+                self.status.frozen.add(robot.name)
+                self._journal.add(robot.name, f"what is known of it is {old:.0f} s old", "warning")
         for bridge in bridges:
             self._tell_what_is_armed(bridge)
         if not self._picture.flying():
@@ -255,19 +261,23 @@ class Flight:
 
     def _tell_what_is_armed(self, bridge: Child) -> None:
         robot = bridge.process.subject
-        if not self._picture.robots[robot].armed:
+        seen = self._picture.robots[robot]
+        if not seen.armed:
             return
+        state = "was armed when it was last heard" if seen.lost or robot in self.status.frozen else "is armed"
         if self._simulator_is_dead(robot):
             self._journal.add(robot, "was armed, and is no more: its simulator is dead", "warning")
         elif bridge.alive:
             order = self._mission.robots[robot].on_shutdown
-            self._journal.add(robot, f"is armed: its bridge orders {order} (on_shutdown)", "warning")
+            self._journal.add(robot, f"{state}: its bridge is to order {order} (on_shutdown)", "warning")
         else:
-            self._journal.add(robot, "is armed and its bridge is dead: its own failsafe is the last line", "error")
+            self._journal.add(robot, f"{state} and its bridge is dead: {last_line(self.status, robot)}", "error")
 
     async def _stop(self, children: list[Child], patience: float) -> None:
         for late in await self._supervisor.leave(children, patience, self._hurry):
             self._journal.add(late.name, f"did not leave within {patience:g} s and was killed", "warning")
+            if late.process.kind.name == "bridged":
+                self.status.killed.add(late.process.subject)
 
     async def _draw(self, refresh: Callable[[], None]) -> None:
         while True:
@@ -297,14 +307,18 @@ class Flight:
         if printed and printed[1] in child.process.subject.split() and child.process.kind.name == "agentd":
             self._picture.printed(printed[1], printed[2])
             return
-        level: Level = "output"
-        if line.startswith("INFO") and self.finished is None:
-            level = "detail"
-        elif line.startswith(("ERROR", "error:", "CRITICAL")):
-            level = "error"
-        elif line.startswith("WARNING"):
-            level = "warning"
-        self._journal.add(child.name, line, level)
+        said = read_line(line)
+        if child.process.kind.name == "bridged" and isinstance(told := of_a_bridge(said), Left):
+            self._bridge_left(child.process.subject, told)
+        elif said.level == "detail" and self.finished is not None:
+            self._journal.add(child.name, said.text, "output")
+        else:
+            self._journal.add(child.name, said.text, said.level)
+
+    def _bridge_left(self, robot: str, left: Left) -> None:
+        self.status.left[robot] = left
+        level: Level = "good" if left.confirmed else "info" if left.how == "not armed" else "error"
+        self._journal.add(robot, f"its bridge left it: {left.how}", level)
 
     def _ended(self, child: Child) -> None:
         if child.dead:

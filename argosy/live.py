@@ -11,6 +11,7 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
+from argosy.aloft import age
 from argosy.journal import Entry, Level, printable
 from argosy.measure import MEGABYTE
 from argosy.picture import AgentSeen, RobotSeen
@@ -96,7 +97,7 @@ class Screen:
             return []
         table = Table.grid(padding=(0, 2), pad_edge=True)
         for robot in robots:
-            table.add_row(*_robot(robot, width))
+            table.add_row(*_robot(robot, width, self.status.now() - robot.heard, age(self.status, robot)))
         return [table]
 
     def _agents(self) -> list[Table | Text]:
@@ -184,11 +185,15 @@ def _phase(status: Status) -> Text:
     return Text(status.phase, style=style)
 
 
-def _robot(robot: RobotSeen, width: int) -> list[Text]:
-    if not robot.connected:
-        return [Text(robot.name, style="bold"), Text("not heard yet" if not robot.mode else "lost", style="yellow")]
+def _robot(robot: RobotSeen, width: int, silent: float, old: float) -> list[Text]:
+    """Return the cells of a vehicle's row; `silent` and `old` are mission seconds, `old` is 0 for what is fresh."""
+    if not robot.mode:
+        return [Text(robot.name, style="bold"), Text("not heard yet", style="yellow")]
+    if robot.lost:
+        told = Text(f"LOST, last heard {silent:.0f} s ago: {robot.last_known()}", style="bold red")
+        return [Text(robot.name, style="bold"), told]
     cells = [
-        Text(robot.name, style="bold"),
+        Text.assemble((robot.name, "bold"), (f" {old:.0f} s ago:", "bold red") if old else ""),
         Text(robot.mode, style="magenta"),
         Text("armed", style="green") if robot.armed else Text("disarmed", style="dim"),
     ]

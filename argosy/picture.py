@@ -71,6 +71,21 @@ class RobotSeen:
     """Percent."""
     satellites: int | None = None
     track: Track = field(default_factory=Track)
+    heard: float = 0.0
+    """Mission time at which a percept last told something of the vehicle."""
+
+    @property
+    def lost(self) -> bool:
+        """Whether it was heard and is no more; all else is then as it was last known."""
+        return bool(self.mode) and not self.connected
+
+    def last_known(self) -> str:
+        """Return the last known state in words."""
+        told = ["armed" if self.armed else "disarmed", self.mode]
+        if self.altitude is not None:
+            told.append(f"{self.altitude + 0.0:.0f} m up")
+        place = f" at {self.position[0]:.6f}, {self.position[1]:.6f}" if self.position is not None else ""
+        return ", ".join(told) + place
 
 
 class Picture:
@@ -83,6 +98,8 @@ class Picture:
         self.actions: dict[str, ActionSeen] = {}
         self.health: dict[tuple[str, str], Health] = {}
         """By name and daemon."""
+        self.heard_at: dict[tuple[str, str], float] = {}
+        """Mission time of each daemon's last health."""
         self.alive: set[tuple[str, str, str]] = set()
         """Name, daemon and boot of each liveliness token."""
         self.counts: Counter[str] = Counter()
@@ -97,8 +114,12 @@ class Picture:
         return [action for action in self.actions.values() if action.ended is None]
 
     def flying(self) -> bool:
-        """Whether any vehicle is armed."""
+        """Whether any vehicle is armed, or was when it fell silent."""
         return any(robot.armed for robot in self.robots.values())
+
+    def heard_of(self, robot: RobotSeen) -> float:
+        """Return the mission time until which a vehicle is known: its bridge tells changes, and that it is there."""
+        return robot.heard if robot.lost else max(robot.heard, self.heard_at.get((robot.name, "bridged"), 0.0))
 
     def token(self, key: str, alive: bool) -> None:
         """A liveliness token came or went."""
@@ -114,6 +135,7 @@ class Picture:
         if parsed is not None and len(parsed[2]) == 2:
             before = self.health.get((parsed[1], parsed[2][1]))
             self.health[parsed[1], parsed[2][1]] = health
+            self.heard_at[parsed[1], parsed[2][1]] = self._now()
             for note in health.notes:
                 if before is None or note not in before.notes:
                     self.journal.add(parsed[1], note, "warning")
@@ -149,14 +171,21 @@ class Picture:
             case "override", (mode,):
                 self.journal.add(robot.name, f"somebody else took control: {_plain(mode)}", "warning")
             case _:
-                pass
+                return
+        if robot.connected:
+            robot.heard = self._now()
 
     def _state(self, robot: RobotSeen, mode: Term, connected: bool, armed: bool) -> None:
         name, now = _plain(mode), self._now()
-        if connected != robot.connected:
-            robot.connected = connected
-            text, level = ("vehicle connected", "info") if connected else ("nothing is heard of the vehicle", "warning")
-            self.journal.add(robot.name, text, level)  # type: ignore[arg-type]
+        if not connected:  # it tells neither mode nor armed: what was known last is all that is known
+            if robot.connected:
+                robot.connected = False
+                text = f"LOST: last heard {now - robot.heard:.0f} s ago, {robot.last_known()}"
+                self.journal.add(robot.name, text, "error")
+            return
+        if not robot.connected:
+            robot.connected = True
+            self.journal.add(robot.name, "vehicle heard again" if robot.mode else "vehicle connected")
         if name != robot.mode:
             robot.mode = name
             if name:

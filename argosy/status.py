@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from argosy.journal import Journal
+from argosy.lines import Left
 from argosy.measure import Meter
 from argosy.picture import Picture
 from argosy.processes import Setup
@@ -29,6 +30,12 @@ class Status:
     """What the startup waits for now."""
     up: set[str] = field(default_factory=set)
     """Names of the processes that have shown themselves on the bus."""
+    left: dict[str, Left] = field(default_factory=dict)
+    """How each bridge left its robot, in its own words."""
+    killed: set[str] = field(default_factory=set)
+    """Robots whose bridge did not leave in time."""
+    frozen: set[str] = field(default_factory=set)
+    """Robots of which nothing new was heard any more when the run ended."""
 
     def serves(self, child: Child) -> bool:
         """Whether a process has come so far that it does its work."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from argosy.aloft import in_the_air
 from argosy.measure import MEGABYTE, Window
 from argosy.picture import ActionSeen, RobotSeen
 from argosy.status import Status
@@ -15,8 +16,10 @@ def summary(status: Status, ending: str, phases: list[tuple[str, float]]) -> str
     lines = [f"{status.setup.mission.name}: {ending}", ""]
     lines += _times(status, phases)
     for robot in status.picture.robots.values():
-        lines.append(_field(robot.name, _left(robot)))
+        lines.append(_field(robot.name, _left(status, robot)))
     lines += _daemons(status)
+    if flying := in_the_air(status):
+        lines += ["", *flying]
     return "\n".join(lines) + "\n"
 
 
@@ -45,14 +48,16 @@ def _action(action: ActionSeen, now: float, speed: float) -> Row:
     return _row(name if len(name) <= 60 else f"{name[:59]}…", state, action.age(now), speed)
 
 
-def _left(robot: RobotSeen) -> str:
+def _left(status: Status, robot: RobotSeen) -> str:
     """Return how a vehicle was left."""
     if not robot.mode:
         return "never heard"
+    old = f"{status.now() - status.picture.heard_of(robot):.0f} s ago: "
+    marked = f"LOST, last heard {old}" if robot.lost else old if robot.name in status.frozen else ""
     told = [robot.mode, "armed" if robot.armed else "disarmed"]
     if robot.altitude is not None:
         told.append(f"{robot.altitude + 0.0:.1f} m above home")
-    left = ", ".join(told)
+    left = marked + ", ".join(told)
     if (highest := robot.track.highest()) is not None:
         left += f"; flew {robot.track.length():.0f} m, {highest:.1f} m high at most"
     return left

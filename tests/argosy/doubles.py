@@ -78,7 +78,7 @@ async def bridge(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
         return
     await bus.claim("uav1")
     await asyncio.sleep(0.5)
-    print("INFO bridged serving uav1", file=sys.stderr)
+    print("INFO bridged bridged serving uav1", file=sys.stderr)
     flying = asyncio.create_task(fly(bus, clock))
     await stop.wait()
     if FAULT == "stubborn":
@@ -86,7 +86,7 @@ async def bridge(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
     if not flying.done() or FAULT == "armed":
         flying.cancel()
         percept(bus, "state", "RTL", True, True)
-        print("INFO bridged leaving uav1: rtl: the vehicle does it", file=sys.stderr, flush=True)
+        print("INFO bridged bridged leaving uav1: rtl: the vehicle does it", file=sys.stderr, flush=True)
         await asyncio.sleep(0.2)
 
 

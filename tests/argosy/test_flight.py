@@ -71,7 +71,7 @@ def test_ctrl_c_in_flight_leaves_the_vehicle_returning_home(start: Start, single
     running.process.send_signal(signal.SIGINT)
     code, out, _ = flown(running)
     assert code == 130
-    assert "uav1: is armed: its bridge orders rtl (on_shutdown)" in out
+    assert "uav1: is armed: its bridge is to order rtl (on_shutdown)" in out
     assert "uav1: mode RTL" in out
     assert re.search(r"uav1 +RTL, armed", out)
 

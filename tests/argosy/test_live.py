@@ -55,6 +55,17 @@ def test_the_view_shows_vehicle_intentions_actions_prints_and_progress() -> None
     assert "12 s of mission, 2 s here, x5" in text
 
 
+def test_a_lost_vehicle_keeps_its_last_known_state_and_old_data_tells_its_age() -> None:
+    recording = in_flight()
+    recording.at = 40.0
+    assert "uav1 40 s ago:  GUIDED  armed" in "\n".join(screen(recording, 100))
+    recording.health("uav1", "bridged")
+    assert "uav1  GUIDED  armed" in "\n".join(screen(recording, 100))
+    recording.percept("state", "", False, False)
+    text = "\n".join(screen(recording, 100))
+    assert "uav1  LOST, last heard 40 s ago: armed, GUIDED, 38 m up at -27.603700, -48.518100" in text
+
+
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (40, 10), (132, 50), (200, 12)])
 def test_the_view_fits_its_terminal(width: int, height: int) -> None:
     recording = in_flight()

@@ -51,12 +51,23 @@ def test_a_mission_that_failed_says_what_its_agent_believes() -> None:
     assert recording.picture.failed() == 'uav believes mission_failed("Arm: low battery")'
 
 
-def test_a_vehicle_that_falls_silent_is_told() -> None:
+def test_a_vehicle_that_falls_silent_in_flight_is_lost_in_its_last_known_state() -> None:
     recording = Recording()
-    recording.percept("state", "GUIDED", True, False)
+    recording.percept("state", "GUIDED", True, True)
+    recording.percept("altitude", 39.2)
+    recording.at = 3.0
+    recording.percept("global_pos", -27.6037, -48.5181)
+    recording.at = 8.0
     recording.percept("state", "", False, False)
-    assert recording.lines[-1] == "uav1: nothing is heard of the vehicle"
-    assert not recording.picture.robots["uav1"].connected
+    recording.percept("state", "", False, False)
+    robot = recording.picture.robots["uav1"]
+    told = "uav1: LOST: last heard 5 s ago, armed, GUIDED, 39 m up at -27.603700, -48.518100"
+    assert recording.lines[3:] == [told]
+    assert recording.status.journal.entries[-1].level == "error"
+    assert (robot.lost, robot.armed, robot.mode) == (True, True, "GUIDED")
+    assert recording.picture.flying()
+    recording.percept("state", "RTL", True, False)
+    assert recording.lines[4:] == ["uav1: vehicle heard again", "uav1: mode RTL", "uav1: disarmed"]
 
 
 def test_a_warning_of_a_daemon_is_told_while_it_is_new() -> None:

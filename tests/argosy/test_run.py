@@ -102,8 +102,8 @@ def test_ctrl_c_in_flight_brings_the_vehicle_home_and_ends_with_130(start: Start
     running.process.send_signal(signal.SIGINT)
     code, out, err = ended(running, 20)
     assert code == 130
-    assert "uav1: is armed: its bridge orders rtl (on_shutdown)" in out
-    assert "bridged uav1: INFO bridged leaving uav1: rtl" in out
+    assert "uav1: is armed: its bridge is to order rtl (on_shutdown)" in out
+    assert "uav1: its bridge left it: rtl" in out
     assert "error: stopped by ctrl-C" in err
 
 
@@ -120,7 +120,7 @@ def test_a_second_ctrl_c_hurries(start: Start, single_uav: Path) -> None:
     running = start(single_uav, "--speed", "2", fault="stubborn")
     running.until("uav1: armed")
     running.process.send_signal(signal.SIGINT)
-    running.until("its bridge orders rtl")
+    running.until("its bridge is to order rtl")
     running.process.send_signal(signal.SIGINT)
     code, out, _ = ended(running, 20)
     assert code == 130

@@ -1,0 +1,66 @@
+"""What the lines mean that daemons write: their level, their text, and what a bridge says of its vehicle."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from argosy.journal import Level
+
+_LOGGED = re.compile(r"(DEBUG|INFO|WARNING|ERROR|CRITICAL) \S+ \S+ (.*)")
+"""The format of `commd.process`: level, daemon, logger, message."""
+_LEVELS: dict[str, Level] = {"WARNING": "warning", "ERROR": "error", "CRITICAL": "error"}
+_LEFT = re.compile(r"leaving (\S+): (.*)")
+_ORDERED = re.compile(r"(hold|land|rtl) \(operator: \1\): (\w+) ?(.*)")
+_RELEASED = "released: actions are taken again"
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line without what the journal shows in other ways: who wrote it, and how grave it is."""
+
+    text: str
+    level: Level = "output"
+    """`detail` for what a daemon only informs about."""
+
+
+@dataclass(frozen=True)
+class Left:
+    """A bridge left its vehicle; `how` is `not armed`, `rtl: ...` when confirmed, or why no order was."""
+
+    how: str
+
+    @property
+    def confirmed(self) -> str:
+        """The order that the vehicle confirmed; nothing if it confirmed none."""
+        order = self.how.partition(":")[0]
+        return order if order in ("hold", "land", "rtl") else ""
+
+
+@dataclass(frozen=True)
+class Ordered:
+    """An operator's order has an outcome."""
+
+    order: str
+    confirmed: bool
+    reason: str
+
+
+class Released:
+    """The operator lets the agents act again."""
+
+
+def read_line(text: str) -> Line:
+    """Return what a line says and how grave it is."""
+    if logged := _LOGGED.fullmatch(text):
+        return Line(logged[2], _LEVELS.get(logged[1], "detail"))
+    return Line(text, "error" if text.startswith("error:") else "output")
+
+
+def of_a_bridge(line: Line) -> Left | Ordered | Released | None:
+    """Return what a bridge's line says of its vehicle, if it does."""
+    if left := _LEFT.fullmatch(line.text):
+        return Left(left[2])
+    if ordered := _ORDERED.fullmatch(line.text):
+        return Ordered(ordered[1], ordered[2] == "succeeded", ordered[3])
+    return Released() if line.text == _RELEASED else None

@@ -1,0 +1,117 @@
+"""What the summary says of vehicles that were left armed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from argosy.aloft import in_the_air, last_line
+from argosy.lines import Left, Line, Ordered, of_a_bridge, read_line
+from argosy.summary import summary
+from schemas.mission import Failsafe
+from tests.argosy.recorded import Recording
+
+
+def airborne(*, real: bool = True) -> Recording:
+    """Return a recording that ends 12 s after the vehicle was last heard, armed and 39 m up."""
+    recording = Recording(1.0)
+    recording.status.setup = replace(recording.status.setup, real=frozenset({"uav1"} if real else ()))
+    recording.percept("state", "GUIDED", True, True)
+    recording.percept("altitude", 39.0)
+    recording.at = 12.0
+    return recording
+
+
+def last_words(recording: Recording) -> str:
+    """Return the last line of the summary."""
+    return summary(recording.status, "failed: for a test", [("startup", 1.0)]).splitlines()[-1]
+
+
+def test_a_vehicle_that_flies_on_is_told_in_the_last_line_of_the_summary() -> None:
+    recording = airborne()
+    recording.status.left["uav1"] = Left("rtl: the vehicle does it")
+    assert last_words(recording) == "uav1 IS STILL IN THE AIR: RTL confirmed by its bridge; nobody watches it now"
+
+
+@pytest.mark.parametrize(
+    ("left", "killed", "how"),
+    [
+        (
+            Left("armed, and it has not confirmed rtl: no answer"),
+            False,
+            "its bridge says: armed, and it has not confirmed rtl: no answer",
+        ),
+        (None, True, "its bridge did not leave and was killed, no order was confirmed"),
+        (None, False, "its bridge is dead, no order was confirmed"),
+    ],
+)
+def test_a_vehicle_that_nobody_confirmed_to_come_home_is_told_to_be_taken_over(
+    left: Left | None, killed: bool, how: str
+) -> None:
+    recording = airborne()
+    recording.status.killed |= {"uav1"} if killed else set()
+    recording.status.left |= {"uav1": left} if left else {}
+    assert last_words(recording) == (
+        f"uav1 MAY STILL BE IN THE AIR: last heard 12 s ago, armed, GUIDED, 39 m up; {how}; "
+        "nothing brings it home: take over with the transmitter or ground station"
+    )
+
+
+def test_a_lost_vehicle_that_was_armed_may_be_flying_and_the_summary_keeps_its_last_state() -> None:
+    recording = airborne()
+    recording.percept("state", "", False, False)
+    recording.status.left["uav1"] = Left("not armed")
+    assert last_words(recording).startswith("uav1 MAY STILL BE IN THE AIR: last heard 12 s ago, armed, GUIDED, 39 m up")
+    text = summary(recording.status, "failed: for a test", [("startup", 1.0)])
+    assert "  uav1       LOST, last heard 12 s ago: GUIDED, armed, 39.0 m above home" in text
+
+
+def test_a_vehicle_that_its_bridge_found_disarmed_is_not_called_flying() -> None:
+    recording = airborne()
+    recording.status.left["uav1"] = Left("not armed")
+    assert in_the_air(recording.status) == []
+
+
+def test_a_simulated_vehicle_ends_with_the_run() -> None:
+    recording = airborne(real=False)
+    recording.status.left["uav1"] = Left("rtl: the vehicle does it")
+    assert last_words(recording) == (
+        "uav1 WAS STILL IN THE AIR: RTL confirmed by its bridge; it is simulated and ended with the run"
+    )
+
+
+def test_data_of_a_frozen_bridge_is_marked_with_its_age() -> None:
+    recording = airborne()
+    recording.status.frozen.add("uav1")
+    text = summary(recording.status, "failed: for a test", [("startup", 1.0)])
+    assert "  uav1       12 s ago: GUIDED, armed, 39.0 m above home" in text
+
+
+def test_the_vehicles_own_failsafe_is_counted_on_only_if_the_mission_has_one() -> None:
+    recording = airborne()
+    assert last_line(recording.status, "uav1").startswith("nothing brings it home: take over")
+    mission = recording.status.setup.mission
+    robot = type(mission.robots["uav1"])(manifest="arducopter", link="udpin:1:1", failsafe=Failsafe(gcs="human"))
+    recording.status.setup = replace(recording.status.setup, mission=replace(mission, robots={"uav1": robot}))
+    assert last_line(recording.status, "uav1").startswith("its own failsafe is the last line; take over")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("INFO bridged bridged serving uav1", Line("serving uav1", "detail")),
+        ("WARNING agentd agent agent=uav slow", Line("agent=uav slow", "warning")),
+        ("error: bridged: no such robot", Line("error: bridged: no such robot", "error")),
+        ("[uav] hello", Line("[uav] hello")),
+    ],
+)
+def test_a_daemons_line_is_shown_without_what_is_known_of_it(line: str, said: Line) -> None:
+    assert read_line(line) == said
+
+
+def test_what_a_bridge_says_of_its_vehicle_is_understood() -> None:
+    assert of_a_bridge(Line("leaving uav1: rtl: the vehicle does it")) == Left("rtl: the vehicle does it")
+    assert Left("armed, and it has not confirmed rtl: no answer").confirmed == ""
+    assert of_a_bridge(Line("land (operator: land): succeeded ")) == Ordered("land", True, "")
+    assert of_a_bridge(Line("land (the bridge stops: land): succeeded ")) is None
