@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import sys
 import tempfile
 from argparse import ArgumentParser, Namespace
@@ -116,16 +117,17 @@ def _open_log(report: Path | None, stack: ExitStack) -> TextIO | None:
 
 
 def _consent(setup: Setup, args: Namespace) -> None:
-    """Ask once, where there is somebody to ask; who writes `--real` into a script has decided."""
+    """Ask once. Where there is nobody to ask, only `--yes` decides: a pipe's answer is not a person's."""
     if not setup.real or args.yes:
         return
     names = ", ".join(sorted(setup.real))
-    if sys.stdin.isatty() and sys.stderr.isatty():
-        print(f"{names}: this will arm and fly the real vehicle. Go on? [y/N] ", end="", file=sys.stderr, flush=True)
-        if sys.stdin.readline().strip().lower() not in ("y", "yes"):
-            raise Refused("nothing was started", EXIT_FAILED)
-    elif not args.real:
-        raise Refused(f"{names} is not simulated: confirm with --real {names}")
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise Refused(
+            f"{names}: this would arm and fly the real vehicle; without a terminal to ask at, confirm by --yes"
+        )
+    print(f"{names}: this will arm and fly the real vehicle. Go on? [y/N] ", end="", file=sys.stderr, flush=True)
+    if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+        raise Refused("nothing was started", EXIT_FAILED)
 
 
 def _fly(setup: Setup, args: Namespace, log: TextIO | None) -> int:
@@ -170,7 +172,7 @@ class _View(Protocol):
 
 
 def _view(status: Status, plain: bool) -> _View:
-    if plain or not sys.stdout.isatty():
+    if plain or not sys.stdout.isatty() or os.environ.get("TERM", "") in ("", "dumb", "unknown"):
         from argosy.plain import PlainView
 
         return PlainView(sys.stdout)

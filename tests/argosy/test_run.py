@@ -179,10 +179,27 @@ def test_a_mission_that_does_not_check_does_not_start(start: Start, single_uav: 
 
 
 def test_a_real_robot_gets_no_simulator_and_real_time(start: Start, single_uav: Path) -> None:
-    running = start(single_uav, "--real", "uav")  # named by its agent
+    running = start(single_uav, "--real", "uav", "--yes")  # named by its agent
     running.until("agentd uav: up")
     assert "simulator" not in running.stdout
     assert not any("simulate" in line or "simulator" in line for line in running.family)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_without_a_terminal_a_real_robot_is_only_flown_with_yes(
+    single_uav: Path, tmp_path: Path, endpoint: str, named: bool
+) -> None:
+    if not named:  # real in any case
+        lines = single_uav.read_text().splitlines(keepends=True)
+        single_uav.write_text("".join(line for line in lines if "simulate:" not in line and "speed:" not in line))
+    command = [sys.executable, "-m", "argosy", "run", str(single_uav), "--router", endpoint]
+    command += ["--real", "uav1"] if named else []
+    done = subprocess.run(command, input="y\n", capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr == (
+        "error: uav1: this would arm and fly the real vehicle; without a terminal to ask at, confirm by --yes\n"
+    )
 
 
 def test_a_startup_that_hangs_is_bounded_and_says_what_it_waits_for(
@@ -218,12 +235,29 @@ def test_a_terminal_that_goes_away_ends_the_run_and_leaves_nothing_behind(single
     assert psutil.wait_procs(family, timeout=5)[1] == []
 
 
+@pytest.mark.parametrize("terminal", ["dumb", ""])
+def test_a_terminal_that_cannot_be_steered_gets_plain_lines(single_uav: Path, endpoint: str, terminal: str) -> None:
+    pid, screen = pty.fork()
+    if pid == 0:
+        arguments = [sys.executable, str(DOUBLES), "run", str(single_uav), "--router", endpoint, "--speed", "2"]
+        os.execve(sys.executable, arguments, {**os.environ, "TERM": terminal})
+    output = b""
+    while b"commd: up" not in output:
+        output += os.read(screen, 65_536)
+    os.close(screen)
+    os.waitpid(pid, 0)
+    assert b"\x1b" not in output
+
+
 @pytest.mark.parametrize("missing", ["rich", "psutil"])
 def test_a_missing_extra_is_one_line_that_says_what_to_install(single_uav: Path, missing: str) -> None:
     code = f"import sys; sys.modules['{missing}'] = None; from argosy.__main__ import main; sys.exit(main())"
     terminal, inside = pty.openpty()  # the live view needs one
     command = [sys.executable, "-c", code, "run", str(single_uav)]
-    done = subprocess.run(command, stdout=inside, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+    environment = {**os.environ, "TERM": "xterm-256color"}
+    done = subprocess.run(
+        command, stdout=inside, stderr=subprocess.PIPE, env=environment, text=True, timeout=60, check=False
+    )
     os.close(inside)
     os.close(terminal)
     assert done.returncode == 2
