@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import io
 import logging
 import sys
 from argparse import ArgumentParser, Namespace
@@ -39,8 +38,6 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(args: Namespace) -> int:
     """Run the daemon until it is told to stop, or a program stops the team. Returns the exit code."""
     sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # a terminal without Unicode gets what it can show
     return run_daemon("agentd", lambda stop: serve(load_mission(args.mission), args, stop))
 
 

@@ -31,6 +31,7 @@ from agentd.perceiving import Perceiving
 from agentd.wire import BadTerm, from_wire, perceived, to_wire
 from commd.bus import Bus, Query
 from commd.clock import Clock
+from commd.output import stdout
 from schemas import keys
 from schemas.records import Health, IntentionView, Message, MindView, Perception
 
@@ -145,10 +146,7 @@ class Host:
         match effect:
             case Print(text=text):
                 self._prints.append(text)
-                try:
-                    print(f"[{self.part.name}] {text}", flush=True)
-                except (OSError, ValueError):  # whoever read it is gone: no reason to leave a robot alone
-                    self.counters["prints_lost"] += 1
+                stdout().write(f"[{self.part.name}] {text}")
             case Log(level=level, text=text):
                 log.log(_LEVELS.get(level, logging.INFO), "agent=%s %s", self.part.name, text)
             case PerformAction():
@@ -296,7 +294,7 @@ class Host:
         counters["cycles"] = self._mind.cycle
         missed = self._perceiving.percepts.missed if self._perceiving else 0
         return Health(
-            drops=self._mind.dropped_events + self._mailing.counters["dropped"],
+            drops=self._mind.dropped_events + self._mailing.counters["dropped"] + stdout().dropped,
             bad_input=self.counters["bad_percepts"] + self.counters["bad_mail"],
             counters={**{name: float(count) for name, count in sorted(counters.items())}, "percepts_missed": missed},
         )

@@ -7,13 +7,13 @@ import logging
 import os
 import resource
 import signal
-import sys
 from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Awaitable, Callable
 from typing import Any
 
 from commd.bus import AlreadyRunning, Bus, BusClosed
 from commd.clock import Clock
+from commd.output import OutputHandler, flush, stderr
 from schemas import keys
 from schemas.endpoints import check_endpoint
 from schemas.findings import Findings
@@ -41,7 +41,11 @@ def add_router_argument(parser: ArgumentParser) -> None:
 def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
     """Run a daemon's `main(stop)` until it returns; SIGTERM, SIGINT and SIGHUP (the terminal or the ssh connection it
     was started from is gone) set `stop`. Returns the exit code."""
-    logging.basicConfig(level=logging.INFO, stream=sys.stderr, format=f"%(levelname)s {name} %(name)s %(message)s")
+    logging.basicConfig(
+        level=logging.INFO,
+        handlers=[OutputHandler(stderr())],
+        format=f"%(levelname)s {name} %(name)s %(message)s",
+    )
 
     async def supervised() -> int:
         stop = asyncio.Event()
@@ -55,17 +59,19 @@ def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> in
     try:
         return asyncio.run(supervised())
     except Findings as findings:
-        print(findings, file=sys.stderr)
+        stderr().write(str(findings))
         return EXIT_BAD_INPUT
     except (AlreadyRunning, BusClosed) as error:
-        print(f"error: {name}: {error}", file=sys.stderr)
+        stderr().write(f"error: {name}: {error}")
         return EXIT_FAILED
     except Exception as error:
         if os.environ.get("ARGOSY_DEBUG"):
             raise
         what = f"{type(error).__name__}: {error}"
-        print(f"error: {name}: defect in argosy: {what}; ARGOSY_DEBUG=1 shows where", file=sys.stderr)
+        stderr().write(f"error: {name}: defect in argosy: {what}; ARGOSY_DEBUG=1 shows where")
         return EXIT_FAILED
+    finally:
+        flush()
 
 
 def _defect(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:

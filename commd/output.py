@@ -1,0 +1,88 @@
+"""What a daemon writes to its terminal, pipe or journal: by a thread, so that who does not read cannot stop it.
+
+A paused pager, Ctrl-S or a parent that reads no more would otherwise hang the event loop in a write, and with it the
+heartbeats of a vehicle.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import queue
+import sys
+import threading
+import time
+from functools import cache
+
+LINES = 10_000
+"""Lines that may wait for their reader; further ones are dropped, and counted in the next line that gets through."""
+FLUSH = 0.5
+"""Wall seconds that the reader has for the last lines when the daemon ends."""
+
+
+class Output:
+    """One stream of lines, written in order to a file descriptor."""
+
+    def __init__(self, descriptor: int, lines: int = LINES, encoding: str = "utf-8") -> None:
+        self.dropped = 0
+        """Lines so far that nobody read, or that could not be written."""
+        self._descriptor, self._encoding = descriptor, encoding
+        self._waiting: queue.Queue[bytes] = queue.Queue(lines)
+        self._told = 0
+        threading.Thread(target=self._run, name=f"output-{descriptor}", daemon=True).start()
+
+    def write(self, line: str) -> None:
+        """Write a line, later; never waits."""
+        try:
+            self._waiting.put_nowait(line.encode(self._encoding, "backslashreplace") + b"\n")
+        except queue.Full:
+            self.dropped += 1
+
+    def flush(self, patience: float = FLUSH) -> None:
+        """Wait until everything has been written, at most `patience` wall seconds."""
+        until = time.monotonic() + patience
+        while self._waiting.unfinished_tasks and time.monotonic() < until:
+            time.sleep(0.005)
+
+    def _run(self) -> None:
+        while True:
+            line = self._waiting.get()
+            if self.dropped > self._told:
+                line = f"({self.dropped - self._told} lines were dropped: nobody read them)\n".encode() + line
+                self._told = self.dropped
+            try:
+                while line:
+                    line = line[os.write(self._descriptor, line) :]
+            except OSError:  # closed by its reader: there is nobody to tell
+                self.dropped += 1
+                self._told = self.dropped
+            self._waiting.task_done()
+
+
+class OutputHandler(logging.Handler):
+    """Hands log records to an `Output`."""
+
+    def __init__(self, output: Output) -> None:
+        super().__init__()
+        self._output = output
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._output.write(self.format(record))
+
+
+@cache
+def stdout() -> Output:
+    """Return the process' standard output."""
+    return Output(1, encoding=sys.stdout.encoding)
+
+
+@cache
+def stderr() -> Output:
+    """Return the process' standard error."""
+    return Output(2, encoding=sys.stderr.encoding)
+
+
+def flush() -> None:
+    """Give the readers of both a moment to take the last lines."""
+    stdout().flush()
+    stderr().flush()

@@ -1,0 +1,80 @@
+"""Lines to a reader that may stop reading: the daemon goes on."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from commd.output import Output
+from tests.support.processes import ROOT, running
+
+MISSION = """\
+mission: talk
+agents:
+  a: {program: a.asl}
+"""
+CHATTER = """\
+!talk.
++!talk <- .print("0123456789012345678901234567890123456789012345678901234567890123456789"); !talk.
+"""
+
+
+def test_lines_arrive_in_order_and_whole() -> None:
+    reader, writer = os.pipe()
+    output = Output(writer)
+    for number in range(1000):
+        output.write(f"line {number} ä\ud800")
+    output.flush(10)
+    os.close(writer)
+    with os.fdopen(reader, encoding="utf-8") as lines:
+        assert lines.read().splitlines() == [f"line {number} ä\\ud800" for number in range(1000)]
+
+
+def test_who_does_not_read_stops_nobody_and_the_dropped_lines_are_counted_and_told() -> None:
+    reader, writer = os.pipe()
+    output = Output(writer, lines=100)
+    started = time.monotonic()
+    for _ in range(2000):
+        output.write("x" * 1000)
+    assert time.monotonic() - started < 5
+    assert output.dropped > 1500
+    with os.fdopen(reader, "rb", buffering=0) as lines:
+        said = b""
+        while b"lines were dropped: nobody read them" not in said:
+            said += lines.read(65536)
+            output.write("later")
+    os.close(writer)
+
+
+def test_a_closed_reader_is_no_reason_to_stop() -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    output = Output(writer)
+    output.write("nobody is there")
+    output.flush(10)
+    assert output.dropped == 1
+    os.close(writer)
+
+
+def test_a_daemon_whose_output_nobody_reads_still_leaves_when_told_to(tmp_path: Path, endpoint: str) -> None:
+    (tmp_path / "m.yaml").write_text(MISSION)
+    (tmp_path / "a.asl").write_text(CHATTER)
+    with running("commd", "serve", str(tmp_path / "m.yaml"), "--router", endpoint) as commd:
+        commd.says("router board=local")
+        agent = subprocess.Popen(
+            [sys.executable, "-m", "agentd", "serve", str(tmp_path / "m.yaml"), "--router", endpoint],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            cwd=ROOT,
+        )
+        try:
+            time.sleep(3)  # long enough to fill the pipe many times over
+            agent.send_signal(signal.SIGTERM)
+            assert agent.wait(10) == 0
+        finally:
+            agent.kill()
+            agent.wait(10)
