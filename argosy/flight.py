@@ -8,19 +8,18 @@ import signal
 import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack, suppress
-from dataclasses import dataclass
 from itertools import pairwise
 
 from argosy.aloft import age, last_line
+from argosy.endings import Ending, Endings
 from argosy.journal import Level
-from argosy.lines import Left, of_a_bridge, read_line
+from argosy.lines import Left, Ordered, Released, of_a_bridge, read_line
 from argosy.observe import Observer
 from argosy.processes import Process, plan
 from argosy.status import Status
 from argosy.supervise import Child, Supervisor
 from commd.bus import BusClosed, open_bus
 from commd.process import EXIT_DONE, EXIT_FAILED
-from schemas.durations import Duration
 
 STARTUP_PATIENCE = 30.0
 """Wall seconds that each step of the startup may take."""
@@ -36,17 +35,6 @@ LEAVE_SIMULATED, LEAVE_REAL = 3.0, 35.0
 """Wall seconds that a bridge has to see its on_shutdown confirmed; it tries three orders for 10 s each if it must."""
 POLL = 0.02
 """Wall seconds between two looks at whether a process has come up."""
-LAST_WORDS = 5
-"""Lines that a dead process wrote last, for the user."""
-
-
-@dataclass(frozen=True)
-class Ending:
-    """How a run ended."""
-
-    code: int
-    text: str
-    last_words: tuple[str, ...] = ()
 
 
 _PRINTED = re.compile(r"\[([^\]\s]+)\] (.*)")
@@ -65,6 +53,7 @@ class Flight:
         self._mission, self._journal, self._picture = status.setup.mission, status.journal, status.picture
         self._supervisor = Supervisor(self._wrote, self._ended)
         status.children = self._supervisor.children
+        self._endings = Endings(status, self._supervisor)
         self._observer: Observer | None = None
         self._bus = AsyncExitStack()
         self.finished: float | None = None
@@ -132,7 +121,7 @@ class Flight:
                 patience=STARTUP_PATIENCE,
             )
         )
-        self._observer = observer = Observer(bus, self._picture)
+        self._observer = self._endings.observer = observer = Observer(bus, self._picture)
         await self._until(comm)
         await start("simulator")
         await self._until(await start("bridged"))
@@ -141,7 +130,7 @@ class Flight:
         observer.start()
         await observer.look_at_percepts()
         self._marks["startup"] = status.now()
-        status.phase = "flying"
+        status.phase, status.timeout_at = "flying", status.now() + self._mission.timeout
         await self._heartbeats()
         status.waiting_for = ""
 
@@ -176,38 +165,19 @@ class Flight:
 
     async def _watch(self, startup: asyncio.Task[None]) -> Ending:
         """Wait for whatever ends the run."""
-        speed = self.status.setup.speed
         while True:
             self._wake.clear()
-            if ending := self._interrupted():
-                return ending
-            if startup.done() and (error := startup.exception()) is not None:
+            if self._signal is not None:
+                how = "ctrl-C" if self._signal == signal.SIGINT else self._signal.name
+                return Ending(128 + self._signal, f"stopped by {how}")
+            if startup.done() and (error := startup.exception()) is not None and not self._supervisor.dead():
                 if isinstance(error, StartupFailed | BusClosed):
                     return Ending(EXIT_FAILED, f"failed at the start: {error}")
                 raise error
-            if why := self._picture.failed():
-                return Ending(EXIT_FAILED, f"failed: {why}")
-            if self._picture.done():
-                return Ending(EXIT_DONE, "done")
-            if self.status.now() - self._marks.get("startup", self.status.now()) > self._mission.timeout:
-                missing = ", ".join(f"{one.agent}: {one.formula}" for one in self._mission.done)
-                limit = Duration(self._mission.timeout)
-                wall = "" if speed == 1 else f" of mission time ({self._mission.timeout / speed:.0f} s here)"
-                return Ending(EXIT_FAILED, f"failed: not done within {limit}{wall}; expected {missing or 'ctrl-C'}")
+            if ending := self._endings.look():
+                return ending
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._wake.wait(), REFRESH)
-
-    def _interrupted(self) -> Ending | None:
-        """Return the ending if the user or the death of a process made one."""
-        if self._signal is not None:
-            how = "ctrl-C" if self._signal == signal.SIGINT else self._signal.name
-            return Ending(128 + self._signal, f"stopped by {how}")
-        if dead := self._supervisor.dead():
-            first = dead[0]
-            text = f"failed: {first.name} {first.how_it_ended()}"
-            last = [line for line in list(first.lines)[-LAST_WORDS:] if line not in text]
-            return Ending(EXIT_FAILED, text, tuple(f"{first.name}: {line}" for line in last))
-        return None
 
     async def _rest(self) -> None:
         """Leave the daemons in peace for a moment to measure what they use when idle."""
@@ -308,17 +278,29 @@ class Flight:
             self._picture.printed(printed[1], printed[2])
             return
         said = read_line(line)
-        if child.process.kind.name == "bridged" and isinstance(told := of_a_bridge(said), Left):
-            self._bridge_left(child.process.subject, told)
+        told = of_a_bridge(said) if child.process.kind.name == "bridged" else None
+        if told is not None:
+            self._bridge_told(child.process.subject, told)
         elif said.level == "detail" and self.finished is not None:
             self._journal.add(child.name, said.text, "output")
         else:
             self._journal.add(child.name, said.text, said.level)
 
-    def _bridge_left(self, robot: str, left: Left) -> None:
-        self.status.left[robot] = left
-        level: Level = "good" if left.confirmed else "info" if left.how == "not armed" else "error"
-        self._journal.add(robot, f"its bridge left it: {left.how}", level)
+    def _bridge_told(self, robot: str, told: Left | Ordered | Released) -> None:
+        """Pass on what a bridge did with its vehicle above the agents: nothing else tells when no action ran."""
+        match told:
+            case Left(how):
+                self.status.left[robot] = told
+                level: Level = "good" if told.confirmed else "info" if how == "not armed" else "error"
+                self._journal.add(robot, f"its bridge left it: {how}", level)
+            case Ordered(order, True, reason):
+                self._picture.ordered(robot, order)
+                self._journal.add(robot, f"{order} confirmed: {reason or 'the vehicle does it'}", "good")
+            case Ordered(order, _, reason):
+                self._picture.ordered(robot, order)
+                self._journal.add(robot, f"{order} NOT confirmed: {reason}", "error")
+            case Released():
+                self._picture.released(robot)
 
     def _ended(self, child: Child) -> None:
         if child.dead:

@@ -88,7 +88,7 @@ class Screen:
         mission, speed = status.setup.mission, status.setup.speed
         now = status.now()
         left = Text.assemble(" ", (mission.name, "bold"), "   ", _phase(status))
-        right = Text(f"{now:.0f} s of mission, {now / speed:.0f} s here, x{speed:g} ", style="dim")
+        right = Text(f"{now:.0f} s of mission, {now / speed:.0f} s here, x{speed:g}{_timeout(status)} ", style="dim")
         return [_row(left, right), Rule(style="dim", characters="─")]
 
     def _vehicles(self, width: int) -> list[Table | Text]:
@@ -181,8 +181,19 @@ class Screen:
 def _phase(status: Status) -> Text:
     if status.waiting_for:
         return Text(f"waiting for {status.waiting_for}", style="yellow")
+    orders = dict.fromkeys(robot.operator for robot in status.picture.robots.values() if robot.operator)
+    if status.phase == "flying" and orders:
+        return Text(f"stopped by the operator ({', '.join(orders)})", style="bold yellow")
     style = {"flying": "green", "done": "bold green", "ending": "yellow"}.get(status.phase.split(",")[0], "yellow")
     return Text(status.phase, style=style)
+
+
+def _timeout(status: Status) -> str:
+    """Return how much mission time is left, in seconds only when that is little."""
+    if status.timeout_at is None or status.phase != "flying":
+        return ""
+    left = max(0.0, status.timeout_at - status.now())
+    return f", timeout in {left / 60:.0f} min" if left >= 120 else f", timeout in {left:.0f} s"
 
 
 def _robot(robot: RobotSeen, width: int, silent: float, old: float) -> list[Text]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from contextlib import aclosing, suppress
 
 from argosy.picture import Picture
@@ -14,7 +15,7 @@ MIND_PERIOD = 0.5
 """Wall seconds between two looks at a mind."""
 ANSWER_TIMEOUT = 2.0
 SILENCE = 5.0
-"""Wall seconds without an answer from a mind after which the user is told: whether it is done cannot be seen."""
+"""Wall seconds without an answer from a mind after which the agent counts as silent: nobody knows what it does."""
 
 
 class Observer:
@@ -25,12 +26,24 @@ class Observer:
         self.watching_minds = asyncio.Event()
         """Cleared while the daemons are to be left in peace, to measure what they use when idle."""
         self.watching_minds.set()
+        self.silent: set[str] = set()
+        """Agents that have not answered for `SILENCE` while the router did."""
+        self.router_lost: float | None = None
+        """Wall seconds of the monotonic clock at which the router was lost; None while it is there."""
         self._tasks: list[asyncio.Task[None]] = []
+        bus.on_router(self._router)
         fleet = bus.fleet
         bus.watch(keys.alive(fleet, "*", "*", "*"), picture.token)
         bus.subscribe(keys.health(fleet, "*", "*"), Health, picture.heard_health)
         bus.subscribe(keys.percept(fleet, "*", "*"), Perception, picture.percept)
         bus.subscribe(keys.status(fleet, "*", "*"), ActionStatus, picture.status)
+
+    def _router(self, up: bool) -> None:
+        if up:
+            self.router_lost = None
+        elif self.router_lost is None:
+            self.router_lost = time.monotonic()
+            self.picture.journal.add("argosy", "the router does not answer", "warning")
 
     def start(self) -> None:
         """Begin to look at the minds."""
@@ -59,17 +72,16 @@ class Observer:
         return answered
 
     async def _watch_mind(self, agent: str) -> None:
-        loop = asyncio.get_running_loop()
-        heard, told = loop.time(), False
+        heard = time.monotonic()
         while True:
             if not self.watching_minds.is_set():
                 await self.watching_minds.wait()
-                heard = loop.time()
-            if await self.look_at_mind(agent):
-                heard, told = loop.time(), False
-            elif loop.time() - heard > SILENCE and not told:
-                told = True
-                self.picture.journal.add(agent, f"has not shown its mind for {SILENCE:g} s", "warning")
+                heard = time.monotonic()
+            if await self.look_at_mind(agent) or self.router_lost is not None:
+                heard = time.monotonic()
+                self.silent.discard(agent)
+            elif time.monotonic() - heard > SILENCE:
+                self.silent.add(agent)
             await asyncio.sleep(MIND_PERIOD)
 
     async def stop(self) -> None:

@@ -18,6 +18,9 @@ KEPT_PRINTS = 50
 KEPT_ACTIONS = 2_000
 """Actions that are remembered for the summary; older ones are only counted."""
 
+OPERATOR = "operator: "
+"""How the reason of an action begins that an operator's order ended."""
+
 
 @dataclass
 class ActionSeen:
@@ -71,6 +74,8 @@ class RobotSeen:
     """Percent."""
     satellites: int | None = None
     track: Track = field(default_factory=Track)
+    operator: str = ""
+    """The order of an operator that stands above the robot's agents now."""
     heard: float = 0.0
     """Mission time at which a percept last told something of the vehicle."""
 
@@ -220,6 +225,21 @@ class Picture:
             why = f": {status.reason}" if status.reason else ""
             level = "good" if status.state == "succeeded" else "warning"
             self.journal.add(agent, f"{seen.text} {status.state} after {seen.age(now):.1f} s{why}", level)  # type: ignore[arg-type]
+            robot = self.agents[agent].robot if agent in self.agents else None
+            if robot is not None and status.reason.startswith(OPERATOR):
+                self.ordered(robot, status.reason.removeprefix(OPERATOR))
+
+    def ordered(self, robot: str, order: str) -> None:
+        """An operator ordered something that stands above the agents."""
+        if self.robots[robot].operator != order:
+            self.robots[robot].operator = order
+            gives_back = f"; `argosy stop release {robot}` gives it back to its agents" if order == "hold" else ""
+            self.journal.add(robot, f"the operator orders {order}{gives_back}", "warning")
+
+    def released(self, robot: str) -> None:
+        """An operator gave a robot back to its agents."""
+        self.robots[robot].operator = ""
+        self.journal.add(robot, "released by the operator: its agents act again", "warning")
 
     def mind(self, view: MindView) -> None:
         """An agent showed its mind."""

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Protocol, Self, TextIO
 
 from argosy.check import check_mission
+from argosy.endings import Ending
 from argosy.endpoint import in_use
-from argosy.flight import Ending, Flight
+from argosy.flight import Flight
 from argosy.journal import Entry, Journal
 from argosy.measure import Meter
 from argosy.picture import Picture
@@ -155,7 +156,7 @@ def _tell(flight: Flight, ending: Ending, report: Path | None) -> int:
             return ending.code or EXIT_FAILED
     if ending.code:
         with suppress(OSError):
-            print(*(f"  {line}" for line in ending.last_words), f"error: {ending.text}", sep="\n", file=sys.stderr)
+            print(f"error: {ending.text}", file=sys.stderr)
     return ending.code
 
 

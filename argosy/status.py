@@ -28,6 +28,8 @@ class Status:
     """starting, flying, idle, ending: in words for people."""
     waiting_for: str = ""
     """What the startup waits for now."""
+    timeout_at: float | None = None
+    """Mission time at which the run ends by its timeout; known once everything is up."""
     up: set[str] = field(default_factory=set)
     """Names of the processes that have shown themselves on the bus."""
     left: dict[str, Left] = field(default_factory=dict)

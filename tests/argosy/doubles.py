@@ -94,14 +94,14 @@ async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
     """Show a mind that is done when the flight is."""
 
     async def mind(query: Query[MindView]) -> None:
-        done = clock.wall() > 4.5 and FAULT != "never-done"
+        done = clock.wall() > 4.5 and FAULT not in ("never-done", "aimless")
         running = IntentionView(
             id=1, state="waiting", stack=("+!visited(-27.6,-48.5,40)", "+!fly_mission"), at="uav.asl:41"
         )
         view = MindView(
             agent="uav",
             cycle=int(clock.wall() * 10),
-            intentions=() if done else (running,),
+            intentions=() if done or FAULT == "aimless" else (running,),
             done={"mission_done": done},
             failed={"mission_failed(_)": done and FAULT == "gives-up"},
             beliefs=('mission_failed("too windy")[source(self)]',) if done else (),

@@ -83,9 +83,12 @@ def test_an_operator_stops_the_vehicle_from_another_terminal(start: Start, singl
     stopped = subprocess.run(stop, capture_output=True, text=True, timeout=60, check=False)
     assert stopped.returncode == 0, stopped.stderr
     assert stopped.stdout.startswith("uav1: land confirmed")
-    running.until("uav1: mode LAND")
-    running.process.send_signal(signal.SIGTERM)
-    assert flown(running)[0] == 128 + signal.SIGTERM
+    code, out, err = flown(running)
+    assert code == 1
+    assert "uav1: the operator orders land" in out
+    assert "uav1: mode LAND" in out
+    assert "error: stopped by the operator: land" in err
+    assert re.search(r"uav1 +LAND, disarmed", out)
 
 
 def test_nothing_is_left_when_argosy_itself_is_killed_in_flight(start: Start, single_uav: Path) -> None:

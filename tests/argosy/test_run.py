@@ -140,6 +140,32 @@ def test_a_mission_that_its_agent_gives_up_fails_at_once(start: Start, single_ua
     assert 'error: failed: uav believes mission_failed("too windy")\n' in err
 
 
+def test_a_mission_whose_agents_have_nothing_left_to_do_is_told_once(start: Start, single_uav: Path) -> None:
+    single_uav.write_text(single_uav.read_text().replace("timeout: 10min", "timeout: 100s"))
+    code, out, err = ended(start(single_uav, "--speed", "10", fault="aimless"))
+    assert code == 1
+    assert out.count("argosy: no agent has anything left to do; the mission ends at its timeout in ") == 1
+    assert "failed: not done within 100s" in err
+
+
+@pytest.mark.parametrize(
+    ("victim", "why"),
+    [
+        ("agentd serve", "uav has not shown its mind for 5 s"),
+        ("commd serve", "the router at {endpoint} has not answered for 10 s"),
+    ],
+)
+def test_a_daemon_that_freezes_ends_the_run_long_before_its_timeout(
+    start: Start, single_uav: Path, endpoint: str, victim: str, why: str
+) -> None:
+    running = start(single_uav, "--speed", "1", fault="never-done")
+    running.until("uav1: armed")
+    running.family[victim].suspend()
+    code, out, err = ended(running)
+    assert code == 1, out
+    assert f"error: failed: {why.format(endpoint=endpoint)}" in err
+
+
 def test_a_port_that_is_in_use_is_told_with_the_option_that_names_another(
     start: Start, single_uav: Path, endpoint: str
 ) -> None:

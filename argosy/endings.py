@@ -1,0 +1,99 @@
+"""What ends a run: its mission, its operator, its time, or the loss of what it needs."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from argosy.observe import SILENCE, Observer
+from argosy.picture import RobotSeen
+from argosy.status import Status
+from argosy.supervise import Supervisor
+from commd.process import EXIT_DONE, EXIT_FAILED
+from schemas.durations import Duration
+
+ROUTER_PATIENCE = 10.0
+"""Wall seconds that a run goes on without its router: a restart of the router must not fail a flight."""
+NOTHING_LEFT = 5.0
+"""Wall seconds for which nobody does or intends anything until the user is told."""
+DOWN: tuple[str, ...] = ("land", "rtl")
+"""Orders of an operator that end the run once they are carried out."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a run ended."""
+
+    code: int
+    text: str
+
+
+class Endings:
+    """Looks, a few times a second, whether something has ended the run."""
+
+    def __init__(self, status: Status, supervisor: Supervisor) -> None:
+        self.observer: Observer | None = None
+        """Once there is a bus."""
+        self._status, self._supervisor = status, supervisor
+        self._mission, self._picture = status.setup.mission, status.picture
+        self._idle_since: float | None = None
+        self._told_idle = False
+
+    def look(self) -> Ending | None:
+        """Return how the run has ended, if it has."""
+        if dead := self._supervisor.dead():
+            return Ending(EXIT_FAILED, f"failed: {dead[0].name} {dead[0].how_it_ended()}")
+        if self._picture.done():
+            return Ending(EXIT_DONE, "done")
+        if order := self._stopped():
+            return Ending(EXIT_FAILED, f"stopped by the operator: {order}")
+        if why := self._failed() or self._lost():
+            return Ending(EXIT_FAILED, f"failed: {why}")
+        self._tell_when_nothing_is_left()
+        return self._late()
+
+    def _failed(self) -> str:
+        """What an agent gives up while an operator has its flying vehicle must not end the operator's order."""
+        return "" if self._picture.flying() and self._ordered() else self._picture.failed()
+
+    def _ordered(self) -> list[RobotSeen]:
+        return [robot for robot in self._picture.robots.values() if robot.operator]
+
+    def _stopped(self) -> str:
+        """Return the operator's order, once every vehicle that was told to come down is down and nobody else flies."""
+        told = [robot.operator for robot in self._ordered() if robot.operator in DOWN]
+        return "" if self._picture.flying() or not told else ", ".join(dict.fromkeys(told))
+
+    def _lost(self) -> str:
+        """Return what the run cannot do without and has lost."""
+        if self.observer is None:
+            return ""
+        since = self.observer.router_lost
+        if since is not None and time.monotonic() - since > ROUTER_PATIENCE:
+            return f"the router at {self._status.setup.router} has not answered for {ROUTER_PATIENCE:g} s"
+        silent = sorted(self.observer.silent)
+        return f"{', '.join(silent)} has not shown its mind for {SILENCE:g} s" if silent else ""
+
+    def _tell_when_nothing_is_left(self) -> None:
+        """Say once that the run only waits for its timeout."""
+        minds = self._picture.agents.values()
+        idle = all(agent.cycle and not agent.intentions for agent in minds) and not self._picture.open_actions()
+        until = self._status.timeout_at
+        if not idle or until is None or self._ordered():
+            self._idle_since = None
+            return
+        now, before = time.monotonic(), self._idle_since
+        self._idle_since = now if before is None else before
+        if before is not None and now - before - NOTHING_LEFT >= 0:
+            self._idle_since = float("inf")
+            left = f"the mission ends at its timeout in {until - self._status.now():.0f} s"
+            self._status.journal.add("argosy", f"no agent has anything left to do; {left}", "warning")
+
+    def _late(self) -> Ending | None:
+        speed, until = self._status.setup.speed, self._status.timeout_at
+        if until is None or self._status.now() <= until:
+            return None
+        missing = ", ".join(f"{one.agent}: {one.formula}" for one in self._mission.done)
+        wall = "" if speed == 1 else f" of mission time ({self._mission.timeout / speed:.0f} s here)"
+        limit = Duration(self._mission.timeout)
+        return Ending(EXIT_FAILED, f"failed: not done within {limit}{wall}; expected {missing or 'ctrl-C'}")

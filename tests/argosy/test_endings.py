@@ -1,0 +1,68 @@
+"""What ends a run, from records alone."""
+
+from __future__ import annotations
+
+from argosy.endings import Ending, Endings
+from argosy.supervise import Supervisor
+from tests.argosy.recorded import Recording
+from tests.argosy.test_live import in_flight, screen
+
+
+def look(recording: Recording) -> Ending | None:
+    """Return whether the run of a recording has ended."""
+    return Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None)).look()
+
+
+def ordered(order: str) -> Recording:
+    """Return a recording in which an operator stops a flight to a waypoint."""
+    recording = in_flight()
+    recording.action(1, "goto", "failed", -27.603683, -48.518052, 40, reason=f"operator: {order}")
+    return recording
+
+
+def test_an_operators_order_is_told_and_ends_the_run_when_the_vehicle_is_down() -> None:
+    recording = ordered("land")
+    assert recording.lines[-1] == "uav1: the operator orders land"
+    assert "stopped by the operator (land)" in screen(recording)[0]
+    assert look(recording) is None
+    recording.percept("state", "LAND", True, False)
+    assert look(recording) == Ending(1, "stopped by the operator: land")
+
+
+def test_hold_keeps_the_run_going_and_says_how_to_give_the_robot_back() -> None:
+    recording = ordered("hold")
+    told = "uav1: the operator orders hold; `argosy stop release uav1` gives it back to its agents"
+    assert recording.lines[-1] == told
+    recording.percept("state", "LAND", True, False)
+    assert look(recording) is None
+    recording.picture.released("uav1")
+    assert recording.lines[-1] == "uav1: released by the operator: its agents act again"
+    assert "stopped" not in screen(recording)[0]
+
+
+def test_an_agent_that_gives_up_does_not_end_the_operators_order() -> None:
+    recording = ordered("land")
+    recording.fail('mission_failed("operator: land")[source(self)]')
+    assert look(recording) is None
+    recording.percept("state", "LAND", True, False)
+    assert look(recording) == Ending(1, "stopped by the operator: land")
+
+
+def test_a_lost_vehicle_is_not_down() -> None:
+    recording = ordered("rtl")
+    recording.percept("state", "", False, False)
+    assert look(recording) is None
+
+
+def test_an_order_is_told_once_whatever_else_it_ends() -> None:
+    recording = ordered("rtl")
+    recording.action(2, "takeoff", "refused", 5, reason="operator: rtl")
+    assert sum("the operator orders" in line for line in recording.lines) == 1
+
+
+def test_the_header_tells_how_much_time_is_left() -> None:
+    recording = in_flight()
+    recording.status.timeout_at = 600.0
+    assert ", timeout in 10 min" in screen(recording)[0]
+    recording.at = 540.0
+    assert ", timeout in 60 s" in screen(recording)[0]
