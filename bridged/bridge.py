@@ -9,6 +9,7 @@ from bridged.board import PerceptBoard, Publish
 from bridged.desk import ActionDesk
 from bridged.drivers import make_driver
 from bridged.ledger import Ledger
+from bridged.orders import Orders
 from commd.clock import Clock
 from schemas.manifest import Manifest
 from schemas.mission import Mission
@@ -57,6 +58,7 @@ class Bridge:
             now=clock.now,
             speed=speed,
         )
+        self.orders = Orders(self.desk, self.driver, clock)
         holder = self.ledger.last_agent()
         if holder in agents:  # whoever had the robot in our last life is still answered for
             self.desk.holder = holder
@@ -73,7 +75,7 @@ class Bridge:
             "percepts_unreadable": self.board.translator.unreadable,
             "actions_running": len(self.desk.running),
         }
-        notes = self.driver.notes()
+        notes = self.driver.notes() + self.orders.notes()
         if self.desk.blocked:
             notes.append(f"no action is taken: {self.desk.blocked}")
         return Health(

@@ -8,7 +8,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from bridged.bridge import Bridge
-from bridged.orders import Orders, Step
+from bridged.orders import Step
 from bridged.preparation import prepare, state_directory
 from bridged.presence import Presence
 from bridged.service import Service
@@ -60,24 +60,21 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
         bridge = Bridge(
             mission, name, manifest, clock, ledger, service.publish_percept, service.publish_status, boot=bus.boot
         )
-        orders = Orders(bridge.desk, bridge.driver, clock)
-        service.open(bridge.board, bridge.desk, orders)
+        service.open(bridge.board, bridge.desk, bridge.orders)
         work = [
             asyncio.create_task(bridge.driver.run()),
             asyncio.create_task(report_health(bus, name, clock, bridge.health)),
-            asyncio.create_task(watch_agents(bus, mission.agents_of(name), bridge, orders, steps, clock)),
+            asyncio.create_task(watch_agents(bus, mission.agents_of(name), bridge, steps, clock)),
         ]
         ended = asyncio.create_task(stop.wait())
         log.info("serving %s on %s for %s", name, mission.robots[name].link, ", ".join(mission.agents_of(name)))
         await asyncio.wait([ended, *work], return_when=asyncio.FIRST_COMPLETED)
-        left = await orders.shut_down(mission.robots[name].on_shutdown)
+        left = await bridge.orders.shut_down(mission.robots[name].on_shutdown)
         log.info("leaving %s: %s", name, left)
         return await finish([ended, *work], bridge)
 
 
-async def watch_agents(
-    bus: Bus, agents: list[str], bridge: Bridge, orders: Orders, steps: tuple[Step, ...], clock: Clock
-) -> None:
+async def watch_agents(bus: Bus, agents: list[str], bridge: Bridge, steps: tuple[Step, ...], clock: Clock) -> None:
     """When the agent that acted last is gone, do what the mission declares; when it is back, leave it to the agent."""
     presence = Presence(agents)
 
@@ -93,10 +90,10 @@ async def watch_agents(
         now_lost = presence.lost(clock.wall())
         for agent, why in now_lost.items():
             if agent not in lost and agent == bridge.desk.holder:
-                orders.agent_lost(agent, why, steps)
+                bridge.orders.agent_lost(agent, why, steps)
         for agent in lost - set(now_lost):
             log.info("agent %s is back", agent)
-            orders.call_off()
+            bridge.orders.call_off()
         lost = set(now_lost)
         somebody = bool(presence.known() - lost) or not bridge.driver.active
         bridge.driver.speak_for_agent(bridge.desk.holder not in lost and somebody)

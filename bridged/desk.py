@@ -64,12 +64,14 @@ class ActionDesk:
         self.blocked = ""
         """Why no action is taken now (the operator, or the end of the bridge); empty = they are."""
         self.holder = ""
-        """The agent whose action was taken last."""
+        """The agent whose action was taken last, until the robot disarms; its loss is the loss of the pilot."""
         self._manifest, self._driver, self._board, self._ledger = manifest, driver, board, ledger
         self._publish = publish
         self._robot, self._boot, self._stamp, self._now = robot, boot, stamp, now
         self._feedback_every = FEEDBACK_EVERY * speed
         self._jobs: dict[str, _Job] = {}
+        self._held = True
+        """Whether the robot may have been active since the holder was released; before it is heard nobody knows."""
         self._seq = 0
         self._by_hand = 0
 
@@ -109,11 +111,14 @@ class ActionDesk:
         final = self._ledger.final(action)
         return final or ActionStatus(id=action, state="refused", result=False, reason=f"no action {action} of {agent}")
 
-    def order(self, order: Order, reason: str, *, block: bool) -> Execution:
-        """Begin an order from above: every action that runs fails with `reason`; `block` refuses new ones after it."""
+    def order(self, order: Order, reason: str, *, block: bool, insist: bool) -> Execution:
+        """Begin an order from above: every action that runs fails with `reason`; `block` refuses new ones after it.
+
+        It goes on against a pilot only if it `insist`s.
+        """
         if block:
             self.blocked = reason
-        execution = self._driver.order(order, reason)
+        execution = self._driver.order(order, reason, insist=insist)
         self.step()
         for job in list(self._jobs.values()):
             self._end(job, Outcome("failed", reason), hold=False)
@@ -137,6 +142,14 @@ class ActionDesk:
             elif now - job.told_at >= self._feedback_every:
                 job.told_at = now
                 self._tell(job, self._status(job.action, "running", job.execution.waits_for, job.execution.feedback))
+        self._release_holder()
+
+    def _release_holder(self) -> None:
+        """A robot that was seen to disarm is nobody's: who flies it next need not be who flew it last."""
+        if self._driver.active:
+            self._held = True
+        elif self._held and self._driver.heard and not any(j.action.agent == self.holder for j in self._jobs.values()):
+            self._held, self.holder = False, ""
 
     def _known(self, request: Action, follower: Follower) -> bool:
         """Answer a request for an id that was begun before."""

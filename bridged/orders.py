@@ -20,7 +20,7 @@ ORDER_PATIENCE = 10.0
 ARMING_SHOWS = 1.5
 """Wall seconds after which a vehicle that was told to arm shows whether it did: its HEARTBEAT comes once a second."""
 FALLBACK: tuple[Order, ...] = ("rtl", "land", "hold")
-"""What is tried next when the vehicle does not do what is ordered at the end."""
+"""What is tried next when the vehicle does not do the last that is ordered."""
 log = logging.getLogger("orders")
 
 
@@ -56,10 +56,18 @@ class Orders:
     def __init__(self, desk: ActionDesk, driver: Driver, clock: Clock) -> None:
         self._desk, self._driver, self._clock = desk, driver, clock
         self._sequence: asyncio.Task[None] | None = None
+        self._left = ""
 
-    async def carry_out(self, order: Order, reason: str, *, block: bool) -> Outcome:
-        """Order it, and wait until the vehicle confirms it or `ORDER_PATIENCE` is over."""
-        execution = self._desk.order(order, reason, block=block)
+    def notes(self) -> list[str]:
+        """Warnings that hold now."""
+        return [self._left] if self._left and self._driver.overridden else []
+
+    async def carry_out(self, order: Order, reason: str, *, block: bool, insist: bool = False) -> Outcome:
+        """Order it, and wait until the vehicle confirms it or `ORDER_PATIENCE` is over.
+
+        Without `insist` it ends when a pilot, a ground station or a failsafe sets another mode.
+        """
+        execution = self._desk.order(order, reason, block=block, insist=insist)
         confirmed = asyncio.Event()
         execution.ended = confirmed.set
         if execution.outcome is None:
@@ -87,7 +95,7 @@ class Orders:
     async def operator(self, order: Order) -> Outcome:
         """The operator's order: it ends every action, and no agent acts until `release`."""
         self.call_off()
-        return await self.carry_out(order, f"operator: {order}", block=True)
+        return await self.carry_out(order, f"operator: {order}", block=True, insist=True)
 
     def release(self) -> None:
         """The operator lets the agents act again."""
@@ -108,18 +116,36 @@ class Orders:
         if self._sequence is not None:
             self._sequence.cancel()
             self._sequence = None
+        self._left = ""
 
     async def _steps(self, agent: str, steps: Sequence[Step]) -> None:
         if not self._driver.active:
             await asyncio.sleep(ARMING_SHOWS)
+        outcome = Outcome("succeeded")
         for step in steps:
-            again = False
-            while self._driver.active:  # one that is out of reach may come back: it is told until it answers
-                outcome = await self.carry_out(step.order, f"agent {agent} is lost: {step.order}", block=False)
-                if outcome.state == "succeeded" or (self._driver.heard and (again or outcome.state != "timed_out")):
-                    break
-                again = self._driver.heard
+            outcome = await self._until_heard(step.order, agent)
+            if self._driver.overridden:
+                break
             await self._clock.sleep(step.pause)
+        for order in _others(steps[-1].order) if steps else ():
+            if outcome.state == "succeeded" or not self._driver.active or self._driver.overridden:
+                break
+            log.error("the vehicle did not do the last that was ordered, so %s is ordered instead", order)
+            outcome = await self._until_heard(order, agent)
+        if mode := self._driver.overridden:
+            others = "which others set (pilot, ground station or failsafe)"
+            self._left = f"agent {agent} is lost; the vehicle is left in {mode}, {others}: nothing is ordered"
+            log.error("%s", self._left)
+
+    async def _until_heard(self, order: Order, agent: str) -> Outcome:
+        """Give an order; a vehicle that is out of reach may come back, so it is told until it answers."""
+        outcome, again = Outcome("failed", "not given"), False
+        while self._driver.active and not self._driver.overridden:
+            outcome = await self.carry_out(order, f"agent {agent} is lost: {order}", block=False)
+            if outcome.state == "succeeded" or (self._driver.heard and (again or outcome.state != "timed_out")):
+                break
+            again = self._driver.heard
+        return outcome
 
     async def shut_down(self, order: Order) -> str:
         """Leave the robot safe at the end of the bridge. Returns in words what was left."""
@@ -130,12 +156,19 @@ class Orders:
             await asyncio.sleep(ARMING_SHOWS)
         if not self._driver.active:
             return "not armed"
-        tries = (order, *(other for other in FALLBACK if other != order))
         outcome = Outcome("failed")
-        for attempt in tries:
+        for attempt in (order, *_others(order)):
+            if mode := self._driver.overridden:
+                self._desk.end_all("", Outcome("failed", f"the bridge stops; {mode} is the pilot's"))
+                return f"left to the pilot in {mode}, armed"
             outcome = await self.carry_out(attempt, f"the bridge stops: {attempt}", block=True)
             if outcome.state == "succeeded":
                 return f"{attempt}: {outcome.reason or 'the vehicle does it'}"
             if outcome.state == "timed_out":
                 break  # it does not answer: another order would not be heard either
         return f"armed, and it has not confirmed {attempt}: {outcome.reason}"
+
+
+def _others(order: Order) -> tuple[Order, ...]:
+    """What is tried when the vehicle does not do `order`."""
+    return tuple(other for other in FALLBACK if other != order)

@@ -62,8 +62,11 @@ class Driver(Protocol):
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         """Begin an action whose arguments have been checked."""
 
-    def order(self, order: Order, reason: str) -> Execution:
-        """Begin an order that stands above every action; whatever runs fails with `reason`."""
+    def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
+        """Begin an order that stands above every action; whatever runs fails with `reason`.
+
+        The operator's orders `insist`; the others end when a pilot, a ground station or a failsafe takes over.
+        """
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
         """End a running execution now; `hold` makes the robot stay where it is if it moves."""
@@ -75,6 +78,10 @@ class Driver(Protocol):
     @property
     def heard(self) -> bool:
         """Whether the robot can be heard now."""
+
+    @property
+    def overridden(self) -> str:
+        """In what (a mode) others than the bridge and its agents have the active robot; empty if nobody has."""
 
     def speak_for_agent(self, present: bool) -> None:
         """Say whether an agent is there: without one the driver claims to be nobody's ground station."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -52,6 +53,12 @@ class VirtualClock(Clock):
     def wall(self) -> float:
         """Wall seconds, as if the mission ran at its speed."""
         return self.time / self.speed
+
+    async def sleep(self, mission_seconds: float) -> None:
+        """Wait until a test has let so much time pass."""
+        until = self.time + mission_seconds
+        while self.time < until:
+            await asyncio.sleep(0)
 
     def stamp(self) -> int:
         """Unix nanoseconds, counted from the start of the test."""

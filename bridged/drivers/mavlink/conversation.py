@@ -15,7 +15,7 @@ from bridged.drivers.mavlink.commands import Commands, Identity
 from bridged.drivers.mavlink.failsafe import FailsafeCheck
 from bridged.drivers.mavlink.flight import TEXT_WINDOW, Call, Flight, Steps, Task
 from bridged.drivers.mavlink.modes import MODE_TABLES
-from bridged.drivers.mavlink.procedures import Procedure, secure, stay
+from bridged.drivers.mavlink.procedures import Procedure, arm, secure, stay
 from bridged.drivers.mavlink.streams import Streams
 from bridged.drivers.mavlink.texts import Texts
 from bridged.drivers.mavlink.vehicle import Vehicle
@@ -77,8 +77,10 @@ class Conversation:
         self._strangers: set[int] = set()
         self._heartbeat_at = 0.0
         self._idle_at = 0.0
+        self.overridden = False
+        """Whether others (pilot, ground station, failsafe) set the mode that the vehicle is in, not we or an agent."""
         self._in_control = False
-        self._overridden = False
+        self._override_told = False
         self._override: _Override | None = None
 
     def receive(self, message: dialect.MAVLink_message, now: float) -> None:
@@ -135,27 +137,32 @@ class Conversation:
         if self._override is not None:
             self._override = replace(self._override, until=self.flight.now)
             self._fail_overridden()
+        if procedure is arm and not self.vehicle.armed:  # whoever starts the motors answers for the flight
+            self.overridden = False
         self._tasks[task] = self._when_connected(task, procedure, call)
         self._pace()
         self._step()
         return task
 
-    def order(self, order: Order, reason: str) -> Task:
-        """Start an order from above the agents; whatever runs fails with `reason`."""
+    def order(self, order: Order, reason: str, *, insist: bool) -> Task:
+        """Start an order from above the agents; whatever runs fails with `reason`.
+
+        One that does not `insist` ends when others set the mode: the pilot is above it.
+        """
         mode = {"hold": self.modes.hold, "land": self.modes.land, "rtl": self.modes.rtl}[order]
         for other in list(self._tasks):
             self.end(other, Outcome("failed", reason))
-        return self.begin(Task(order, moves=False, sets_mode=True), secure, _mode_call(mode))
+        return self.begin(Task(order, moves=False, sets_mode=True, yields=not insist), secure, _mode_call(mode))
 
     def end(self, task: Task, outcome: Outcome, *, hold: bool = False) -> None:
-        """End a procedure from outside; `hold` makes a vehicle in flight stay where it is."""
+        """End a procedure from outside; `hold` makes a vehicle in flight stay where it is, unless others fly it."""
         steps = self._tasks.pop(task, None)
         if steps is not None:
             steps.close()
         task.end(outcome)
         for command in task.commands:
             self.commands.abandon(command)
-        if hold and task.moves and self.vehicle.aloft:
+        if hold and task.moves and self.vehicle.aloft and not self.overridden:
             self.begin(Task(stay.__name__), stay, _mode_call(self.modes.guided))
 
     @property
@@ -187,8 +194,10 @@ class Conversation:
                 outcome = Outcome("failed", f"defect in argosy: {type(error).__name__}: {error}")
             self._tasks.pop(task, None)
             task.end(outcome)
-            if task.takes_control and outcome.state == "succeeded":
-                self._control_taken()
+            if outcome.state == "succeeded":
+                self.overridden = self.overridden and not (task.moves or task.sets_mode)
+                if task.takes_control:
+                    self._control_taken()
 
     def _pace(self) -> None:
         """Full streams while the vehicle is armed or something is asked of it, and a little longer."""
@@ -208,8 +217,12 @@ class Conversation:
         if not connected:
             self.streams.request(self.flight.now)
             self.failsafe.begin(self.flight.now)
-        elif self.vehicle.mode != mode_before and not self.flight.expects(self.vehicle.mode):
-            self._mode_set_by_others()
+        if mode_before < 0:
+            self.overridden = self.vehicle.mode not in self.modes.ordered
+        elif self.vehicle.mode != mode_before:
+            self.overridden = not self.flight.expects(self.vehicle.mode)
+            if self.overridden:
+                self._mode_set_by_others()
         self._tell_state()
 
     def _tell_state(self) -> None:
@@ -219,13 +232,15 @@ class Conversation:
         self._on_reading(Reading("HEARTBEAT", {"mode": mode, "connected": vehicle.connected, "armed": armed}))
 
     def _mode_set_by_others(self) -> None:
-        """Pilot, ground station or failsafe. A task that is setting the mode judges for itself."""
+        """Pilot, ground station or failsafe. A task that is setting the mode judges for itself, unless it yields."""
+        for task in [task for task in self._tasks if task.yields]:
+            self.end(task, Outcome("failed", f"the mode became {self.vehicle.mode_name}, which nobody here asked for"))
         if any(task.sets_mode for task in self._tasks):
             return
         name, now = self.vehicle.mode_name, self.flight.now
         self._override = _Override(name, now, now + self.flight.wait(*TEXT_WINDOW))
         if self._in_control:
-            self._in_control, self._overridden = False, True
+            self._in_control, self._override_told = False, True
             self._on_reading(Reading("OVERRIDE", {"mode": name}))
 
     def _fail_overridden(self) -> None:
@@ -244,8 +259,8 @@ class Conversation:
     def _control_taken(self) -> None:
         """An agent has set the mode itself: an override by others is over."""
         self._in_control = True
-        if self._overridden:
-            self._overridden = False
+        if self._override_told:
+            self._override_told = False
             self._on_reading(Reading("OVERRIDE", None))
 
     def _lost(self) -> None:

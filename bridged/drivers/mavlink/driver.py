@@ -118,9 +118,9 @@ class MavlinkDriver:
             return task
         return self._conversation.begin(task, PROCEDURES[entry.confirm], call)
 
-    def order(self, order: Order, reason: str) -> Execution:
+    def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
         """Begin an order from above; every action that runs fails with `reason`."""
-        return self._conversation.order(order, reason)
+        return self._conversation.order(order, reason, insist=insist)
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
         """End an execution now."""
@@ -136,6 +136,12 @@ class MavlinkDriver:
     def heard(self) -> bool:
         """Whether its HEARTBEATs come."""
         return self._conversation.vehicle.connected
+
+    @property
+    def overridden(self) -> str:
+        """The mode of an armed vehicle in which others have set it; empty if nobody has."""
+        talk = self._conversation
+        return talk.vehicle.mode_name if talk.overridden and talk.vehicle.armed else ""
 
     def speak_for_agent(self, present: bool) -> None:
         """Without an agent, heartbeats that claim to be the ground station stop."""

@@ -37,6 +37,8 @@ class Task(Execution):
     """Changes of the mode are its own business."""
     takes_control: bool = False
     """Its success ends an override by others."""
+    yields: bool = False
+    """It is nobody's wish but the bridge's own: a mode that others set ends it."""
     commands: list[Command] = field(default_factory=list)
     """What it has sent: taken back when it ends early."""
 

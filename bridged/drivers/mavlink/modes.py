@@ -21,6 +21,11 @@ class ModeTable:
     without_position: frozenset[int]
     """Modes in which the vehicle flies without knowing where it is."""
 
+    @property
+    def ordered(self) -> frozenset[int]:
+        """The modes in which agents and orders leave a vehicle; one found in another is flown by somebody else."""
+        return frozenset({self.guided, self.hold, self.land, self.rtl})
+
     def name(self, number: int) -> str:
         """The mode's name, or `CMODE(n)` as mavros writes a number that it does not know."""
         return self.names.get(number, f"CMODE({number})")
