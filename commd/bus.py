@@ -100,6 +100,8 @@ class Bus:
         self._seq: Counter[tuple[str, str]] = Counter()
         self._tasks: set[asyncio.Task[None]] = set()
         self._held: list[zenoh.LivelinessToken] = []
+        self._seen_keys: set[str] = set()
+        """Keys whose first record has been looked through for fields that this version does not know."""
         self._routers: set[str] = set()
         self._on_router: list[Callable[[bool], None]] = []
         if mode == "client":
@@ -305,8 +307,15 @@ class Bus:
 
     def _decode(self, record: type[R], key: str, payload: bytes, encoding: str) -> R:
         made = codec(record)
+        encoding = "" if encoding == "zenoh/bytes" else encoding
         try:
-            return made.decode(payload, "" if encoding == "zenoh/bytes" else encoding)
+            found = made.decode(payload, encoding)
+            if key not in self._seen_keys and len(self._seen_keys) < BACKLOG:
+                self._seen_keys.add(key)
+                if unknown := made.unknown_fields(payload, encoding):
+                    self.counters["unknown_fields"] += len(unknown)
+                    log.warning("unknown_fields key=%s ignored=%s: a newer sender?", key, ",".join(unknown))
+            return found
         except BadRecord as bad:
             self.counters["bad_input"] += 1
             if self.counters["bad_input"] <= 10 or self.counters["bad_input"] % 1000 == 0:

@@ -11,7 +11,7 @@ import pytest
 
 from commd.bus import AlreadyRunning, BusClosed, Query, open_bus
 from schemas.records import Action, ActionStatus, Perception
-from tests.support.buses import on_a_bus, until
+from tests.support.buses import Connect, on_a_bus, until
 
 
 def test_what_is_put_arrives_typed_and_in_order(endpoint: str) -> None:
@@ -43,6 +43,24 @@ def test_bad_bytes_are_counted_and_never_reach_the_handler(endpoint: str) -> Non
         sender.put("argosy/test/uav/percept/altitude", Perception(name="altitude"))
         await until(lambda: len(got) == 1, "what was sent arrives")
         assert receiver.counters["bad_input"] == 5
+
+    on_a_bus(endpoint, body)
+
+
+def test_fields_of_a_newer_sender_are_ignored_counted_and_told_once_per_key(
+    endpoint: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def body(connect: Connect) -> None:
+        sender, receiver = await connect(), await connect()
+        got: list[Any] = []
+        receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record.name))
+        await asyncio.sleep(0.2)
+        for _ in range(3):
+            sender._session.put("argosy/test/uav/percept/a", b'{"name":"a","colour":"red"}')
+        await until(lambda: got == ["a", "a", "a"], "the records arrive all the same")
+        assert receiver.counters["unknown_fields"] == 1
+        assert receiver.counters["bad_input"] == 0
+        assert caplog.text.count("ignored=colour") == 1
 
     on_a_bus(endpoint, body)
 
