@@ -77,7 +77,7 @@ class Query(Generic[R]):
 
 
 class Bus:
-    """A daemon's session on the bus. Make it with `open_bus` or `open_router`."""
+    """A daemon's session on the bus. Make it with `open_bus`."""
 
     def __init__(
         self,

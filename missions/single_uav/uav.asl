@@ -1,12 +1,14 @@
 /* The paper's first mission (section 5.1): take off, fly to a waypoint, return to home, land.
 
    An action is an intention's step like any other: it ends when the vehicle's own state shows that it was done,
-   and it fails, with the vehicle's own words, when it was not. So there is nothing to poll here. */
+   and it fails, with the vehicle's own words, when it was not. So there is nothing to poll here. The daemons may be
+   started in any order: the agent first waits for the bridge of its robot. */
 
 !fly_mission.
 
 +!fly_mission : takeoff_altitude(Altitude) & waypoint(Lat, Long, Height)
-  <- !airborne(Altitude);
+  <- .wait(bridge(up), 120000);
+     !airborne(Altitude);
      !visited(Lat, Long, Height);
      !home_again;
      .print("mission done");
