@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 
 EXIT_FAILED, EXIT_BAD_USAGE, EXIT_INTERRUPTED = 1, 2, 130
 EPILOG = """\
@@ -42,21 +43,24 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(given: list[str]) -> int:
+    if given and given[0] in COMMANDS:  # only what is asked for is imported
+        name, text = given[0], COMMANDS[given[0]]
+        command = argparse.ArgumentParser(prog=f"argosy {name}", description=f"{text[0].upper()}{text[1:]}.")
+        add_arguments, run = _load(name)
+        add_arguments(command)
+        return run(command.parse_intermixed_args(given[1:]))  # options may stand anywhere: an emergency has no order
     parser = argparse.ArgumentParser(
         prog="argosy",
         description="Runs, checks and stops missions: teams of robots with BDI agents.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    chosen: dict[str, Callable[[argparse.Namespace], int]] = {}
+    parser.add_argument("--version", action="version", version=f"argosy {version('argosy')}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, text in COMMANDS.items():
-        command = commands.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
-        if name in given:  # only what is asked for is imported
-            add_arguments, chosen[name] = _load(name)
-            add_arguments(command)
-    args = parser.parse_args(given)
-    return chosen[args.command](args)
+        commands.add_parser(name, help=text)
+    parser.parse_args(given)
+    return parser.error("expected the COMMAND first")
 
 
 def _leave_no_broken_pipe() -> None:

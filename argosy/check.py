@@ -6,6 +6,7 @@ import json
 import sys
 from argparse import ArgumentParser, Namespace
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -16,7 +17,7 @@ from agentd.language.parser import parse_file, parse_literal
 from agentd.language.syntax import Formula, Program, Structure
 from argosy.mentions import beliefs_of, mentioned
 from argosy.outline import Outline, outline
-from argosy.processes import check_links
+from argosy.processes import check_links, only_real
 from bridged.preparation import prepare
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.findings import Finding, Findings
@@ -40,11 +41,12 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(args: Namespace) -> int:
     """Check missions. Returns 0 if none has an error, 2 otherwise."""
     findings: list[Finding] = []
-    missions: list[Mission] = []
+    results: list[str] = []
     for path in args.mission:
         mission, found = check_mission(path)
+        found = sorted([*found, *(_only_real(mission) if mission is not None else ())])
         findings += [one for one in found if one not in findings]
-        missions += [mission] if mission else []
+        results.append(f"{path}: {_result(mission, found)}")
     errors = sum(finding.severity == "error" for finding in findings)
     if args.json:
         fields = ("file", "line", "column", "severity", "message")
@@ -52,9 +54,22 @@ def run(args: Namespace) -> int:
     else:
         for finding in findings:
             print(finding, file=sys.stderr)
-        if not errors:
-            print("\n".join(f"{mission.path}: ok: {_contents(mission)}" for mission in missions))
+        if len(results) > 1 or not errors:  # of a single file that is wrong, the findings say enough
+            print("\n".join(results))
     return EXIT_BAD_INPUT if errors else EXIT_DONE
+
+
+def _only_real(mission: Mission) -> list[Finding]:
+    text = "a serial line cannot be simulated: this robot can only be flown with --real {}"
+    findings = [mission.positions.finding(("robots", name, "link"), text.format(name)) for name in only_real(mission)]
+    return [replace(finding, severity="warning") for finding in findings]
+
+
+def _result(mission: Mission | None, found: list[Finding]) -> str:
+    errors = sum(finding.severity == "error" for finding in found)
+    if mission is None or errors:
+        return f"{errors} error{'s' if errors != 1 else ''}"
+    return f"ok: {_contents(mission)}"
 
 
 def _contents(mission: Mission) -> str:

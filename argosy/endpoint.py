@@ -1,13 +1,28 @@
-"""Whether a router can listen at an endpoint, asked before anything starts."""
+"""Whether somebody can listen where a run needs it, asked before anything starts."""
 
 from __future__ import annotations
 
 import errno
 import re
 import socket
+from argparse import ArgumentTypeError
 from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from schemas.endpoints import check_endpoint
+
+if TYPE_CHECKING:
+    from bridged.drivers.mavlink.address import LinkAddress  # `argosy stop` must be quick
 
 _TCP = re.compile(r"tcp/(?:\[(?P<six>[^\]]+)\]|(?P<host>[^:/?#]+)):(?P<port>\d+)")
+
+
+def endpoint(text: str) -> str:
+    """Read an endpoint from the command line. Raises ArgumentTypeError that says what was expected."""
+    try:
+        return check_endpoint(text)
+    except ValueError as error:
+        raise ArgumentTypeError(str(error)) from None
 
 
 def in_use(endpoint: str) -> str:
@@ -15,18 +30,28 @@ def in_use(endpoint: str) -> str:
     found = _TCP.match(endpoint)
     if found is None:
         return ""
-    host, port = found["six"] or found["host"], int(found["port"])
+    return _taken(found["six"] or found["host"], int(found["port"]), socket.SOCK_STREAM)
+
+
+def link_in_use(link: LinkAddress) -> str:
+    """Return in words why no bridge or simulator can bind a `udpin` or `tcpin` link; nothing if one can."""
+    return _taken(link.host, link.port, socket.SOCK_DGRAM if link.kind == "udpin" else socket.SOCK_STREAM)
+
+
+def _taken(host: str, port: int, transport: socket.SocketKind) -> str:
     try:
-        addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+        addresses = socket.getaddrinfo(host, port, type=transport, flags=socket.AI_PASSIVE)
     except (OSError, OverflowError) as error:
         return f"is no address to listen at ({error})"
     for family, kind, protocol, _, address in addresses[:1]:
         with socket.socket(family, kind, protocol) as probe:
-            with suppress(OSError):
-                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # a port in TIME_WAIT is free
             try:
+                if kind == socket.SOCK_STREAM:
+                    with suppress(OSError):
+                        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # a port in TIME_WAIT is free
                 probe.bind(address)
-                probe.listen(1)
+                if kind == socket.SOCK_STREAM:
+                    probe.listen(1)
             except OSError as error:
                 return "is in use" if error.errno == errno.EADDRINUSE else f"cannot be listened at ({error.strerror})"
     return ""

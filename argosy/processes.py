@@ -161,16 +161,14 @@ def real_robots(mission: Mission, named: list[str]) -> tuple[frozenset[str], lis
     return frozenset(real), unknown
 
 
-def check_links(mission: Mission, real: frozenset[str] = frozenset()) -> list[Finding]:
-    """Return what is wrong with the link strings, and with those that a simulator would have to answer."""
+def check_links(mission: Mission) -> list[Finding]:
+    """Return what is wrong with the link strings, whoever is at their other end."""
     findings: list[Finding] = []
     taken: dict[str, LinkAddress] = {}
     for name, robot in mission.robots.items():
         where = ("robots", name, "link")
         try:
             link = LinkAddress.parse(robot.link)
-            if robot.simulate is not None and name not in real:
-                peer_of(link)
         except LinkAddressError as error:
             findings.append(mission.positions.finding(where, str(error)))
             continue
@@ -180,6 +178,24 @@ def check_links(mission: Mission, real: frozenset[str] = frozenset()) -> list[Fi
                 findings.append(mission.positions.finding(where, text))
         taken[name] = link
     return findings
+
+
+def only_real(mission: Mission) -> list[str]:
+    """Return the robots that declare a simulation but whose link nobody can simulate."""
+    robots = mission.robots.items()
+    return [name for name, robot in robots if robot.simulate is not None and robot.link.startswith("serial:")]
+
+
+def bound_links(setup: Setup) -> dict[str, LinkAddress]:
+    """Return, by robot, the end of its link that a process of this run binds on this machine."""
+    bound: dict[str, LinkAddress] = {}
+    for name, robot in setup.mission.robots.items():
+        link = LinkAddress.parse(robot.link)
+        ends = [link] if name in setup.real else [link, peer_of(link)]
+        for end in ends:
+            if end.kind in ("udpin", "tcpin"):
+                bound[name] = end
+    return bound
 
 
 def _collide(link: LinkAddress, other: LinkAddress) -> bool:

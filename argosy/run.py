@@ -14,12 +14,12 @@ from typing import Protocol, Self, TextIO
 
 from argosy.check import check_mission
 from argosy.endings import Ending
-from argosy.endpoint import in_use
+from argosy.endpoint import endpoint, in_use, link_in_use
 from argosy.flight import Flight
 from argosy.journal import Entry, Journal
 from argosy.measure import Meter
 from argosy.picture import Picture
-from argosy.processes import Setup, check_links, real_robots
+from argosy.processes import Setup, bound_links, only_real, real_robots
 from argosy.report import write_report
 from argosy.status import Status
 from argosy.summary import summary
@@ -43,7 +43,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     parser.add_argument("--yes", action="store_true", help="do not ask before a real robot may be armed")
     parser.add_argument("--report", type=Path, metavar="DIR", help="write track.svg, mission.log and summary.txt there")
-    parser.add_argument("--router", metavar="ENDPOINT", help="the router's endpoint instead of the mission's")
+    parser.add_argument(
+        "--router", type=endpoint, metavar="ENDPOINT", help="the router's endpoint instead of the mission's"
+    )
 
 
 def _speed(text: str) -> float:
@@ -75,9 +77,7 @@ def run(args: Namespace) -> int:
         try:
             setup = _setup(mission, args, Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="argosy-"))))
             log = _open_log(args.report, stack)
-            if mission.router.external is False and (why := in_use(setup.router)):
-                free = "another one, such as --router tcp/127.0.0.1:7448"
-                raise Refused(f"{setup.router} {why}: is another mission running? Name {free}", EXIT_FAILED)
+            _check_ports(setup)
             _consent(setup, args)
         except Refused as refused:
             print(f"error: {refused}", file=sys.stderr)
@@ -90,12 +90,26 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
     if unknown:
         known = ", ".join(mission.robots) or "none"
         raise Refused(f"--real {unknown[0]}: there is no such robot; the mission has {known}")
-    if findings := check_links(mission, real):
-        raise Refused("\n".join(map(str, findings)))
+    if serial := [name for name in only_real(mission) if name not in real]:
+        link = mission.robots[serial[0]].link
+        raise Refused(f"{serial[0]} on {link} cannot be simulated: fly the real one with --real {serial[0]}")
     speed = args.speed if args.speed is not None else 1.0 if real else mission.speed
     if real and speed != 1:
         raise Refused(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")
     return Setup(mission, args.router or mission.router.endpoint, speed, real, state, _telling(mission))
+
+
+def _check_ports(setup: Setup) -> None:
+    """A second run must not talk into the first one's links: everything is probed before anything starts."""
+    mission = setup.mission
+    if mission.router.external is False and (why := in_use(setup.router)):
+        other = "another one, such as --router tcp/127.0.0.1:7448, and give the robots other links"
+        raise Refused(f"{setup.router} {why}: is another mission running? Name {other}", EXIT_FAILED)
+    for name, link in bound_links(setup).items():
+        if link.port and (why := link_in_use(link)):
+            line = mission.positions.of(("robots", name, "link"))[0]
+            advice = f"is another mission running? Give {name} another link"
+            raise Refused(f"{mission.path}:{line}: {link} {why}: {advice}", EXIT_FAILED)
 
 
 def _telling(mission: Mission) -> frozenset[str]:

@@ -8,6 +8,7 @@ import time
 from argparse import ArgumentParser, Namespace
 from contextlib import aclosing
 
+from argosy.endpoint import endpoint
 from commd.bus import Bus, BusClosed, open_bus
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas import keys
@@ -23,26 +24,31 @@ ANSWER_TIMEOUT = 15.0
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy stop`."""
-    parser.add_argument("order", choices=("hold", "land", "rtl", "release"), help="`release` lets the agents act again")
-    parser.add_argument("robot", nargs="*", help="robots (default: every robot whose bridge is there)")
+    orders = ("hold", "land", "rtl", "release")
+    parser.add_argument(
+        "order", choices=orders, metavar=f"{{{','.join(orders)}}}", help="`release` lets the agents act again"
+    )
+    parser.add_argument("robot", nargs="*", default=[], help="robots (default: every robot whose bridge is there)")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--mission", metavar="FILE", help="take fleet and router from this mission")
     which.add_argument("--fleet", metavar="NAME", help="only this fleet (default: every fleet on the router)")
-    parser.add_argument("--router", metavar="ENDPOINT", help=f"the router's endpoint (default: {DEFAULT_ROUTER})")
+    parser.add_argument(
+        "--router", type=endpoint, metavar="ENDPOINT", help=f"the router's endpoint (default: {DEFAULT_ROUTER})"
+    )
 
 
 def run(args: Namespace) -> int:
     """Send the order and print what became of it. Returns 0 only if every robot confirmed."""
-    fleet, endpoint = args.fleet or "*", args.router or DEFAULT_ROUTER
+    fleet, router = args.fleet or "*", args.router or DEFAULT_ROUTER
     if args.mission:
         try:
             mission = load_mission(args.mission)
         except Findings as findings:
             print(findings, file=sys.stderr)
             return EXIT_BAD_INPUT
-        fleet, endpoint = mission.fleet, args.router or mission.router.endpoint
+        fleet, router = mission.fleet, args.router or mission.router.endpoint
     try:
-        return asyncio.run(_stop(args.order, args.robot, fleet, endpoint))
+        return asyncio.run(_stop(args.order, args.robot, fleet, router))
     except BusClosed as error:
         print(f"error: {error}", file=sys.stderr)
         return EXIT_FAILED

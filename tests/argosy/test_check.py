@@ -117,10 +117,9 @@ def test_a_mistake_in_a_program_is_told_where_it_stands(mission: Path, old: str,
             "tcp:HOST:PORT, tcpin:HOST:PORT or serial:DEVICE:BAUD",
         ),
         (
-            "link: udpin:127.0.0.1:14550",
-            "link: serial:/dev/ttyAMA0:57600",
-            "survey.yaml:10:11: error: link 'serial:/dev/ttyAMA0:57600': "
-            "a simulated robot needs a udpin, udpout, tcp or tcpin link",
+            "done:",
+            "router: {endpoint: nonsense}\ndone:",
+            "survey.yaml:12:20: error: router.endpoint: expected an endpoint such as `tcp/127.0.0.1:7447`, ",
         ),
         (
             "surveyed(S)",
@@ -172,6 +171,26 @@ def test_a_mission_without_done_is_warned_about(mission: Path) -> None:
         "survey.yaml: warning: no `done`: the run will end only by ctrl-C or its timeout, and fail"
     ]
     assert main(["check", str(mission)]) == 0
+
+
+def test_a_robot_that_cannot_be_simulated_is_warned_about(mission: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    edit(mission, "udpin:127.0.0.1:14550", "serial:/dev/ttyAMA0:57600")
+    assert main(["check", str(mission)]) == 0
+    told = "warning: a serial line cannot be simulated: this robot can only be flown with --real uav1"
+    assert capsys.readouterr().err == f"{mission}:10:11: {told}\n"
+
+
+def test_each_of_several_files_gets_one_line_with_its_result(
+    mission: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong, missing = tmp_path / "wrong.yaml", tmp_path / "none.yaml"
+    wrong.write_text(MISSION.replace("done:", "dome:"))
+    assert main(["check", str(mission), str(wrong), str(missing)]) == 2
+    assert capsys.readouterr().out.splitlines() == [
+        f"{mission}: ok: 1 agent, 1 robot, 1 done formula",
+        f"{wrong}: 1 error",
+        f"{missing}: 1 error",
+    ]
 
 
 def test_a_mission_that_is_not_there_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from argosy.processes import Setup, check_links, peer_of, plan, real_robots
+from argosy.processes import Setup, bound_links, check_links, only_real, peer_of, plan, real_robots
 from bridged.drivers.mavlink.address import LinkAddress, LinkAddressError
 from schemas.mission import Mission, read_mission
 
@@ -85,8 +85,17 @@ def test_nobody_can_be_simulated_behind_a_serial_line() -> None:
     with pytest.raises(LinkAddressError, match="a simulated robot needs a udpin, udpout, tcp or tcpin link"):
         peer_of(LinkAddress.parse("serial:/dev/ttyAMA0:57600"))
     text = TWO.replace("udpin:0.0.0.0:14550", "serial:/dev/ttyAMA0:57600")
-    assert len(check_links(mission(text))) == 1
-    assert check_links(mission(text), frozenset({"uav1"})) == []
+    assert check_links(mission(text)) == []
+    assert only_real(mission(text)) == ["uav1"]
+
+
+def test_the_ends_of_links_that_this_machine_binds_are_known() -> None:
+    def bound(*real: str) -> dict[str, str]:
+        setup = Setup(mission(), "tcp/127.0.0.1:9000", 1.0, frozenset(real), Path("/state"))
+        return {name: str(link) for name, link in bound_links(setup).items()}
+
+    assert bound() == {"uav1": "udpin:0.0.0.0:14550", "uav2": "tcpin:127.0.0.1:5760"}
+    assert bound("uav1", "uav2") == {"uav1": "udpin:0.0.0.0:14550"}
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import re
 import signal
 import socket
 import subprocess
@@ -175,6 +176,7 @@ def test_a_port_that_is_in_use_is_told_with_the_option_that_names_another(
         code, out, err = ended(start(single_uav))
     assert code == 1
     assert f"error: {endpoint} is in use: is another mission running? Name another one, such as --router" in err
+    assert "and give the robots other links" in err
     assert out == ""
 
 
@@ -184,6 +186,10 @@ def test_a_port_that_is_in_use_is_told_with_the_option_that_names_another(
         (("--real", "uav1", "--speed", "5"), "--speed 5: uav1 is real, and real time runs at speed 1"),
         (("--real", "uav2"), "--real uav2: there is no such robot; the mission has uav1"),
         (("--speed", "0"), "argument --speed: invalid speed (0 < X <= 100) value: '0'"),
+        (
+            ("--router", "nonsense"),
+            "argument --router: Expected an endpoint such as `tcp/127.0.0.1:7447`, got `nonsense`",
+        ),
         (("--report", "/proc/nowhere"), "--report /proc/nowhere: No such file or directory"),
     ],
 )
@@ -225,6 +231,39 @@ def test_without_a_terminal_a_real_robot_is_only_flown_with_yes(
     assert done.stdout == ""
     assert done.stderr == (
         "error: uav1: this would arm and fly the real vehicle; without a terminal to ask at, confirm by --yes\n"
+    )
+
+
+def test_a_serial_link_is_flown_with_real_and_refused_without(start: Start, single_uav: Path) -> None:
+    lines = [
+        "    link: serial:/dev/nowhere:57600\n" if line.startswith("    link:") else line
+        for line in single_uav.read_text().splitlines(keepends=True)
+    ]
+    single_uav.write_text("".join(lines))
+    code, out, err = ended(start(single_uav))
+    assert (code, out) == (2, "")
+    told = "uav1 on serial:/dev/nowhere:57600 cannot be simulated: fly the real one with --real uav1"
+    assert err == f"error: {told}\n"
+    running = start(single_uav, "--real", "uav1", "--yes")
+    running.until("bridged uav1: started")
+
+
+@pytest.mark.parametrize("kind", ["udpin", "tcpin", "udpout", "tcp"])
+def test_a_link_that_is_taken_is_told_before_anything_starts(start: Start, single_uav: Path, kind: str) -> None:
+    single_uav.write_text(single_uav.read_text().replace("udpin:", f"{kind}:"))
+    found = re.search(rf"{kind}:127.0.0.1:(\d+)", single_uav.read_text())
+    assert found is not None
+    with socket.socket(type=socket.SOCK_DGRAM if kind.startswith("udp") else socket.SOCK_STREAM) as other:
+        other.bind(("127.0.0.1", int(found[1])))
+        if kind.startswith("tcp"):
+            other.listen()
+        code, out, err = ended(start(single_uav))
+    line = 1 + single_uav.read_text()[: found.start()].count("\n")
+    bound = {"udpout": "udpin", "tcp": "tcpin"}.get(kind, kind)
+    assert (code, out) == (1, "")
+    assert err == (
+        f"error: {single_uav}:{line}: {bound}:127.0.0.1:{found[1]} is in use: is another mission running? "
+        "Give uav1 another link\n"
     )
 
 

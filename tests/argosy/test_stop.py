@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import threading
 import time
 from collections.abc import Iterator
@@ -74,6 +75,36 @@ def test_only_the_robots_that_are_named_get_the_order(endpoint: str, capsys: pyt
     with fleet(endpoint, uav1=Outcome(ok=True), uav2=Outcome(ok=True)) as orders:
         assert main(["stop", "hold", "uav2", "--fleet", "sar", "--router", endpoint]) == 0
     assert orders == [("uav2", "hold")]
+
+
+def test_options_of_an_emergency_command_may_stand_anywhere(endpoint: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with fleet(endpoint, uav1=Outcome(ok=True), uav2=Outcome(ok=True)) as orders:
+        assert main(["stop", "hold", "--router", endpoint, "uav1"]) == 0
+        assert main(["stop", "--router", endpoint, "land", "--fleet", "sar", "uav2"]) == 0
+    assert orders == [("uav1", "hold"), ("uav2", "land")]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "the following arguments are required: {hold,land,rtl,release}"),
+        (["hold", "--router", "nonsense"], "Expected an endpoint such as `tcp/127.0.0.1:7447`, got `nonsense`"),
+    ],
+)
+def test_what_is_missing_or_wrong_in_the_command_is_said(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["stop", *arguments])
+    assert ended.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--version"])
+    assert ended.value.code == 0
+    assert re.fullmatch(r"argosy \d+\.\d+\.\d+\n", capsys.readouterr().out)
 
 
 def test_a_robot_that_does_not_confirm_makes_it_fail(endpoint: str, capsys: pytest.CaptureFixture[str]) -> None:
