@@ -67,6 +67,8 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
             asyncio.create_task(watch_agents(bus, mission.agents_of(name), bridge, steps, clock)),
         ]
         ended = asyncio.create_task(stop.wait())
+        if clock.speed != 1:
+            log.info("speed %g: for a simulated vehicle only", clock.speed)
         log.info("serving %s on %s for %s", name, mission.robots[name].link, ", ".join(mission.agents_of(name)))
         await asyncio.wait([ended, *work], return_when=asyncio.FIRST_COMPLETED)
         left = await bridge.orders.shut_down(mission.robots[name].on_shutdown)

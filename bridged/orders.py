@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast, get_args
@@ -155,18 +156,25 @@ class Orders:
             self._desk.end_all("", Outcome("failed", "the bridge stops"))
             await asyncio.sleep(ARMING_SHOWS)
         if not self._driver.active:
-            return "not armed"
+            return self._as_last_heard("not armed")
         outcome = Outcome("failed")
         for attempt in (order, *_others(order)):
             if mode := self._driver.overridden:
                 self._desk.end_all("", Outcome("failed", f"the bridge stops; {mode} is the pilot's"))
-                return f"left to the pilot in {mode}, armed"
+                return f"left to the pilot in {mode}, {self._as_last_heard('armed')}"
             outcome = await self.carry_out(attempt, f"the bridge stops: {attempt}", block=True)
             if outcome.state == "succeeded":
                 return f"{attempt}: {outcome.reason or 'the vehicle does it'}"
             if outcome.state == "timed_out":
                 break  # it does not answer: another order would not be heard either
-        return f"armed, and it has not confirmed {attempt}: {outcome.reason}"
+        return f"{self._as_last_heard('armed')}, and it has not confirmed {attempt}: {outcome.reason}"
+
+    def _as_last_heard(self, state: str) -> str:
+        """What is known of the vehicle, in words that do not call it known when it is not."""
+        silence = self._driver.silence
+        if self._driver.heard:
+            return state
+        return f"{state} when last heard {silence:.0f} s ago" if math.isfinite(silence) else "never heard"
 
 
 def _others(order: Order) -> tuple[Order, ...]:

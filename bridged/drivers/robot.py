@@ -80,6 +80,10 @@ class Driver(Protocol):
         """Whether the robot can be heard now."""
 
     @property
+    def silence(self) -> float:
+        """Wall seconds since the robot was heard last; infinite if it never was."""
+
+    @property
     def overridden(self) -> str:
         """In what (a mode) others than the bridge and its agents have the active robot; empty if nobody has."""
 

@@ -6,6 +6,7 @@ Pure: messages and the time (mission seconds) go in, messages and readings come 
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -27,6 +28,10 @@ HEARTBEAT_EVERY = 1.0
 """Mission seconds."""
 IDLE_AFTER = (3.0, 1.0)
 """Mission and wall seconds for which the streams stay full after the last action, disarmed."""
+PATIENCE_AT_START = 3.0
+"""Wall seconds in which a vehicle need not be heard yet: every start would begin with a warning."""
+HEARTBEAT_LATE = (1.5, 1.5)
+"""Mission and wall seconds without a HEARTBEAT after which the link, not the rate of a message, is in doubt."""
 MAX_STRANGERS = 8
 """System ids of others on the link that are remembered for the error."""
 MAX_TASKS = 16
@@ -76,6 +81,7 @@ class Conversation:
         self._tasks: dict[Task, Steps] = {}
         self._strangers: set[int] = set()
         self._heartbeat_at = 0.0
+        self._listening_since = math.inf
         self._idle_at = 0.0
         self.overridden = False
         """Whether others (pilot, ground station, failsafe) set the mode that the vehicle is in, not we or an agent."""
@@ -92,12 +98,12 @@ class Conversation:
             return
         self.flight.now = max(now, self.flight.now)
         self.received += 1
-        name, reboots, mode = message.get_type(), self.vehicle.reboots, self.vehicle.mode
+        name, reboots, mode, silence = message.get_type(), self.vehicle.reboots, self.vehicle.mode, self.silence
         self.vehicle.receive(message, self.flight.now)
         self.streams.count(name)
         match name:
             case "HEARTBEAT":
-                self._heard(mode)
+                self._heard(mode, silence)
             case "COMMAND_ACK":
                 self.commands.acknowledge(message, self.flight.now)
             case "STATUSTEXT":
@@ -113,6 +119,7 @@ class Conversation:
     def tick(self, now: float) -> None:
         """Let time pass: heartbeats, repetitions, silence."""
         self.flight.now = now = max(now, self.flight.now)
+        self._listening_since = min(self._listening_since, now)
         if now >= self._heartbeat_at:
             self._heartbeat_at = now + HEARTBEAT_EVERY
             if self.speaks_for_agent or not self.failsafe.claims_ground_station:
@@ -170,13 +177,22 @@ class Conversation:
         """The tasks that move the vehicle."""
         return [task for task in self._tasks if task.moves]
 
+    @property
+    def silence(self) -> float:
+        """Wall seconds since the last HEARTBEAT; infinite before the first."""
+        return self.flight.to_wall(self.flight.now - self.vehicle.heard_at)
+
     def notes(self) -> list[str]:
         """Warnings that hold now."""
+        now = self.flight.now
+        if not self.vehicle.heartbeats and self.flight.to_wall(now - self._listening_since) < PATIENCE_AT_START:
+            return self.failsafe.notes()
         if not self.vehicle.connected:
             others = ", ".join(map(str, sorted(self._strangers)))
             heard = f"; heard only system {others}" if others else ""
             return [f"no heartbeat from system {self.identity.vehicle}{heard}", *self.failsafe.notes()]
-        return self.streams.notes() + self.failsafe.notes()
+        late = now - self.vehicle.heard_at > self.flight.wait(*HEARTBEAT_LATE)
+        return ([] if late else self.streams.notes()) + self.failsafe.notes()
 
     def _step(self) -> None:
         """Let every procedure look at the flight once; one that others have overridden waits only for its end."""
@@ -212,9 +228,11 @@ class Conversation:
             yield
         return (yield from procedure(self.flight, task, call))
 
-    def _heard(self, mode_before: int) -> None:
+    def _heard(self, mode_before: int, silence: float) -> None:
         connected, self.vehicle.connected = self.vehicle.connected, True
         if not connected:
+            again = f"again after {silence:.1f} s" if math.isfinite(silence) else "now"
+            log.info("system %d is heard %s: %s", self.identity.vehicle, again, self._mode_and_arming())
             self.streams.request(self.flight.now)
             self.failsafe.begin(self.flight.now)
         if mode_before < 0:
@@ -230,6 +248,9 @@ class Conversation:
         mode = vehicle.mode_name if vehicle.connected else ""
         armed = vehicle.armed and vehicle.connected
         self._on_reading(Reading("HEARTBEAT", {"mode": mode, "connected": vehicle.connected, "armed": armed}))
+
+    def _mode_and_arming(self) -> str:
+        return f"{self.vehicle.mode_name}, {'armed' if self.vehicle.armed else 'not armed'}"
 
     def _mode_set_by_others(self) -> None:
         """Pilot, ground station or failsafe. A task that is setting the mode judges for itself, unless it yields."""
@@ -265,11 +286,12 @@ class Conversation:
 
     def _lost(self) -> None:
         self.vehicle.connected = False
-        silence = self.flight.now - self.vehicle.heard_at
+        lost = f"no heartbeat for {self.silence:.1f} s"
+        log.warning("system %d is lost: %s; it was in %s", self.identity.vehicle, lost, self._mode_and_arming())
         self.commands.clear()
         self.streams.stop()
         for task in list(self._tasks):
-            self.end(task, Outcome("failed", f"link lost: no heartbeat for {silence:.1f} s"))
+            self.end(task, Outcome("failed", f"link lost: {lost}"))
         self._tell_state()
 
     def _rebooted(self) -> None:

@@ -138,6 +138,11 @@ class MavlinkDriver:
         return self._conversation.vehicle.connected
 
     @property
+    def silence(self) -> float:
+        """Wall seconds since its last HEARTBEAT."""
+        return self._conversation.silence
+
+    @property
     def overridden(self) -> str:
         """The mode of an armed vehicle in which others have set it; empty if nobody has."""
         talk = self._conversation

@@ -80,6 +80,10 @@ class Flight:
         """Mission seconds that last at least `mission` on the vehicle's clock and `wall` on ours (design section 8)."""
         return max(mission, wall * self._speed)
 
+    def to_wall(self, mission: float) -> float:
+        """Wall seconds that a span of mission seconds lasts: silence is told in the seconds that limits are set in."""
+        return mission / self._speed
+
     def submit(
         self,
         task: Task,

@@ -99,6 +99,7 @@ class Streams:
     def stop(self) -> None:
         """Judge nothing while the link is lost."""
         self._judge_at = self._home_at = math.inf
+        self._starved = []
 
     def tick(self, now: float, home_known: Callable[[], bool]) -> None:
         """Note denials, ask again for what falls under half of its rate, and ask for home until it is known."""

@@ -1,0 +1,91 @@
+"""What the bridge says of a vehicle that cannot be heard: in its log, in health, when it leaves, in wall seconds."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.bridged.sky import GOAL, Sky
+
+UNWATCHED = "failsafe: none: if this bridge dies, nothing brings the vehicle home"
+
+
+def left(sky: Sky) -> str:
+    """What the bridge says that it leaves."""
+    return asyncio.run(sky.bridge.orders.shut_down("rtl"))
+
+
+def silent(sky: Sky, seconds: float) -> Sky:
+    """Let mission time pass in which nothing of the vehicle arrives."""
+    sky.we_hear = lambda message: False
+    sky.wait(seconds)
+    return sky
+
+
+def test_a_vehicle_that_was_never_heard_is_not_called_disarmed(tmp_path: Path) -> None:
+    assert left(silent(Sky(tmp_path), 10)) == "never heard"
+
+
+def test_a_vehicle_that_is_heard_and_not_armed_is_left_as_that(tmp_path: Path) -> None:
+    sky = Sky(tmp_path)
+    sky.wait(3)
+    assert left(sky) == "not armed"
+    assert re.fullmatch(r"not armed when last heard \d+ s ago", left(silent(sky, 10)))
+
+
+def test_a_vehicle_lost_while_armed_is_left_as_armed_when_last_heard(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bridged.orders.ORDER_PATIENCE", 0.01)
+    said = left(silent(Sky(tmp_path).flying(), 20))
+    assert re.match(r"armed when last heard (19|20|21) s ago, and it has not confirmed rtl: ", said), said
+
+
+def test_a_normal_start_warns_of_no_missing_heartbeat_and_a_vehicle_that_stays_away_is_a_warning(
+    tmp_path: Path,
+) -> None:
+    sky = silent(Sky(tmp_path, speed=5), 2.5 * 5)
+    assert sky.driver.notes() == [UNWATCHED]
+    sky.wait(1.0 * 5)
+    assert sky.driver.notes() == ["no heartbeat from system 1", UNWATCHED]
+
+
+def test_a_silent_link_is_not_blamed_on_the_rates_of_its_messages(tmp_path: Path) -> None:
+    sky, notes = Sky(tmp_path).flying(), set[str]()
+    sky.we_hear = lambda message: False
+    for _ in range(100):
+        sky.wait(0.1)
+        notes.update(sky.driver.notes())
+    assert notes == {UNWATCHED, "no heartbeat from system 1"}
+    sky.we_hear = lambda message: True
+    sky.forward(lambda: sky.driver.heard, "the vehicle is heard again", 5)
+    assert sky.driver.notes() == [UNWATCHED]
+
+
+def test_silence_is_told_in_the_wall_seconds_of_the_manifest(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, speed=5).flying()
+    going = sky.begin("goto", *GOAL)
+    sky.wait(1)
+    sky.we_hear = lambda message: False
+    sky.forward(lambda: going[-1].final, "the end of goto")
+    assert going[-1].reason == "link lost: no heartbeat for 5.0 s"
+
+
+def test_the_log_says_when_the_vehicle_is_heard_lost_and_heard_again(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "mavlink")
+    sky = silent(Sky(tmp_path).flying(), 10)
+    sky.we_hear = lambda message: True
+    sky.wait(3)
+    said = [record.message for record in caplog.records if record.name == "mavlink"]
+    assert said[:2] == [
+        "system 1 is heard now: STABILIZE, not armed",
+        "system 1 is lost: no heartbeat for 5.0 s; it was in GUIDED, armed",
+    ]
+    assert re.fullmatch(r"system 1 is heard again after 1[01]\.\d s: GUIDED, armed", said[2])
+    assert len(said) == 3
