@@ -48,6 +48,8 @@ def _line(status: Status, robot: RobotSeen) -> str:
         how = "its bridge is dead, no order was confirmed"
     if name not in status.setup.real:
         return f"{name} WAS STILL {where}: {how}; it is simulated and ended with the run"
+    if left is not None and left.to_pilot and not robot.lost:
+        return f"{name} IS STILL {where}: {left.how}; nobody else watches it now"
     if order and not robot.lost:
         return f"{name} IS STILL {where}: {how}; nobody watches it now"
     ago = f"last heard {status.now() - status.picture.heard_of(robot):.0f} s ago, {robot.last_known()}"

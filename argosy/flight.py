@@ -292,6 +292,7 @@ class Flight:
             case Left(how):
                 self.status.left[robot] = told
                 level: Level = "good" if told.confirmed else "info" if how == "not armed" else "error"
+                level = "warning" if told.to_pilot else level
                 self._journal.add(robot, f"its bridge left it: {how}", level)
             case Ordered(order, True, reason):
                 self._picture.ordered(robot, order)

@@ -36,6 +36,11 @@ class Left:
         order = self.how.partition(":")[0]
         return order if order in ("hold", "land", "rtl") else ""
 
+    @property
+    def to_pilot(self) -> bool:
+        """Whether a pilot has the vehicle, so that the bridge ordered nothing."""
+        return self.how.startswith("left to the pilot")
+
 
 @dataclass(frozen=True)
 class Ordered:

@@ -14,7 +14,7 @@ from rich.text import Text
 from argosy.aloft import age
 from argosy.journal import Entry, Level, printable
 from argosy.measure import MEGABYTE
-from argosy.picture import AgentSeen, RobotSeen
+from argosy.picture import ActionSeen, AgentSeen, RobotSeen
 from argosy.status import Status
 from argosy.track import Track, distance
 
@@ -32,6 +32,8 @@ AIRY = 30
 """Lines of a terminal from which on there is room for blank ones."""
 _BARS = "▁▂▃▄▅▆▇█"
 _MOST_PRINTS = 3
+_AROUND = 10
+"""Columns of the margins, the mark of an action and the ellipsis."""
 
 
 class LiveView:
@@ -67,7 +69,11 @@ class Screen:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         width, height = options.max_width, options.height or console.height
         options = options.update(height=None)
-        sections = [("vehicle", self._vehicles(width)), ("agent", self._agents()), ("processes", self._processes())]
+        sections = [
+            ("vehicle", self._vehicles(width)),
+            ("agent", self._agents(width)),
+            ("processes", self._processes()),
+        ]
         lines = [line for part in self._head() for line in console.render_lines(part, options, pad=False)]
         airy = height >= AIRY
         for title, parts in sections:
@@ -100,10 +106,10 @@ class Screen:
             table.add_row(*_robot(robot, width, self.status.now() - robot.heard, age(self.status, robot)))
         return [table]
 
-    def _agents(self) -> list[Table | Text]:
-        return [*map(self._agent, self.status.picture.agents.values()), *self._done()]
+    def _agents(self, width: int) -> list[Table | Text]:
+        return [*(self._agent(agent, width) for agent in self.status.picture.agents.values()), *self._done()]
 
-    def _agent(self, agent: AgentSeen) -> Table:
+    def _agent(self, agent: AgentSeen, width: int) -> Table:
         now = self.status.now()
         table = Table.grid(padding=(0, 2), pad_edge=True)
         table.add_column(no_wrap=True, style="bold")
@@ -121,8 +127,8 @@ class Screen:
             up = self.status.picture.is_alive(agent.name, "agentd")
             table.add_row(name, Text("no intentions" if up else "not there yet", style="dim"))
         for action in actions:
-            told = "  ".join(f"{key} {value:.1f}" for key, value in action.feedback.items())
             age = f"  {action.state} {action.age(now):.0f} s  "
+            told = _feedback(action, width - len(agent.name) - len(action.text) - len(age) - _AROUND)
             text = Text.assemble(("▸ ", "blue"), (printable(action.text), "blue"), age, (printable(told), "dim"))
             table.add_row("", text)
         for line in list(agent.prints)[-_MOST_PRINTS:]:
@@ -218,6 +224,17 @@ def _robot(robot: RobotSeen, width: int, silent: float, old: float) -> list[Text
     if robot.battery is not None and width >= 90:
         cells.append(Text(f"{robot.battery:.0f} %", style="dim"))
     return cells
+
+
+def _feedback(action: ActionSeen, room: int) -> str:
+    """Return as many figures of an action as there is room for, none of them cut."""
+    told = ""
+    for key, value in action.feedback.items():
+        more = f"{told}  {key} {value:.1f}".strip()
+        if len(more) > room:
+            return f"{told} …".strip()
+        told = more
+    return told
 
 
 def _spark(track: Track, width: int) -> str:

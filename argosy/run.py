@@ -159,7 +159,7 @@ def _fly(setup: Setup, args: Namespace, log: TextIO | None) -> int:
 
 
 def _tell(flight: Flight, ending: Ending, report: Path | None) -> int:
-    text = summary(flight.status, ending.text, flight.phases())
+    text = summary(flight.status, ending, flight.phases())
     with suppress(OSError):
         print(f"\n{text}", end="", flush=True)
     if report is not None:

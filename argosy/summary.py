@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from argosy.aloft import in_the_air
+from argosy.endings import Ending
+from argosy.last_words import last_words
 from argosy.measure import MEGABYTE, Window
 from argosy.picture import ActionSeen, RobotSeen
 from argosy.status import Status
+from commd.process import EXIT_DONE
 
 TOGETHER = "commd + bridged + agentd together:"
 Row = tuple[str, str, str, str]
 
 
-def summary(status: Status, ending: str, phases: list[tuple[str, float]]) -> str:
+def summary(status: Status, ending: Ending, phases: list[tuple[str, float]]) -> str:
     """Return the summary as text; `phases` are the stretches besides the actions, in mission seconds."""
-    lines = [f"{status.setup.mission.name}: {ending}", ""]
+    lines = [f"{status.setup.mission.name}: {ending.text}", ""]
     lines += _times(status, phases)
+    lines += last_words(status, ending) if ending.code != EXIT_DONE else []
     for robot in status.picture.robots.values():
         lines.append(_field(robot.name, _left(status, robot)))
     lines += _daemons(status)

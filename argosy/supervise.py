@@ -134,7 +134,7 @@ class Supervisor:
     async def close(self) -> None:
         """Kill what still runs, and what the processes themselves may have left."""
         for child in self.children:
-            child.told_to_leave = True
+            child.told_to_leave |= child.alive
             child.kill_group()
         await self._gone(self.children)
         for child in self.children:

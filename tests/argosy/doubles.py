@@ -133,6 +133,7 @@ def simulate() -> None:
     if FAULT == "orphan":
         subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
     time.sleep(2.5 if FAULT == "simulator-dies" else 600)
+    print("the sky grew dark")
     print("error: simulator: the wind was too strong", file=sys.stderr)
     sys.exit(3)
 

@@ -7,10 +7,13 @@ from dataclasses import replace
 import pytest
 
 from argosy.aloft import in_the_air, last_line
+from argosy.endings import Ending
 from argosy.lines import Left, Line, Ordered, of_a_bridge, read_line
 from argosy.summary import summary
 from schemas.mission import Failsafe
 from tests.argosy.recorded import Recording
+
+FAILED = Ending(1, "failed: for a test")
 
 
 def airborne(*, real: bool = True) -> Recording:
@@ -25,7 +28,7 @@ def airborne(*, real: bool = True) -> Recording:
 
 def last_words(recording: Recording) -> str:
     """Return the last line of the summary."""
-    return summary(recording.status, "failed: for a test", [("startup", 1.0)]).splitlines()[-1]
+    return summary(recording.status, FAILED, [("startup", 1.0)]).splitlines()[-1]
 
 
 def test_a_vehicle_that_flies_on_is_told_in_the_last_line_of_the_summary() -> None:
@@ -63,7 +66,7 @@ def test_a_lost_vehicle_that_was_armed_may_be_flying_and_the_summary_keeps_its_l
     recording.percept("state", "", False, False)
     recording.status.left["uav1"] = Left("not armed")
     assert last_words(recording).startswith("uav1 MAY STILL BE IN THE AIR: last heard 12 s ago, armed, GUIDED, 39 m up")
-    text = summary(recording.status, "failed: for a test", [("startup", 1.0)])
+    text = summary(recording.status, FAILED, [("startup", 1.0)])
     assert "  uav1       LOST, last heard 12 s ago: GUIDED, armed, 39.0 m above home" in text
 
 
@@ -71,6 +74,14 @@ def test_a_vehicle_that_its_bridge_found_disarmed_is_not_called_flying() -> None
     recording = airborne()
     recording.status.left["uav1"] = Left("not armed")
     assert in_the_air(recording.status) == []
+
+
+def test_a_vehicle_that_a_pilot_flies_is_left_to_him() -> None:
+    recording = airborne()
+    recording.status.left["uav1"] = Left("left to the pilot in LOITER, armed")
+    assert last_words(recording) == (
+        "uav1 IS STILL IN THE AIR: left to the pilot in LOITER, armed; nobody else watches it now"
+    )
 
 
 def test_a_simulated_vehicle_ends_with_the_run() -> None:
@@ -84,7 +95,7 @@ def test_a_simulated_vehicle_ends_with_the_run() -> None:
 def test_data_of_a_frozen_bridge_is_marked_with_its_age() -> None:
     recording = airborne()
     recording.status.frozen.add("uav1")
-    text = summary(recording.status, "failed: for a test", [("startup", 1.0)])
+    text = summary(recording.status, FAILED, [("startup", 1.0)])
     assert "  uav1       12 s ago: GUIDED, armed, 39.0 m above home" in text
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+
 from argosy.endings import Ending, Endings
+from argosy.summary import summary
 from argosy.supervise import Supervisor
 from tests.argosy.recorded import Recording
 from tests.argosy.test_live import in_flight, screen
@@ -66,3 +69,16 @@ def test_the_header_tells_how_much_time_is_left() -> None:
     assert ", timeout in 10 min" in screen(recording)[0]
     recording.at = 540.0
     assert ", timeout in 60 s" in screen(recording)[0]
+
+
+def test_a_run_that_is_not_done_tells_its_last_errors_and_warnings_once_and_without_the_ending() -> None:
+    recording = in_flight()
+    for number in range(12):
+        recording.status.journal.add("bridged uav1", f"problem {number}", "warning")
+    recording.status.journal.add("bridged uav1", "problem 11", "warning")
+    recording.status.journal.add("argosy", "failed: all is lost", "error")
+    told = summary(recording.status, Ending(1, "failed: all is lost"), [("startup", 1.0)])
+    assert "  last words\n" in told
+    assert re.findall(r"problem (\d+)", told) == [str(number) for number in range(2, 12)]
+    assert told.count("all is lost") == 1
+    assert "last words" not in summary(recording.status, Ending(0, "done"), [("startup", 1.0)])

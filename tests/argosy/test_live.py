@@ -17,6 +17,7 @@ import pytest
 from rich.console import Console
 
 from argosy.live import Screen
+from schemas.records import ActionStatus
 from tests.argosy.conftest import DOUBLES
 from tests.argosy.recorded import Recording, flight
 
@@ -64,6 +65,18 @@ def test_a_lost_vehicle_keeps_its_last_known_state_and_old_data_tells_its_age() 
     recording.percept("state", "", False, False)
     text = "\n".join(screen(recording, 100))
     assert "uav1  LOST, last heard 40 s ago: armed, GUIDED, 38 m up at -27.603700, -48.518100" in text
+
+
+def test_figures_of_an_action_are_left_out_rather_than_cut() -> None:
+    recording = in_flight()
+    feedback = {"distance": 12.5, "altitude": 38.2, "speed": 4.9}
+    status = ActionStatus(id="uav:1:1", state="running", name="goto", feedback=feedback)
+    recording.picture.status("argosy/single-uav/uav/status/goto", status)
+    for width in range(60, 110):
+        (line,) = [line for line in screen(recording, width) if "▸ goto" in line]
+        shown = line.partition(" s  ")[2]
+        assert re.fullmatch(r"(distance 12\.5)?(  altitude 38\.2)?(  speed 4\.9)?( ?…)? *", shown), shown
+    assert "speed 4.9" in shown
 
 
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (40, 10), (132, 50), (200, 12)])

@@ -74,8 +74,10 @@ def test_any_process_killed_in_flight_ends_the_run_within_5_s_and_is_named(
 def test_a_process_that_ends_by_itself_is_named_with_its_last_words(start: Start, single_uav: Path) -> None:
     running = start(single_uav, "--speed", "2", fault="simulator-dies")
     running.until("agentd uav: up")
-    code, _, err = ended(running)
+    code, out, err = ended(running)
     assert code == 1
+    assert "  last lines of simulator uav1\n    the sky grew dark\n" in out
+    assert out.partition("single-uav: failed")[2].count("the wind was too strong") == 1
     assert "simulator uav1 ended by itself with exit code 3: error: simulator: the wind was too strong" in err
 
 
