@@ -12,8 +12,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.conversation import Conversation
 from bridged.drivers.mavlink.failsafe import our_ids
 from bridged.drivers.mavlink.flight import Task
-from bridged.drivers.mavlink.link import Link, LinkAddress, open_link
+from bridged.drivers.mavlink.link import Link, LinkAddress, Peer, open_link
 from bridged.drivers.mavlink.procedures import PROCEDURES
+from bridged.drivers.mavlink.twins import Twins
 from bridged.drivers.mavlink.vocabulary import call_of
 from bridged.drivers.robot import Execution, OnReading, Order, Outcome, Value
 from commd.clock import Clock
@@ -50,6 +51,7 @@ class MavlinkDriver:
         self._carrier: Carrier | None = None
         self.identity = our_ids(robot.failsafe, robot.sysid)
         """Under which ids we speak, and to whom."""
+        self._twins = Twins(robot.sysid)
         self.unsendable = 0
         """Messages so far that could not be packed."""
         self.stalls = 0
@@ -69,7 +71,7 @@ class MavlinkDriver:
         loop = asyncio.get_running_loop()
         link = self._link = await open_link(
             self._address,
-            lambda message, _peer: self.receive(message),
+            self._receive_from,
             system=self.identity.system,
             component=self.identity.component,
             on_state=lambda up, why: log.info("link %s %s: %s", self._address, "up" if up else "down", why),
@@ -180,7 +182,13 @@ class MavlinkDriver:
         """Warnings that hold now."""
         link = self._link
         down = [f"link {self._address} is down: {link.why}"] if link is not None and not link.up else []
-        return down + self._conversation.notes()
+        return down + self._twins.notes(self._clock.wall()) + self._conversation.notes()
+
+    def _receive_from(self, message: dialect.MAVLink_message, peer: Peer) -> None:
+        sender = (message.get_srcSystem(), message.get_srcComponent())
+        if message.get_type() == "HEARTBEAT" and sender == (self.identity.vehicle, self.identity.autopilot):
+            self._twins.heard(str(peer), self._clock.wall())
+        self.receive(message)
 
     def _send(self, message: dialect.MAVLink_message) -> None:
         if self._carrier is None:

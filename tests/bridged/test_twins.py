@@ -1,0 +1,91 @@
+"""Two vehicles with equal system ids on one link are told; a vehicle that reboots is not taken for two."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.driver import MavlinkDriver
+from bridged.drivers.mavlink.twins import BACK_WITHIN, Twins
+from bridged.drivers.mavlink.wire import Encoder
+from commd.clock import Clock
+from schemas.manifest import load_manifest
+from schemas.mission import read_mission
+from tests.bridged.airfield import free_udp_port
+from tests.bridged.sky import MISSION
+from tests.support.buses import until
+
+BEAT = dialect.MAVLink_heartbeat_message(2, 3, 1, 4, 4, 3)
+
+
+def test_two_vehicles_of_one_system_id_are_a_warning_while_both_speak(caplog: pytest.LogCaptureFixture) -> None:
+    twins = Twins(1)
+    for second in range(10):
+        twins.heard("udp:a:1", second)
+        twins.heard("udp:b:2", second + 0.5)
+    said = "two vehicles are system 1, at udp:a:1 and udp:b:2: give each its own MAV_SYSID"
+    [note] = twins.notes(10.0)
+    assert note.startswith(said)
+    assert [record.message for record in caplog.records] == [note], "the log says it once"
+    for second in range(10, 20):
+        twins.heard("udp:b:2", second)
+    assert twins.notes(20.0) == []
+
+
+def test_three_of_them_are_a_warning_too() -> None:
+    twins = Twins(1)
+    for second in range(3):
+        for address in ("a", "b", "c"):
+            twins.heard(address, second)
+    assert twins.notes(2.0)
+
+
+def test_a_vehicle_that_comes_back_from_another_port_is_one_vehicle() -> None:
+    twins = Twins(1)
+    for second in range(100):
+        twins.heard(f"udp:a:{second // 10}", second)
+        assert twins.notes(second) == []
+
+
+def test_an_address_that_is_used_again_much_later_is_one_vehicle() -> None:
+    twins = Twins(1)
+    for address, wall in (("a", 0.0), ("b", 1.0), ("a", BACK_WITHIN + 1.0)):
+        twins.heard(address, wall)
+    assert twins.notes(BACK_WITHIN + 1.0) == []
+
+
+def test_two_vehicles_at_one_port_of_a_real_link_are_a_warning_and_their_companions_are_not(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.WARNING)
+    port = free_udp_port()
+    robot = read_mission(MISSION.replace("127.0.0.1:0", f"127.0.0.1:{port}"), Path("test.yaml")).robots["uav1"]
+
+    async def body() -> None:
+        driver = MavlinkDriver(load_manifest("arducopter"), robot, Clock(), lambda reading: None, lambda: None)
+        driving = asyncio.create_task(driver.run())
+        await asyncio.sleep(0.2)
+        with socket.socket(type=socket.SOCK_DGRAM) as one, socket.socket(type=socket.SOCK_DGRAM) as other:
+
+            def speak(component: int) -> None:
+                for vehicle, at in ((one, 1), (other, component)):
+                    vehicle.sendto(Encoder(1, at).pack(BEAT), ("127.0.0.1", port))
+
+            for _ in range(3):
+                speak(191)
+                await asyncio.sleep(0.05)
+            assert not [note for note in driver.notes() if "two vehicles" in note]
+            for _ in range(3):
+                speak(1)
+                await asyncio.sleep(0.05)
+            await until(lambda: any("two vehicles" in note for note in driver.notes()), "the warning")
+        driving.cancel()
+        await asyncio.gather(driving, return_exceptions=True)
+
+    asyncio.run(body())
+    assert "two vehicles are system 1" in caplog.text
