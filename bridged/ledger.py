@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import time
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import msgspec
@@ -18,6 +20,7 @@ MAX_ENTRIES = 20_000
 """Ids remembered at most; the oldest goes first. An hour of five actions a second."""
 REWRITE_AT = 4 * 1024 * 1024
 """Bytes of the file at which what is older than an hour is left out of it."""
+log = logging.getLogger("ledger")
 
 
 class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -31,19 +34,25 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Ledger:
-    """Append-only file of ids; a line that was cut off by a power loss is left out when it is read."""
+    """Append-only file of ids; a line that was cut off by a power loss is left out when it is read.
+
+    What is written outlives the process at once. The disk is told to keep it through a power loss by a thread, of which
+    at most one sync runs and one waits: a slow card must not hold up heartbeats.
+    """
 
     def __init__(self, path: Path, wall: Callable[[], float] = time.time) -> None:
         """Open the file, or make it with its directory. Raises OSError."""
         self.path = path
         self._wall = wall
         self._entries: dict[str, Entry] = {}
+        self._syncer = ThreadPoolExecutor(1, thread_name_prefix="ledger")
+        self._sync: Future[None] | None = None
         path.parent.mkdir(parents=True, exist_ok=True)
         self._read()
         self._rewrite()
 
     def begin(self, action: str) -> None:
-        """Note that an id is about to be executed; it is on disk when this returns. Raises OSError."""
+        """Note that an id is about to be executed; it outlives this process when this returns. Raises OSError."""
         self._append(Entry(action, self._wall()), sync=True)
 
     def finish(self, status: ActionStatus) -> None:
@@ -73,7 +82,8 @@ class Ledger:
         return ""
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file; a sync under way ends by itself."""
+        self._syncer.shutdown(wait=False)
         self._file.close()
 
     def _append(self, entry: Entry, *, sync: bool) -> None:
@@ -81,11 +91,17 @@ class Ledger:
         self._file.write(msgspec.json.encode(entry) + b"\n")
         self._file.flush()
         if sync:
-            os.fsync(self._file.fileno())
+            self._keep_through_power_loss()
         if self._file.tell() > REWRITE_AT:
             before = self._file
             self._rewrite()
             before.close()
+
+    def _keep_through_power_loss(self) -> None:
+        """Sync what has been written, unless a sync that has not begun yet will do that."""
+        waits = self._sync is not None and not self._sync.running() and not self._sync.done()
+        if not waits:
+            self._sync = self._syncer.submit(_sync, os.dup(self._file.fileno()))
 
     def _remember(self, entry: Entry) -> None:
         self._entries.pop(entry.id, None)
@@ -118,4 +134,14 @@ class Ledger:
             os.fsync(file.fileno())
         now = fresh.open("ab")
         fresh.replace(self.path)
-        self._file = now
+        self._file, self._sync = now, None
+
+
+def _sync(file: int) -> None:
+    """Sync a descriptor of our own, which outlives the file being closed or replaced meanwhile, and close it."""
+    try:
+        os.fsync(file)
+    except OSError as error:
+        log.error("action ids may not outlive a power loss: %s", error.strerror)
+    finally:
+        os.close(file)

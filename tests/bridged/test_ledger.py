@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
+from threading import Event
 from unittest.mock import Mock
 
 import pytest
 
 from bridged.ledger import KEEP, Ledger
 from schemas.records import ActionStatus
+
+
+def soon(wish: Callable[[], bool], what: str) -> None:
+    """Wait until another thread has made a wish true."""
+    pause = Event()
+    for _ in range(1000):
+        if wish():
+            return
+        pause.wait(0.01)
+    raise AssertionError(f"{what} did not happen within 10 s")
 
 
 class Wall:
@@ -85,3 +98,43 @@ def test_a_disk_that_is_full_while_the_file_shrinks_costs_no_later_id(
     assert again.knows("a:1")
     assert again.knows("a:2")
     again.close()
+
+
+def test_a_slow_disk_holds_nothing_up_and_every_id_is_synced_in_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, fsync, synced = tmp_path / "uav1.actions", os.fsync, list[int]()
+    busy, disk = Event(), Event()
+    ledger = Ledger(path)
+
+    def slow(file: int) -> None:
+        size = os.fstat(file).st_size
+        busy.set()
+        assert disk.wait(30)
+        fsync(file)
+        synced.append(size)
+
+    monkeypatch.setattr("bridged.ledger.os.fsync", slow)
+    ledger.begin("a:0")
+    assert busy.wait(30)
+    for number in range(1, 100):
+        ledger.begin(f"a:{number}")
+    assert path.read_bytes().count(b"\n") == 100, "another process would find every id, although nothing is synced"
+    assert not synced
+    disk.set()
+    soon(lambda: len(synced) == 2, "one sync and one more for what came meanwhile")
+    assert synced[-1] == path.stat().st_size
+    ledger.begin("a:100")
+    soon(lambda: synced[-1] == path.stat().st_size, "the sync of a later id")
+    ledger.close()
+
+
+def test_a_sync_that_fails_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    ledger = Ledger(tmp_path / "uav1.actions")
+    monkeypatch.setattr("bridged.ledger.os.fsync", Mock(side_effect=OSError(5, "Input/output error")))
+    ledger.begin("a:1")
+    soon(lambda: bool(caplog.records), "the log line")
+    assert caplog.records[0].message == "action ids may not outlive a power loss: Input/output error"
+    ledger.close()
