@@ -43,11 +43,13 @@ class Endings:
         """Return how the run has ended, if it has."""
         if dead := self._supervisor.dead():
             return Ending(EXIT_FAILED, f"failed: {dead[0].name} {dead[0].how_it_ended()}")
-        if self._picture.done():
-            return Ending(EXIT_DONE, "done")
         if order := self._stopped():
             return Ending(EXIT_FAILED, f"stopped by the operator: {order}")
-        if why := self._failed() or self._lost():
+        if why := self._failed():
+            return Ending(EXIT_FAILED, f"failed: {why}")
+        if self._picture.done():
+            return Ending(EXIT_DONE, "done")
+        if why := self._lost():
             return Ending(EXIT_FAILED, f"failed: {why}")
         self._tell_when_nothing_is_left()
         return self._late()
