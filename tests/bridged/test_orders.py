@@ -97,6 +97,17 @@ def test_a_pilot_who_takes_over_while_the_vehicle_cannot_be_heard_keeps_it(sky: 
     flown(body, sky)
 
 
+def test_an_agents_own_way_home_is_no_takeover_when_it_shows_only_after_a_lost_link(sky: Sky) -> None:
+    home = sky.begin("return_to_launch")
+    sky.we_hear = lambda message: False
+    sky.forward(lambda: home[-1].final, "the end of the link")
+    sky.wait(10)
+    sky.we_hear = lambda message: True
+    sky.forward(lambda: sky.belief("state") == ("RTL", True, True), "the vehicle is heard again", 5)
+    assert sky.driver.overridden == ""
+    assert sky.belief("override") is None
+
+
 def test_a_lost_agents_vehicle_that_nobody_took_over_holds_and_returns(sky: Sky) -> None:
     async def body(sky: Sky) -> None:
         sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)

@@ -238,7 +238,8 @@ class Conversation:
         if mode_before < 0:
             self.overridden = self.vehicle.mode not in self.modes.ordered
         elif self.vehicle.mode != mode_before:
-            self.overridden = not self.flight.expects(self.vehicle.mode)
+            ours = not connected and self.vehicle.mode == self.flight.asked_last
+            self.overridden = not ours and not self.flight.expects(self.vehicle.mode)
             if self.overridden:
                 self._mode_set_by_others()
         self._tell_state()

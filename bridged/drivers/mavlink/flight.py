@@ -72,6 +72,8 @@ class Flight:
         self.texts = texts
         self.limits = limits
         self.now = 0.0
+        self.asked_last = -1
+        """The mode that we asked for last: one that it takes on while it cannot be heard is nobody else's."""
         self._send = send
         self._speed = speed
         self._expected: dict[int, float] = {}
@@ -117,6 +119,7 @@ class Flight:
 
     def expect_mode(self, mode: int) -> None:
         """Count `mode` as asked for by us for a while: a pilot's change must be told from our own."""
+        self.asked_last = mode
         self._expected[mode] = self.now + self.wait(*EXPECTED_FOR)
 
     def expects(self, mode: int) -> bool:
