@@ -78,7 +78,7 @@ def _daemons(status: Status) -> list[str]:
         lines.append(_field("memory", f"{most:.1f} MB at most, {mean:.1f} MB mean in flight (PSS)"))
     lines.append(_field("processor", f"{_share(meter.flight)} in flight"))
     if meter.idle.share is None:
-        lines.append(_field("idle", "not measured: the mission did not end with every vehicle disarmed"))
+        lines.append(_field("idle", "not measured: only after a mission that is done, with every vehicle disarmed"))
     else:
         window = f"for {meter.idle.wall:.1f} s after the end, at speed {status.setup.speed:g}"
         lines.append(_field("idle", f"{_share(meter.idle)} {window}"))
