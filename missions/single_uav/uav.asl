@@ -38,6 +38,10 @@
      return_to_launch.
 
 +!safe : state(_, true, true) <- .print("returning to home"); return_to_launch.
++!safe : state(_, false, _)
+  <- .print("waiting to hear of the vehicle again");
+     .wait(state(_, true, _), 300000);
+     !safe.
 +!safe.
 -!safe[error_msg(Why)] <- .print("could not return: ", Why); !landed.
 
