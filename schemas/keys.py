@@ -61,11 +61,6 @@ CHANNELS = (
 )
 
 
-def fleet(name: str) -> str:
-    """Return the prefix of a fleet's keys."""
-    return f"{ROOT}/{name}"
-
-
 def percept(fleet: str, agent: str, name: str) -> str:
     """One percept of an agent; `**` for all of them."""
     return f"{ROOT}/{fleet}/{agent}/percept/{name}"
