@@ -14,7 +14,7 @@ from contextlib import aclosing
 
 from commd.bus import Bus, BusClosed
 from schemas import keys
-from schemas.percepts import PerceptSet
+from schemas.percepts import PerceptSet, tells_of_none
 from schemas.records import Health, Perception
 
 log = logging.getLogger("percepts")
@@ -23,7 +23,6 @@ ASK_TIMEOUT = 2.0
 """Wall seconds that the bridge has to answer with the present set."""
 RETRY = 0.2
 """Wall seconds between two attempts to get the present set."""
-EMPTY_HASH = "0" * 16
 
 
 class Perceiving:
@@ -85,7 +84,7 @@ class Perceiving:
                     snapshot.append(reply.record)
         except BusClosed:
             return False
-        if not snapshot and len(self.percepts) and not self._reported.endswith(f":{EMPTY_HASH}"):
+        if not snapshot and len(self.percepts) and not tells_of_none(self._reported):
             return not self._bus.router_up  # nobody answered: the bridge is away, and its return raises doubt again
         changes = self.percepts.restore(snapshot)
         if changes is None:

@@ -24,3 +24,10 @@ class Duration(float):
         if self >= 60 and self % 60 == 0:
             return f"{self / 60:g}min"
         return f"{self * 1000:g}ms" if 0 < self < 1 else f"{float(self):g}s"
+
+
+def decode_hook(expected: type, value: object) -> object:
+    """msgspec's `dec_hook` for the files that people write. Raises ValueError that says what was expected."""
+    if expected is Duration:
+        return Duration.read(value)
+    raise NotImplementedError(f"no decoding for {expected!r}")

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from schemas.durations import Duration
+from schemas.durations import decode_hook
 from schemas.files import read_text
 from schemas.findings import Finding, Findings
 from schemas.manifest_entries import (
@@ -140,7 +140,7 @@ class _Reader:
         left, wrong = dict(content), set[str]()
         while True:
             try:
-                entry = msgspec.convert(left, kind, dec_hook=_duration)
+                entry = msgspec.convert(left, kind, dec_hook=decode_hook)
             except msgspec.ValidationError as error:
                 said = str(error)
                 at = _WRONG_FIELD.search(said)
@@ -189,12 +189,6 @@ class _Reader:
             self.problem(f"actions.{name}.deadline: expected more than 0 s", *where, "deadline")
         if bool(entry.command) == bool(entry.message):
             self.problem(f"actions.{name}: expected either `command` or `message`", *where)
-
-
-def _duration(expected: type, value: object) -> object:
-    if expected is Duration:
-        return Duration.read(value)
-    raise NotImplementedError(f"no reading of {expected!r}")
 
 
 def _plain(said: str) -> str:

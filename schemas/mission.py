@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 
-from schemas.durations import Duration
+from schemas.durations import Duration, decode_hook
 from schemas.endpoints import check_endpoint
 from schemas.files import read_text
 from schemas.findings import Finding, Findings
@@ -168,7 +168,7 @@ def read_mission(text: str, path: Path) -> Mission:
     raw, positions = read_yaml(text, str(path))
     if not isinstance(raw, dict):
         raise Findings([positions.finding((), "expected a mission: fields such as `mission:` and `agents:`")])
-    top, findings = convert(raw, _Top, positions, _durations)
+    top, findings = convert(raw, _Top, positions, decode_hook)
     boards = _entries(raw, "boards", Board, positions, findings)
     agents = _entries(raw, "agents", Agent, positions, findings)
     robots = _entries(raw, "robots", Robot, positions, findings)
@@ -196,12 +196,6 @@ def read_mission(text: str, path: Path) -> Mission:
     return mission
 
 
-def _durations(expected: type, value: Any) -> Any:
-    if expected is Duration:
-        return Duration.read(value)
-    raise NotImplementedError(f"no decoding for {expected!r}")
-
-
 def _entries(
     raw: dict[str, Any], field: str, model: type[M], positions: Positions, findings: list[Finding]
 ) -> dict[str, M]:
@@ -210,7 +204,7 @@ def _entries(
     if not isinstance(values, dict):
         return entries
     for name, value in values.items():
-        entry, found = convert(value, model, positions, _durations, (field, name))
+        entry, found = convert(value, model, positions, decode_hook, (field, name))
         findings += found
         if entry is not None:
             entries[name] = entry

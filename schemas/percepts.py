@@ -121,6 +121,11 @@ class PerceptSet:
         return gone
 
 
+def tells_of_none(digest: str) -> bool:
+    """Whether a reported digest is that of an empty set."""
+    return digest.rpartition(":")[2] == "0" * 16
+
+
 def _concerns(change: Perception, belief: Perception) -> bool:
     """Whether a `replace` or `remove` acts on a belief of its own name and arity."""
     size = len(belief.parameters)
