@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Callable
 
 import pytest
+
+from tests.support import ports
 
 
 @pytest.fixture
 def free_port() -> Callable[[], int]:
     """Return a function that finds a loopback port which nobody uses now."""
-
-    def find() -> int:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            return int(probe.getsockname()[1])
-
-    return find
+    return ports.free_port
 
 
 @pytest.fixture

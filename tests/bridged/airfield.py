@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 import time
 from argparse import Namespace
 from collections.abc import AsyncIterator, Callable
@@ -21,16 +20,10 @@ from schemas.records import Action, ActionStatus, Perception
 from schemas.terms import Term
 from tests.bridged.sky import HOME, MISSION
 from tests.support.buses import until
+from tests.support.ports import free_port
 
 SPEED = 10.0
 STEP_WALL = 0.005
-
-
-def free_udp_port() -> int:
-    """A loopback port that nobody uses now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 class Airfield:
@@ -38,7 +31,7 @@ class Airfield:
 
     def __init__(self, endpoint: str, state: Path, mission: str = MISSION, speed: float = SPEED) -> None:
         self.endpoint, self.state, self.speed = endpoint, state, speed
-        self.link = f"udpin:127.0.0.1:{free_udp_port()}"
+        self.link = f"udpin:127.0.0.1:{free_port()}"
         self.mission: Mission = read_mission(mission, Path("test.yaml"))
         self.vehicle = Vehicle(HOME)
         self.stop = asyncio.Event()
@@ -152,4 +145,4 @@ def on_the_airfield(
     asyncio.run(everything())
 
 
-__all__ = ["Airfield", "free_udp_port", "on_the_airfield", "present", "until"]
+__all__ = ["Airfield", "on_the_airfield", "present", "until"]

@@ -24,8 +24,9 @@ from schemas.manifest import ActionDescription, load_manifest
 from schemas.mission import read_mission
 from schemas.percepts import PerceptSet
 from schemas.records import ActionStatus, Cancel, Health, Outcome, Perception, StopOrder
-from tests.bridged.airfield import Airfield, free_udp_port, on_the_airfield, present, until
+from tests.bridged.airfield import Airfield, on_the_airfield, present, until
 from tests.bridged.sky import MISSION
+from tests.support.ports import free_port
 from tests.support.processes import Daemon
 
 GOAL = (-27.6039, -48.5182, 12)
@@ -147,7 +148,7 @@ def test_leaving_in_flight_carries_out_on_shutdown_and_fails_the_running_action(
 
 
 def test_a_bridge_that_stood_still_reads_what_came_before_it_calls_the_vehicle_silent() -> None:
-    port, link_loss = free_udp_port(), 5.0
+    port, link_loss = free_port(), 5.0
     mission = read_mission(MISSION.replace("127.0.0.1:0", f"127.0.0.1:{port}"), Path("test.yaml"))
     readings: list[Reading] = []
     ours = Encoder(1, 1)

@@ -20,16 +20,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.link import Link, LinkAddress, open_link
+from tests.support.ports import free_port
 
 SPEED = "5"
 ROOT = Path(__file__).parent.parent.parent
-
-
-def free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 @contextmanager
@@ -57,7 +51,7 @@ def client(module: str, *arguments: str, seconds: float = 120) -> str:
 
 @pytest.mark.timeout(150)
 def test_mavsdk_flies_the_copter_and_returns_to_launch() -> None:
-    port = free_udp_port()
+    port = free_port()
     with copter(f"udpout:127.0.0.1:{port}", "--speed", SPEED):
         printed = client("mavsdk_flight", f"udpin://127.0.0.1:{port}")
     steps = ["connected", "healthy", "armed", "taken off", "arrived", "landed and disarmed at home"]
@@ -66,7 +60,7 @@ def test_mavsdk_flies_the_copter_and_returns_to_launch() -> None:
 
 @pytest.mark.timeout(150)
 def test_a_plain_pymavlink_script_flies_the_copter_and_lands() -> None:
-    port = free_udp_port()
+    port = free_port()
     with copter(f"udpout:127.0.0.1:{port}", "--speed", SPEED):
         printed = client("pymavlink_flight", f"udpin:127.0.0.1:{port}")
     assert printed.splitlines() == ["connected", "healthy", "armed", "taken off", "arrived", "landed and disarmed"]
@@ -137,7 +131,7 @@ class MavProxy:
 
 @pytest.mark.timeout(200)
 def test_mavproxy_flies_the_copter_and_returns_to_launch(tmp_path: Path) -> None:
-    port = free_udp_port()
+    port = free_port()
     with copter(f"udpout:127.0.0.1:{port}", "--speed", SPEED):
         station = MavProxy(port, tmp_path)
         try:
@@ -187,7 +181,7 @@ class Ear:
 
 def test_vehicle_time_passes_at_the_speed_that_was_asked_for() -> None:
     async def story() -> float:
-        ear, port = Ear(), free_udp_port()
+        ear, port = Ear(), free_port()
         link = await ear.open(port)
         with copter(f"udpout:127.0.0.1:{port}", "--speed", "20"):
             await ear.until("TIMESYNC", 1)
@@ -202,7 +196,7 @@ def test_vehicle_time_passes_at_the_speed_that_was_asked_for() -> None:
 
 def test_a_rebooted_copter_speaks_from_another_port() -> None:
     async def story() -> None:
-        ear, port = Ear(), free_udp_port()
+        ear, port = Ear(), free_port()
         link = await ear.open(port)
         with copter(f"udpout:127.0.0.1:{port}", "--speed", "10"):
             await ear.until("HEARTBEAT", 5)
@@ -220,7 +214,7 @@ def test_a_rebooted_copter_speaks_from_another_port() -> None:
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 @pytest.mark.parametrize("link", ["udpout:127.0.0.1:{port}", "tcpin:127.0.0.1:{port}", "tcp:127.0.0.1:{port}"])
 def test_the_simulator_ends_within_a_second_when_it_is_told_to(link: str, number: signal.Signals) -> None:
-    with copter(link.format(port=free_udp_port())) as process:
+    with copter(link.format(port=free_port())) as process:
         assert process.stderr is not None
         assert "simulated copter 1 on" in process.stderr.readline()
         asked = time.monotonic()

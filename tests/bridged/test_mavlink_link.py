@@ -17,6 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.address import LinkAddress, LinkAddressError
 from bridged.drivers.mavlink.link import MAX_PEERS, Link, LinkError, open_link
 from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
+from tests.support.ports import free_port
 
 RECORDINGS = Path(__file__).parent.parent / "data"
 
@@ -30,13 +31,6 @@ async def until(wish: Callable[[], bool], what: str) -> None:
         while not wish():
             await asyncio.sleep(0.005)
     assert wish(), what
-
-
-def free_port(kind: int = socket.SOCK_DGRAM) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 class Ear:
@@ -242,7 +236,7 @@ def test_a_port_that_is_taken_is_one_clear_error() -> None:
 def test_a_tcp_link_waits_for_its_peer_and_comes_back_after_a_drop() -> None:
     async def story() -> None:
         station, vehicle = Ear(), Ear()
-        port = free_port(socket.SOCK_STREAM)
+        port = free_port()
         calling = await station.open(f"tcp:127.0.0.1:{port}", 255)
         assert not calling.send(heartbeat())
         assert calling.counters.dropped == 1
@@ -289,7 +283,7 @@ def test_a_serial_line_carries_packets_both_ways_and_its_loss_is_noticed() -> No
 
 def test_a_peer_that_does_not_read_costs_packets_not_memory() -> None:
     async def story() -> None:
-        port = free_port(socket.SOCK_STREAM)
+        port = free_port()
         vehicle = Ear()
         listening = await vehicle.open(f"tcpin:127.0.0.1:{port}", 1)
         with socket.create_connection(("127.0.0.1", port)) as deaf:

@@ -16,9 +16,9 @@ from bridged.drivers.mavlink.wire import Encoder
 from commd.clock import Clock
 from schemas.manifest import load_manifest
 from schemas.mission import read_mission
-from tests.bridged.airfield import free_udp_port
 from tests.bridged.sky import MISSION
 from tests.support.buses import until
+from tests.support.ports import free_port
 
 BEAT = dialect.MAVLink_heartbeat_message(2, 3, 1, 4, 4, 3)
 
@@ -63,7 +63,7 @@ def test_two_vehicles_at_one_port_of_a_real_link_are_a_warning_and_their_compani
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.WARNING)
-    port = free_udp_port()
+    port = free_port()
     robot = read_mission(MISSION.replace("127.0.0.1:0", f"127.0.0.1:{port}"), Path("test.yaml")).robots["uav1"]
 
     async def body() -> None:

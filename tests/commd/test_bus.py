@@ -11,7 +11,7 @@ import pytest
 
 from commd.bus import AlreadyRunning, BusClosed, Query, open_bus
 from schemas.records import Action, ActionStatus, Perception
-from tests.support.buses import Connect, on_a_bus, until
+from tests.support.buses import Connect, on_a_bus, served, subscribed, until
 
 
 def test_what_is_put_arrives_typed_and_in_order(endpoint: str) -> None:
@@ -19,7 +19,7 @@ def test_what_is_put_arrives_typed_and_in_order(endpoint: str) -> None:
         sender, receiver = await connect(), await connect()
         got: list[Any] = []
         receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append((key, record)))
-        await asyncio.sleep(0.2)
+        await subscribed(sender, "argosy/test/uav/percept/altitude")
         for altitude in range(50):
             sender.put("argosy/test/uav/percept/altitude", Perception(name="altitude", parameters=(altitude,)))
         await until(lambda: len(got) == 50, "what was sent arrives")
@@ -34,7 +34,7 @@ def test_bad_bytes_are_counted_and_never_reach_the_handler(endpoint: str) -> Non
         sender, receiver = await connect(), await connect()
         got: list[Any] = []
         receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record))
-        await asyncio.sleep(0.2)
+        await subscribed(sender, "argosy/test/uav/percept/altitude")
         for payload in (b"", b"\xff\xfe", b'{"name":7}', b"[" * 5000):
             sender._session.put("argosy/test/uav/percept/altitude", payload)
         sender._session.put(
@@ -54,7 +54,7 @@ def test_fields_of_a_newer_sender_are_ignored_counted_and_told_once_per_key(
         sender, receiver = await connect(), await connect()
         got: list[Any] = []
         receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record.name))
-        await asyncio.sleep(0.2)
+        await subscribed(sender, "argosy/test/uav/percept/a")
         for _ in range(3):
             sender._session.put("argosy/test/uav/percept/a", b'{"name":"a","colour":"red"}')
         await until(lambda: got == ["a", "a", "a"], "the records arrive all the same")
@@ -76,7 +76,7 @@ def test_a_query_streams_its_replies_and_ends(endpoint: str) -> None:
                 await asyncio.sleep(0.02)
 
         server.serve("argosy/test/uav/action/*", Action, fly)
-        await asyncio.sleep(0.2)
+        await served(asker, "argosy/test/uav/action/land")
         states = []
         async for reply in asker.query("argosy/test/uav/action/land", Action(id="uav:1:1"), ActionStatus, 10):
             assert reply.record is not None
@@ -105,7 +105,7 @@ def test_an_abandoned_query_is_cancelled(endpoint: str) -> None:
             await asyncio.sleep(60)
 
         server.serve("argosy/test/uav/action/*", Action, forever)
-        await asyncio.sleep(0.2)
+        await served(asker, "argosy/test/uav/action/a")
         async with aclosing(asker.query("argosy/test/uav/action/a", Action(), ActionStatus, 60)) as replies:
             async for reply in replies:
                 assert reply.record is not None
@@ -123,7 +123,7 @@ def test_bad_payloads_of_queries_are_told_to_the_server_and_its_errors_to_the_as
             query.reply_error(query.error)
 
         server.serve("argosy/test/uav/action/*", Action, serve)
-        await asyncio.sleep(0.2)
+        await served(asker, "argosy/test/uav/action/a")
         channel = asker._session.get("argosy/test/uav/action/a", payload=b'{"parameters": 5}', timeout=10)
         errors = await asyncio.to_thread(lambda: [reply.err.payload.to_string() for reply in channel])
         assert errors == ["Action: Expected `array`, got `int` - at `$.parameters`"]
@@ -175,7 +175,7 @@ def test_a_client_waits_for_its_router_and_comes_back_after_it_was_away(endpoint
                 await until(lambda: bus.router_up, "what was sent arrives")
                 got: list[Perception] = []
                 again.subscribe("argosy/**", Perception, lambda key, record: got.append(record))
-                await asyncio.sleep(0.2)
+                await subscribed(bus, "argosy/test/uav/percept/a")
                 bus.put("argosy/test/uav/percept/a", Perception(name="a"))
                 await until(lambda: len(got) == 1, "what was sent arrives")
             assert states[:2] == [False, True]
@@ -210,10 +210,12 @@ def test_a_flood_is_bounded_and_what_did_not_fit_is_counted(endpoint: str, monke
         sender, receiver = await connect(), await connect()
         got: list[Any] = []
         receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record))
-        await asyncio.sleep(0.2)
+        await subscribed(sender, "argosy/test/uav/percept/a")
         for _ in range(500):
             sender.put("argosy/test/uav/percept/a", Perception(name="a"))
-        time.sleep(1.0)  # the event loop is held up on purpose while Zenoh's threads deliver
+        patience = time.monotonic() + 20
+        while receiver.counters["dropped"] < 400 and time.monotonic() < patience:
+            time.sleep(0.01)  # the event loop is held up on purpose until Zenoh's threads have delivered everything
         await until(lambda: len(got) + receiver.counters["dropped"] == 500, "what was sent arrives")
         assert len(got) == 100
 

@@ -14,20 +14,24 @@ from commd.clock import Clock
 from commd.process import report_health
 from schemas import keys
 from schemas.records import Health
-from tests.support.buses import FLEET, Connect, on_a_bus, until
+from tests.support.buses import FLEET, Connect, on_a_bus, subscribed, until
 from tests.support.processes import running
+from tests.support.promises import quickest
 
 MISSION = "missions/single_uav.yaml"
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_commd_leaves_cleanly_within_a_second_when_told_to(endpoint: str, number: int) -> None:
-    with running("commd", "serve", MISSION, "--router", endpoint) as commd:
-        commd.says("router board=local")
-        started = time.monotonic()
-        commd.signal(number)
-        assert commd.ends(10) == 0
-        assert time.monotonic() - started < 2
+    def leaving() -> float:
+        with running("commd", "serve", MISSION, "--router", endpoint) as commd:
+            commd.says("router board=local")
+            started = time.monotonic()
+            commd.signal(number)
+            assert commd.ends() == 0
+            return time.monotonic() - started
+
+    assert quickest(leaving, 1.0) < 1.0
 
 
 def test_a_figure_that_cannot_be_told_does_not_end_a_daemons_health(endpoint: str) -> None:
@@ -36,7 +40,7 @@ def test_a_figure_that_cannot_be_told_does_not_end_a_daemons_health(endpoint: st
         heard: list[Health] = []
         observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
         details = Mock(side_effect=[KeyError("figure"), Health(notes=("all is well",))])
-        await asyncio.sleep(0.3)
+        await subscribed(bus, keys.health(FLEET, "uav1", "bridged"))
         reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), details))
         await until(lambda: len(heard) == 2, "health goes on")
         reporting.cancel()

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import array
+import fcntl
 import os
 import signal
 import subprocess
 import sys
+import termios
 import time
 from pathlib import Path
+from typing import IO
 
 from commd.output import Output
 from tests.support.processes import ROOT, running
@@ -60,6 +64,17 @@ def test_a_closed_reader_is_no_reason_to_stop() -> None:
     os.close(writer)
 
 
+def fill(pipe: IO[bytes] | None) -> None:
+    """Wait until nothing more goes into a pipe that nobody reads."""
+    assert pipe is not None
+    end, before, waiting = time.monotonic() + 30, -1, array.array("i", [0])
+    while waiting[0] == 0 or waiting[0] != before:
+        assert time.monotonic() < end, f"{waiting[0]} bytes after 30 s, and they still grow"
+        before = waiting[0]
+        time.sleep(0.5)
+        fcntl.ioctl(pipe, termios.FIONREAD, waiting)
+
+
 def test_a_daemon_whose_output_nobody_reads_still_leaves_when_told_to(tmp_path: Path, endpoint: str) -> None:
     (tmp_path / "m.yaml").write_text(MISSION)
     (tmp_path / "a.asl").write_text(CHATTER)
@@ -72,9 +87,9 @@ def test_a_daemon_whose_output_nobody_reads_still_leaves_when_told_to(tmp_path: 
             cwd=ROOT,
         )
         try:
-            time.sleep(3)  # long enough to fill the pipe many times over
+            fill(agent.stdout)
             agent.send_signal(signal.SIGTERM)
-            assert agent.wait(10) == 0
+            assert agent.wait(30) == 0
         finally:
             agent.kill()
             agent.wait(10)

@@ -14,7 +14,7 @@ FLEET = "test"
 
 
 class Connect(Protocol):
-    """Opens one more session on the bus of a test."""
+    """Opens one more session on the bus of a test; a client has seen its router then."""
 
     def __call__(
         self, name: str = "x", daemon: str = "agentd", mode: Literal["client", "router"] = "client"
@@ -30,14 +30,28 @@ def on_a_bus(endpoint: str, body: Callable[[Connect], Coroutine[Any, Any, None]]
             async def connect(
                 name: str = "x", daemon: str = "agentd", mode: Literal["client", "router"] = "client"
             ) -> Bus:
-                return await stack.enter_async_context(
+                bus = await stack.enter_async_context(
                     open_bus(endpoint, fleet=FLEET, name=name, daemon=daemon, stamp=time.time_ns, mode=mode)
                 )
+                await until(lambda: bus.router_up, f"{daemon} {name} sees the router")
+                return bus
 
             await connect("board", "commd", "router")
             await body(connect)
 
     asyncio.run(everything())
+
+
+async def subscribed(bus: Bus, key: str) -> None:
+    """Wait until what `bus` puts on `key` reaches a subscriber: declarations take their time on a busy machine."""
+    with bus._session.declare_publisher(key) as publisher:
+        await until(lambda: publisher.matching_status.matching, f"somebody subscribes to {key}")
+
+
+async def served(bus: Bus, key: str) -> None:
+    """Wait until what `bus` asks on `key` reaches somebody who serves it."""
+    with bus._session.declare_querier(key) as querier:
+        await until(lambda: querier.matching_status.matching, f"somebody serves {key}")
 
 
 async def until(condition: Callable[[], bool], wish: str, seconds: float = 20) -> None:

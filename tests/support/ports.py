@@ -1,0 +1,38 @@
+"""Ports for tests that nobody else takes between their choice and their use.
+
+They lie below the range from which the kernel gives out ports of its own accord: an outgoing connection elsewhere
+cannot take one meanwhile, and a client that knocks before its server listens cannot be connected to itself. Each is
+given out once in a run of the tests, so that nothing of an earlier test answers for a later one.
+"""
+
+from __future__ import annotations
+
+import random
+import socket
+from pathlib import Path
+
+LOWEST = 12_000
+_RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
+_HIGHEST = min(int(_RANGE.read_text().split()[0]) if _RANGE.exists() else 32_768, 60_000)
+_given: set[int] = set()
+_chance = random.Random()  # unlike in two test runs on one machine
+
+
+def free_port() -> int:
+    """Return a loopback port that nobody uses now, neither by TCP nor by UDP."""
+    for _ in range(10_000):
+        port = _chance.randrange(LOWEST, _HIGHEST)
+        if port not in _given and _is_free(port):
+            _given.add(port)
+            return port
+    raise AssertionError(f"no free port between {LOWEST} and {_HIGHEST}")
+
+
+def _is_free(port: int) -> bool:
+    for kind in (socket.SOCK_STREAM, socket.SOCK_DGRAM):
+        with socket.socket(socket.AF_INET, kind) as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                return False
+    return True
