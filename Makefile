@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 
-.PHONY: fly test soak lint types contracts format check-python clean
+.PHONY: fly test soak bench-reasoner lint types contracts format check-python clean
 
 fly: $(VENV)/fly.stamp  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
@@ -15,6 +15,9 @@ test: $(VENV)/test.stamp  ## run all tests
 
 soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/soak.md
 	$(BIN)/python -m tests.soak
+
+bench-reasoner: $(VENV)/bench.stamp  ## the reasoner beside python-agentspeak, about 12 minutes; writes docs/reasoner.md
+	$(BIN)/python -m benchmarks.reasoner --out docs/reasoner.md $(ARGS)
 
 format: $(VENV)/lint.stamp  ## is every file formatted?
 	$(BIN)/ruff format --check .
@@ -45,6 +48,10 @@ $(VENV)/fly.stamp: pyproject.toml | $(BIN)/python
 $(VENV)/test.stamp: pyproject.toml | $(BIN)/python
 	@echo "installing argosy and what its tests need"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,test]' && touch $@
+
+$(VENV)/bench.stamp: pyproject.toml | $(BIN)/python
+	@echo "installing argosy and the peer it is measured beside"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,bench]' && touch $@
 
 $(VENV)/lint.stamp: pyproject.toml | $(BIN)/python
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,test,lint]' && touch $@

@@ -1,0 +1,1 @@
+"""Benchmarks: the reasoner of agentd beside its peers."""

@@ -1,0 +1,126 @@
+"""Running one process of a benchmark: its lines as they come, and how much memory it held."""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import statistics
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+PATIENCE: Final = 600.0
+"""Seconds after which a process that has not ended is killed and the run is called failed."""
+
+_LINE: Final = re.compile(r"BENCH\s+(?P<bench>\S+)\s+round\s+\d+\s+ops\s+(?P<ops>\d+)\s+ns\s+(?P<ns>\d+)")
+
+
+class BenchmarkFailed(Exception):
+    """A process did not do what its row needs; the text says which and what it printed last."""
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """Operations per second of one process, and its peak resident memory in MB."""
+
+    rounds: tuple[float, ...]
+    rss: float
+
+    @property
+    def cold(self) -> float:
+        return self.rounds[0]
+
+    @property
+    def warm(self) -> float:
+        """The median of the last two rounds."""
+        return statistics.median(self.rounds[-2:])
+
+
+@contextmanager
+def started(command: list[str]) -> Iterator[subprocess.Popen[bytes]]:
+    """A process with its output in a pipe; it is killed at the end if it still runs."""
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1", "NO_COLOR": "1"}
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        stdin=subprocess.DEVNULL,
+        env=environment,
+        cwd=Path(__file__).parent.parent,
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        assert process.stdout is not None
+        process.stdout.close()
+
+
+def lines(process: subprocess.Popen[bytes], patience: float = PATIENCE) -> Iterator[str]:
+    """The lines of a process as they come, until it ends. Raises `BenchmarkFailed` after ``patience`` seconds."""
+    assert process.stdout is not None
+    until = time.monotonic() + patience
+    pending = b""
+    while True:
+        ready, _, _ = select.select([process.stdout], [], [], max(0.0, until - time.monotonic()))
+        if not ready:
+            raise BenchmarkFailed(f"{process.args!r}: not done after {patience:g} s")
+        read = os.read(process.stdout.fileno(), 65536)
+        *whole, pending = (pending + read).split(b"\n")
+        if not read and pending:
+            whole, pending = [pending], b""
+        yield from (line.decode(errors="replace") for line in whole)
+        if not read:
+            return
+
+
+def memory(pid: int, field: str) -> float:
+    """``VmHWM`` (peak) or ``VmRSS`` (now) of a process in MB; 0 when it has ended or the system does not tell.
+
+    Not `os.wait4`: its figure includes what the parent held when it forked.
+    """
+    try:
+        status = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
+    except OSError:
+        return 0.0
+    found = re.search(rf"^{field}:\s+(\d+) kB$", status, re.MULTILINE)
+    return int(found[1]) / 1024 if found else 0.0
+
+
+def run(command: list[str], benches: set[str]) -> dict[str, Speeds]:
+    """Run a process to its end; the rounds that it printed, per benchmark. Each of ``benches`` has to be there."""
+    rounds: dict[str, list[float]] = {bench: [] for bench in benches}
+    peak, last = 0.0, ""
+    with started(command) as process:
+        for line in lines(process):
+            last = line.strip() or last
+            found = _LINE.search(line)
+            if found is None:
+                continue
+            peak = max(peak, memory(process.pid, "VmHWM"))
+            rounds.setdefault(found["bench"], []).append(int(found["ops"]) / int(found["ns"]) * 1e9)
+        code = process.wait(PATIENCE)
+    for bench in benches:
+        if code or not rounds[bench]:
+            shown = " ".join(command)
+            raise BenchmarkFailed(f"{shown}: exit code {code}, no round of {bench}; it printed last: {last}")
+    return {bench: Speeds(tuple(found), peak) for bench, found in rounds.items()}
+
+
+def until_line(command: list[str], word: str, settle: float = 0.0) -> tuple[float, float]:
+    """Seconds from the start to the first line with ``word``, and the MB resident ``settle`` seconds after it."""
+    begun = time.perf_counter()
+    with started(command) as process:
+        for line in lines(process):
+            if word in line:
+                spent = time.perf_counter() - begun
+                if settle:
+                    time.sleep(settle)
+                return spent, memory(process.pid, "VmRSS")
+    raise BenchmarkFailed(f"{' '.join(command)}: ended without printing {word}")

@@ -1,0 +1,118 @@
+"""Those who are compared: how each of them is started."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import shutil
+import subprocess
+import sys
+import tempfile
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+Agents = list[tuple[str, Path]]
+
+PERCEPT_ROUNDS: Final = 10
+PERCEPT_CYCLES: Final = 20_000
+"""What the percept row runs: so many rounds of so many replaced percepts."""
+
+
+class Subject(ABC):
+    """One reasoner, or one way of running it."""
+
+    key: str
+    title: str
+
+    @abstractmethod
+    def command(self, agents: Agents, environment: str = "") -> list[str]:
+        """The command that runs these agents; ``environment`` names the one that feeds percepts, if any."""
+
+    @contextmanager
+    def prepared(self, agents: Agents, environment: str = "") -> Iterator[list[str]]:
+        """The command, for as long as the files that it needs are there."""
+        yield self.command(agents, environment)
+
+
+class Agentd(Subject):
+    """``agentd run``, with decision records off as it is by default, or on (``--why``)."""
+
+    def __init__(self, records: bool = False) -> None:
+        self.key = "agentd --why" if records else "agentd"
+        self.title = "agentd, records on" if records else "agentd"
+        self._options = ["--why"] if records else []
+
+    def command(self, agents: Agents, environment: str = "") -> list[str]:
+        if environment:
+            return [sys.executable, "-m", environment, f"{PERCEPT_ROUNDS},{PERCEPT_CYCLES}", str(agents[0][1])]
+        return [sys.executable, "-m", "agentd", "run", *self._options, *(f"{name}={path}" for name, path in agents)]
+
+
+class AgentSpeak(Subject):
+    """python-agentspeak, driven by `benchmarks.agentspeak_driver`."""
+
+    key = "agentspeak"
+    title = "python-agentspeak"
+
+    def command(self, agents: Agents, environment: str = "") -> list[str]:
+        named = [f"{name}={path}" for name, path in agents]
+        percepts = ["--percepts", f"{PERCEPT_ROUNDS},{PERCEPT_CYCLES}"] if environment else []
+        return [sys.executable, "-m", "benchmarks.agentspeak_driver", *percepts, *named]
+
+
+class JasonCommand(Subject):
+    """Jason itself, where a ``jason`` command is on PATH: ``jason FILE.mas2j`` on a project written for the row.
+
+    The percept row is left out: its environment would have to be written in Java.
+    """
+
+    key = "jason"
+    title = "Jason"
+
+    def __init__(self, executable: str) -> None:
+        self._executable = executable
+
+    def command(self, agents: Agents, environment: str = "") -> list[str]:
+        raise NotImplementedError("a project file is needed: use `prepared`")
+
+    @contextmanager
+    def prepared(self, agents: Agents, environment: str = "") -> Iterator[list[str]]:
+        with tempfile.TemporaryDirectory() as folder:
+            for _, path in agents:
+                shutil.copy(path, folder)
+            listed = "; ".join(f"{name} {path.name}" for name, path in agents)
+            project = Path(folder, "bench.mas2j")
+            project.write_text(f"MAS bench {{ agents: {listed}; }}\n", encoding="utf-8")
+            yield [self._executable, str(project), "--console"]
+
+
+def records_can_be_kept() -> bool:
+    """Whether this ``agentd run`` has the option ``--why``."""
+    asked = subprocess.run(
+        [sys.executable, "-m", "agentd", "run", "--help"], capture_output=True, text=True, check=True
+    )
+    return "--why" in asked.stdout
+
+
+def subjects_here() -> list[Subject]:
+    """Those that can be run on this machine; agentd is the first of them."""
+    found: list[Subject] = [Agentd()]
+    if records_can_be_kept():
+        found.append(Agentd(records=True))
+    if importlib.util.find_spec("agentspeak") is not None:
+        found.append(AgentSpeak())
+    executable = shutil.which("jason")
+    if executable is not None:
+        found.append(JasonCommand(executable))
+    return found
+
+
+def version_of(package: str) -> str:
+    """The installed version of a package, or ``-``."""
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "-"
