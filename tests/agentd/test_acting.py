@@ -13,7 +13,7 @@ from agentd.perceiving import Perceiving
 from commd.bus import Bus, Query
 from schemas import keys
 from schemas.records import Action, ActionStatus, Cancel, Perception
-from tests.support.buses import FLEET, Connect, on_a_bus, until
+from tests.support.buses import FLEET, Connect, on_a_bus, served, subscribed, until
 
 Served = Callable[[Query[Action]], Awaitable[None]]
 
@@ -25,6 +25,8 @@ async def act(connect: Connect, serve: Served | None) -> tuple[Acting, Perceivin
         bridge.serve(keys.action(FLEET, "uav", "*"), Action, serve)
     await bridge.claim("uav1")
     bus = await connect("uav")
+    if serve is not None:
+        await served(bus, keys.action(FLEET, "uav", "*"))
     perceiving = Perceiving(bus, "uav", "uav1", lambda one: None)
     watch = BridgeWatch(bus, "uav1", lambda: None, lambda: None)
     await until(lambda: watch.up, "the bridge is seen")
@@ -82,12 +84,15 @@ def test_a_dead_bridge_fails_the_action_and_says_so(endpoint: str) -> None:
     async def serve(query: Query[Action]) -> None:
         assert query.record is not None
         query.reply(ActionStatus(id=query.record.id, state="running"))
+        begun.set()
         await asyncio.sleep(60)
+
+    begun = asyncio.Event()
 
     async def body(connect: Connect) -> None:
         acting, _, bridge, _ = await act(connect, serve)
         flying = asyncio.create_task(acting.perform("uav:b:1", "goto", (1, 2, 3), 60))
-        await asyncio.sleep(0.5)
+        await asyncio.wait_for(begun.wait(), 20)
         await bridge.close()
         status = await asyncio.wait_for(flying, 20)
         assert status.state == "failed"
@@ -96,7 +101,9 @@ def test_a_dead_bridge_fails_the_action_and_says_so(endpoint: str) -> None:
     on_a_bus(endpoint, body)
 
 
-def test_a_status_waits_for_the_percept_that_it_follows(endpoint: str) -> None:
+def test_a_status_waits_for_the_percept_that_it_follows(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("agentd.acting.AFTER_PATIENCE", 10.0)
+
     async def body(connect: Connect) -> None:
         async def serve(query: Query[Action]) -> None:
             assert query.record is not None
@@ -111,6 +118,7 @@ def test_a_status_waits_for_the_percept_that_it_follows(endpoint: str) -> None:
 
         acting, perceiving, bridge, _ = await act(connect, None)
         bridge.serve(keys.action(FLEET, "uav", "*"), Action, serve)
+        await subscribed(bridge, keys.percept(FLEET, "uav", "altitude"))
         bridge.put(
             keys.percept(FLEET, "uav", "altitude"),
             Perception(header=bridge.header("percept"), name="altitude", parameters=(0,)),
@@ -191,7 +199,7 @@ def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(endpoin
 def test_an_argument_that_no_wire_carries_fails_the_action_at_once(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
         acting, *_ = await act(connect, None)
-        status = await asyncio.wait_for(acting.perform("uav:b:1", "set_mode", ("\ud800",), 30), 5)
+        status = await asyncio.wait_for(acting.perform("uav:b:1", "set_mode", ("\ud800",), 30), 20)
         assert status.state == "failed"
         assert status.reason.startswith("cannot be sent: Action:")
 
