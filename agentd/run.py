@@ -6,9 +6,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from agentd.language.compile import CompiledProgram, DirectiveError, compile_program
+from agentd.language.compile import CompiledProgram, DirectiveError
 from agentd.language.errors import SyntaxErrors
-from agentd.language.parser import parse_file
+from agentd.paths import SourcePaths, read_folders
 from agentd.standalone import Team
 
 DEEPEST_CALLS = 9000
@@ -21,14 +21,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--exit-when-idle", action="store_true", help="end when no agent has anything left to do")
     parser.add_argument("--timeout", type=float, metavar="S", help="end with exit code 1 after so many seconds")
     parser.add_argument("--seed", type=int, default=0, help="start of the random numbers (default 0)")
+    add_path_argument(parser)
+
+
+def add_path_argument(parser: argparse.ArgumentParser) -> None:
+    """The argument that says where files which programs name are looked for."""
+    parser.add_argument(
+        "--include-path",
+        "--map",
+        action="append",
+        default=[],
+        metavar="[NAME=]FOLDER",
+        help="also look in this folder for the files that programs name; with a name, it is the folder that $NAME "
+        "stands for in them, such as --map '$jasonJar=jason' (repeatable)",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the agents; the exit code as the command's contract says."""
     sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))
     try:
-        programs = [_read(argument) for argument in args.agents]
-    except _Refused as refused:
+        paths = read_folders(args.include_path)
+        programs = [_read(argument, paths) for argument in args.agents]
+    except (Refused, ValueError) as refused:
         print(refused, file=sys.stderr)
         return 2
     names = [name for name, _ in programs]
@@ -36,23 +51,25 @@ def run(args: argparse.Namespace) -> int:
         if names.count(name) > 1:
             print(f"two agents are called '{name}'; give them names: NAME=FILE.asl", file=sys.stderr)
             return 2
-    return Team(programs, args.seed).run(args.timeout, args.exit_when_idle)
+    return Team(programs, args.seed, paths=paths).run(args.timeout, args.exit_when_idle)
 
 
-class _Refused(Exception):
+class Refused(Exception):
     """A program that cannot be read, told."""
 
 
-def _read(argument: str) -> tuple[str, CompiledProgram]:
+def _read(argument: str, paths: SourcePaths) -> tuple[str, CompiledProgram]:
     name, equals, path = argument.partition("=")
     if not equals:
         name, path = Path(argument).stem, argument
+    return name, read_program(path, paths)
+
+
+def read_program(path: str, paths: SourcePaths) -> CompiledProgram:
+    """Read and compile a program. Raises Refused, with what is wrong in words."""
     try:
-        program = parse_file(path)
-        return name, compile_program(program, lambda included: parse_file(included))
+        return paths.compiled(path)
     except OSError as error:
-        raise _Refused(f"{path}: error: cannot read the program: {error.strerror or error}") from error
+        raise Refused(f"{path}: error: cannot read the program: {error.strerror or error}") from error
     except (SyntaxErrors, DirectiveError) as error:
-        raise _Refused(str(error)) from error
-    except UnicodeDecodeError as error:
-        raise _Refused(f"{path}: error: the program is not UTF-8 text") from error
+        raise Refused(str(error)) from error

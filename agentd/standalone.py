@@ -10,15 +10,15 @@ from datetime import timedelta, timezone
 from pathlib import Path
 from typing import Any
 
-from agentd.language.compile import CompiledProgram, DirectiveError, compile_program, in_namespace
+from agentd.language.compile import CompiledProgram, DirectiveError
 from agentd.language.errors import SyntaxErrors
-from agentd.language.parser import parse_file
 from agentd.language.signatures import signature
 from agentd.language.terms import EMPTY, atom, make_list
 from agentd.language.terms import Literal as Term
 from agentd.mind import Mind
 from agentd.mind.effects import CancelAction, Effect, Log, PerformAction, Print, SendMail, StopTeam, TeamRequest
 from agentd.mind.inputs import ActionDone, Mail, SignalRaised, TeamReply
+from agentd.paths import SourcePaths
 
 CYCLES_A_TURN = 2000
 """A mind with nothing to hand out gives way to the others after so many cycles."""
@@ -31,8 +31,14 @@ class Team:
     """The agents of one run. ``out`` takes what they print; ``seed`` starts the random numbers of the first."""
 
     def __init__(
-        self, programs: list[tuple[str, CompiledProgram]], seed: int = 0, out: Callable[[str], object] | None = None
+        self,
+        programs: list[tuple[str, CompiledProgram]],
+        seed: int = 0,
+        out: Callable[[str], object] | None = None,
+        *,
+        paths: SourcePaths | None = None,
     ) -> None:
+        self._paths = paths or SourcePaths()
         self._begun = time.monotonic()
         self._epoch = time.time()
         self._write = out or sys.stdout.write
@@ -183,9 +189,8 @@ class Team:
         return name
 
     def _read(self, mind: Mind, path: str) -> CompiledProgram:
-        base = Path(mind.program.file).parent
         try:
-            return compile_program(parse_file(base / path), lambda included: parse_file(included))
+            return self._paths.compiled(path, mind.program.file)
         except OSError as error:
             raise _No("unknown", f"cannot read {path}: {error.strerror or error}") from error
 
@@ -238,11 +243,11 @@ class Team:
         return EMPTY
 
     def _do_include(self, mind: Mind, path: str, namespace: str) -> CompiledProgram | None:
-        for place in (Path(mind.program.file).parent / path, Path(path)):
-            if place.is_file():
-                return in_namespace(parse_file(place), namespace, lambda included: parse_file(included))
-        print(f"[{mind.name}] error: cannot include {path}: there is no such file", file=sys.stderr)
-        return None
+        try:
+            return self._paths.included(path, mind.program.file, namespace)
+        except OSError as error:
+            print(f"[{mind.name}] error: cannot include {path}: {error.strerror or error}", file=sys.stderr)
+            return None
 
 
 class _No(Exception):

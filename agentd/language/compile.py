@@ -12,7 +12,10 @@ from agentd.language.patterns import PATTERNS
 from agentd.language.signatures import DEFAULT
 
 Load = Callable[[str], syntax.Program]
-"""Reads and parses an included file, given the path of the including file joined with what is written."""
+"""Reads and parses an included file, given its path as `Find` has found it."""
+
+Find = Callable[[str, str], str]
+"""The path of an included file, given what the directive says and the file that it stands in. Raises OSError."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,17 +39,24 @@ class DirectiveError(ValueError):
         self.position, self.message = position, message
 
 
-def compile_program(program: syntax.Program, load: Load | None = None) -> CompiledProgram:
+def beside(path: str, file: str) -> str:
+    """`Find` for files that stand beside the one that includes them."""
+    return path if PurePosixPath(path).is_absolute() else str(PurePosixPath(file).parent / path)
+
+
+def compile_program(program: syntax.Program, load: Load | None = None, find: Find = beside) -> CompiledProgram:
     """Carry out the directives of a parsed program. ``load`` reads included files; without it they are refused.
 
     Raises `DirectiveError` for an unknown or wrong directive, and what ``load`` raises.
     """
-    return in_namespace(program, DEFAULT, load)
+    return in_namespace(program, DEFAULT, load, find)
 
 
-def in_namespace(program: syntax.Program, namespace: str, load: Load | None = None) -> CompiledProgram:
+def in_namespace(
+    program: syntax.Program, namespace: str, load: Load | None = None, find: Find = beside
+) -> CompiledProgram:
     """`compile_program` of a file that is loaded into a namespace."""
-    expansion = _Expansion(load)
+    expansion = _Expansion(load, find)
     expansion.file(program, namespace)
     return CompiledProgram(
         program.file,
@@ -64,8 +74,8 @@ _MOST_INCLUDES = 200
 class _Expansion:
     """Collects the items of a program and of the files it includes."""
 
-    def __init__(self, load: Load | None) -> None:
-        self._load = load
+    def __init__(self, load: Load | None, find: Find) -> None:
+        self._load, self._find = load, find
         self.beliefs: list[syntax.Belief | syntax.Rule] = []
         self.goals: list[syntax.Goal] = []
         self.plans: list[syntax.Plan] = []
@@ -113,10 +123,8 @@ class _Expansion:
         if self._load is None or self._includes > _MOST_INCLUDES:
             why = "no files can be read here" if self._load is None else "files include one another without end"
             raise DirectiveError(directive.position, f'cannot include "{path}": {why}')
-        base = PurePosixPath(directive.position.file).parent
-        full = path if PurePosixPath(path).is_absolute() else str(base / path)
         try:
-            included = self._load(full)
+            included = self._load(self._find(path, directive.position.file))
         except OSError as error:
             message = f'cannot include "{path}": {error.strerror or error}'
             raise DirectiveError(directive.position, message) from error
