@@ -1,4 +1,4 @@
-"""Generates the Python of a plan: one function that selects it (trigger and context), one per formula of its body.
+"""Generates the Python of a plan: one function that selects it (`compile_select`), one per formula of its body.
 
 Nothing here belongs to a mind: references to predicates, plans and steps are `Ref` constants, provided when a mind
 loads the code.
@@ -11,16 +11,19 @@ from typing import Any
 from agentd.language import syntax
 from agentd.language.compile_body import BodyCompiler
 from agentd.language.compile_formula import FormulaCompiler
+from agentd.language.compile_select import Form, compile_select
 from agentd.language.compile_terms import Scope
-from agentd.language.emit import Function, Ref, Unit
+from agentd.language.emit import Function, Unit
 from agentd.language.plan_code import FRAME_HEADER, PlanCode, StepCode
-from agentd.language.variables import is_plain_variable, variables
+from agentd.language.variables import variables
 
 
 def compile_plan(
-    plan: syntax.Plan, library: Any, values: dict[str, Any], outer: dict[str, int] | None = None
+    plan: syntax.Plan, library: Any, values: dict[str, Any], outer: dict[str, int] | None = None, form: Form = "select"
 ) -> PlanCode:
     """The code of a plan. ``values`` are the variables that were bound when the plan was made as a term.
+
+    ``form`` is that of the function that selects it.
 
     For a nested plan ``outer`` gives the places, in the frame of the plan around it, of the variables that it sees.
     """
@@ -32,7 +35,7 @@ def compile_plan(
         code.slot(name)
     for name in outer or {}:
         code.slot(name)
-    bound = _compile_select(plan, code, library, values, outer or {})
+    bound = compile_select(form, plan, code, library, values, outer or {})
     code.bound = dict.fromkeys(bound, True)
     code.first = BodyCompiler(code, library).body(_without_leading_true(plan.body), dict(code.bound), None)
     if plan.goal_condition is not None:
@@ -84,63 +87,3 @@ def _without_leading_true(body: syntax.Body) -> syntax.Body:
         case (syntax.Step(operator=syntax.Operator.ACTION, term=syntax.Structure(functor="true", args=())), *_):
             return syntax.Body(body.formulas[1:], body.position)
     return body
-
-
-def _compile_select(
-    plan: syntax.Plan, code: PlanCode, library: Any, values: dict[str, Any], outer: dict[str, int]
-) -> list[str]:
-    """``select(m, trail, relevant, args, annots)``: a new frame, or None if the plan is not applicable.
-
-    Returns the variables that the frame has values for.
-    """
-    unit = code.unit
-    function = Function(unit, "select", "m, trail, relevant, args, annots" + ", around=None")
-    compiler = FormulaCompiler(unit, function, library, "")
-    scope: Scope = {name: unit.constant(value) for name, value in values.items()}
-    for name, place in outer.items():
-        local = function.assign(f"around[{place}]")
-        with function.block(f"if {local} is None:"):
-            function.emit(f"{local} = Var({unit.constant(name)})")
-        scope[name] = local
-    bound: list[str] = []
-
-    def selected(found: Scope) -> None:
-        bound[:] = [name for name in code.slots if name in found]
-        places = ["None"] * (code.size - FRAME_HEADER)
-        for name in bound:
-            places[code.slots[name] - FRAME_HEADER] = found[name]
-        first = unit.constant(Ref("first", None))
-        here = unit.constant(Ref("plan", None))
-        header = [first, here, "relevant", "args", "annots", "0"]
-        function.emit(f"return [{', '.join(header + places)}]")
-
-    def context(found: Scope) -> None:
-        if plan.context is None:
-            selected(found)
-        else:
-            compiler.formula(plan.context, found, selected)
-
-    def annots(found: Scope) -> None:
-        literal = plan.trigger.literal
-        pattern = literal.annotations
-        if pattern is None or (not pattern.items and pattern.tail is None):
-            context(found)
-        else:
-            compiler.match_annots(pattern, "annots", found, context)
-
-    literal = plan.trigger.literal
-    if isinstance(literal, syntax.Structure):
-        names = [f"a{i}" for i in range(len(literal.args))]
-        if names:
-            function.emit(f"({', '.join(names)},) = args")
-        compiler.match_all(list(zip(literal.args, names, strict=True)), scope, annots)
-    else:
-        whole = function.assign("Literal(relevant.sig, args, annots)")
-        if is_plain_variable(literal):
-            compiler.match(literal, function.assign(f"{whole}.bare()"), scope, context)
-        else:
-            compiler.match(literal, whole, scope, context)
-    function.emit("return None")
-    # The size of a frame may still grow by hidden places of the body, which are appended when they are first used.
-    unit.add(function)
-    return bound

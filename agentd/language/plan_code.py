@@ -32,6 +32,9 @@ class PlanCode:
     size: int = FRAME_HEADER
     """How many places a frame has."""
     bound: dict[str, bool] = field(default_factory=dict)
+    tried: list[tuple[Any, tuple[str, ...]]] = field(default_factory=list)
+    """The literals of the context in order, with their variables that have a value when they are tried; empty for
+    plans that are selected without a trace."""
 
     def slot(self, name: str) -> int:
         found = self.slots.get(name)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from agentd.language import syntax
+from agentd.language.compile_select import Form
 from agentd.language.constants import constant_term
 from agentd.stdlib import registry
 from agentd.stdlib.registry import InternalAction, find_action
@@ -17,6 +18,8 @@ class Library:
     def __init__(self) -> None:
         self.has_meta = False
         """Whether the program has plans for the states of goals, ``^!g``."""
+        self.form: Form = "select"
+        """How plans are to be selected: plainly, with the reasons why they are not, or with all their options."""
         self._own: dict[tuple[str, int], Callable[..., Any]] = {}
         self.unknown: dict[tuple[str, int], syntax.Position] = {}
         """Internal actions that the program uses and nobody knows, with the first place of each."""

@@ -59,6 +59,7 @@ class Plan:
         "condition",
         "label",
         "on_failure",
+        "options",
         "outer",
         "select",
         "slots",
@@ -66,6 +67,8 @@ class Plan:
         "special",
         "subplans",
         "syntax",
+        "trace",
+        "tried",
         "values",
     )
 
@@ -86,21 +89,53 @@ class Plan:
         """For ``<:``, the function that asks whether the goal's condition holds, once loaded."""
         self.source: Any = SOURCE_SELF.args[0]
         """Who the plan comes from: the agent itself, or the one who told it."""
-        self.select: Any = self._first_select
+        self.tried: list[tuple[Any, tuple[str, ...]]] = []
+        """The literals of the context in order, as `trace` numbers them, with their variables that have values then."""
         self._size = FRAME_HEADER
+        self.unload()
+
+    def unload(self) -> None:
+        """Forget the code: it is generated anew when the plan is next tried, in the form that is then asked for."""
+        self.select: Any = self._first_select
+        """A new frame for an event, or None: see `agentd.language.compile_select` for this and the others."""
+        self.trace: Any = self._first_trace
+        self.options: Any = self._first_options
+        for inner in self.subplans:
+            inner.unload()
 
     def _first_select(self, mind: Any, trail: Any, *event: Any) -> Frame | None:
         self.load()
         found: Frame | None = self.select(mind, trail, *event)
         return found
 
+    def _first_trace(self, mind: Any, trail: Any, *event: Any) -> Any:
+        self.load()
+        return self.trace(mind, trail, *event)
+
+    def _first_options(self, mind: Any, trail: Any, *event: Any) -> Any:
+        self.load()
+        return self.options(mind, trail, *event)
+
+    def _select_traced(self, mind: Any, trail: Any, *event: Any) -> Frame | None:
+        found = self.trace(mind, trail, *event)
+        return found if type(found) is list else None
+
+    def _trace_options(self, mind: Any, trail: Any, *event: Any) -> Any:
+        return next(self.options(mind, trail, *event))
+
     def load(self) -> None:
         """Generate the code and put it in place."""
         library = self._library
-        code = compile_plan(self.syntax, library.compiler, self.values, self.around)
-        self.slots, self._size = code.slots, code.size
+        form = library.compiler.form
+        code = compile_plan(self.syntax, library.compiler, self.values, self.around, form)
+        self.slots, self._size, self.tried = code.slots, code.size, code.tried
         namespace, _ = self._load(code)
-        self.select = namespace["select"]
+        if form == "select":
+            self.select = namespace["select"]
+        else:
+            self.select = self._select_traced
+            self.trace = namespace.get("trace", self._trace_options)
+            self.options = namespace.get("options")
         self.condition = namespace.get("condition")
         for inner in self.subplans:
             inner.around = {**self.around, **self.slots}
