@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.processes import running
+from tests.support.promises import least
 
 PING = """\
 !start.
@@ -51,20 +52,22 @@ def test_agents_of_two_daemons_talk_through_commd(tmp_path: Path, endpoint: str)
         a.says("[a] enough: 6")
         for daemon in (a, b):
             daemon.signal(signal.SIGTERM)
-            assert daemon.ends(10) == 0
+            assert daemon.ends() == 0
 
 
 def test_an_agent_leaves_within_a_second_when_told_to(tmp_path: Path, endpoint: str) -> None:
     path = mission(tmp_path)
-    with (
-        running("commd", "serve", path, "--router", endpoint),
-        running("agentd", "serve", path, "b", "--router", endpoint) as agent,
-    ):
-        agent.says("agents=b")
-        started = time.monotonic()
-        agent.signal(signal.SIGTERM)
-        assert agent.ends(10) == 0
-        assert time.monotonic() - started < 2
+
+    def leaving() -> float:
+        with running("agentd", "serve", path, "b", "--router", endpoint) as agent:
+            agent.says("agents=b")
+            started = time.monotonic()
+            agent.signal(signal.SIGTERM)
+            assert agent.ends() == 0
+            return time.monotonic() - started
+
+    with running("commd", "serve", path, "--router", endpoint):
+        assert least(leaving, 1.0) < 1.0
 
 
 def test_a_second_daemon_of_an_agents_name_does_not_start_and_says_which(tmp_path: Path, endpoint: str) -> None:

@@ -36,6 +36,9 @@ class Airfield:
         self.vehicle = Vehicle(HOME)
         self.stop = asyncio.Event()
         self.silent = False
+        """Nothing gets through, either way."""
+        self.withheld: set[str] = set()
+        """Kinds of messages of the vehicle that do not get through."""
         self._ids = 0
 
     def arguments(self) -> Namespace:
@@ -83,7 +86,7 @@ class Airfield:
             while True:
                 now = time.monotonic()
                 for message in self.vehicle.advance((now - before) * self.speed):
-                    if not self.silent:
+                    if not self.silent and message.get_type() not in self.withheld:
                         link.send(message)
                 before = now
                 await asyncio.sleep(STEP_WALL)

@@ -5,7 +5,6 @@ import os
 import pty
 import socket
 import struct
-from collections.abc import Callable
 from pathlib import Path
 from random import Random
 
@@ -17,6 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.address import LinkAddress, LinkAddressError
 from bridged.drivers.mavlink.link import MAX_PEERS, Link, LinkError, open_link
 from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
+from tests.support.buses import until
 from tests.support.ports import free_port
 
 RECORDINGS = Path(__file__).parent.parent / "data"
@@ -24,13 +24,6 @@ RECORDINGS = Path(__file__).parent.parent / "data"
 
 def heartbeat() -> dialect.MAVLink_message:
     return dialect.MAVLink_heartbeat_message(2, 3, 81, 4, 3, 3)
-
-
-async def until(wish: Callable[[], bool], what: str) -> None:
-    async with asyncio.timeout(10):
-        while not wish():
-            await asyncio.sleep(0.005)
-    assert wish(), what
 
 
 class Ear:

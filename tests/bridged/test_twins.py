@@ -69,7 +69,7 @@ def test_two_vehicles_at_one_port_of_a_real_link_are_a_warning_and_their_compani
     async def body() -> None:
         driver = MavlinkDriver(load_manifest("arducopter"), robot, Clock(), lambda reading: None, lambda: None)
         driving = asyncio.create_task(driver.run())
-        await asyncio.sleep(0.2)
+        await until(lambda: "bad_checksums" in driver.counters(), "the link is open")
         with socket.socket(type=socket.SOCK_DGRAM) as one, socket.socket(type=socket.SOCK_DGRAM) as other:
 
             def speak(component: int) -> None:
@@ -79,6 +79,7 @@ def test_two_vehicles_at_one_port_of_a_real_link_are_a_warning_and_their_compani
             for _ in range(3):
                 speak(191)
                 await asyncio.sleep(0.05)
+            await until(lambda: driver.counters()["messages"] == 3, "the vehicle is heard beside its companion")
             assert not [note for note in driver.notes() if "two vehicles" in note]
             for _ in range(3):
                 speak(1)

@@ -1,18 +1,18 @@
-"""Promises in wall seconds, measured on a machine that has other things to do as well."""
+"""Promises in figures, measured on a machine that has other things to do as well."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 
-def quickest(measure: Callable[[], float], within: float, attempts: int = 3) -> float:
-    """Measure until one measurement keeps a promise, at most so many times; return the shortest.
+def least(measure: Callable[[], float], below: float, attempts: int = 3) -> float:
+    """Measure until one measurement keeps a promise, at most so many times; return the least.
 
-    A busy machine delays one measurement or two; what is too slow in itself never keeps the promise.
+    A busy machine spoils one measurement or two; what is too slow in itself never keeps the promise.
     """
-    took = measure()
+    found = measure()
     for _ in range(attempts - 1):
-        if took < within:
+        if found < below:
             break
-        took = min(took, measure())
-    return took
+        found = min(found, measure())
+    return found
