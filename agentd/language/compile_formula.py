@@ -204,7 +204,7 @@ class FormulaCompiler(RelationCompiler):
             self.function.emit("pass")
             return
         inner = dict(scope)
-        args = "".join(f", {self.build(arg, inner)}" for arg in node.args)
+        args = "".join(f", {arg}" for arg in self.action_arguments(node, inner))
         if action.backtracks:
             function = self.constant(action.guarded())
             with self.function.block(f"for _ in {function}(m, trail{args}):"):
@@ -213,6 +213,13 @@ class FormulaCompiler(RelationCompiler):
             function = self.constant(action.guarded())
             with self.function.block(f"if {function}(m, trail{args}):"):
                 then(self.settled(scope, inner))
+
+    def action_arguments(self, node: syntax.InternalAction, scope: Scope) -> list[str]:
+        """Expressions for the arguments; what a plan term in them leaves open is linked to the plan's variables."""
+        self.linking = True
+        built = [self.build(arg, scope) for arg in node.args]
+        self.linking = False
+        return built
 
     def count(self, query: Any, scope: Scope) -> str:
         counter = self.function.assign("0", "c")

@@ -118,7 +118,8 @@ def _internal(writer: StepWriter, term: syntax.InternalAction) -> None:
         writer.function.emit(f"return perform(m, i, Literal({sig}, {args}))")
         writer.became(scope)
         return
-    args = "".join(f", {writer.function.assign(writer.compiler.build(arg, scope))}" for arg in term.args)
+    built = writer.compiler.action_arguments(term, scope)
+    args = "".join(f", {writer.function.assign(arg)}" for arg in built)
     function = writer.constant(action.function)
     if action.suspends:
         writer.store(scope)

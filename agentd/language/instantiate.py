@@ -9,7 +9,7 @@ from agentd.language import syntax
 from agentd.language.numbers import OPERATIONS, UndefinedNumber
 from agentd.language.order import sorted_annots
 from agentd.language.signatures import DEFAULT, signature
-from agentd.language.terms import EMPTY, Code, Expression, Literal, Open, Var, deref, elements, make_list
+from agentd.language.terms import EMPTY, Code, Expression, Literal, Open, Rest, Var, deref, elements, make_list
 
 Functions = Mapping[tuple[str, int], Callable[..., Any]]
 """Functions by name and arity, as ``math.max`` with 2; each takes terms and returns one, or None for no value."""
@@ -63,13 +63,16 @@ class Instantiation:
         raise TypeError(f"not a term: {node!r}")
 
     def annots(self, node: syntax.ListTerm | None) -> tuple[Any, ...]:
-        """The annotations that a list of syntax stands for; a bound tail adds its elements."""
+        """The annotations that a list of syntax stands for: a bound tail adds its own, a free one takes the rest."""
         if node is None:
             return ()
         found, end = [self.term(item) for item in node.items], node.tail
-        if end is not None:
-            found.extend(elements(self.term(end)))
-        return sorted_annots(found)
+        if end is None:
+            return sorted_annots(found)
+        tail = self.term(end)
+        if type(tail) is Var:
+            return (*sorted_annots(found), Rest(tail))
+        return sorted_annots((*found, *elements(tail)))
 
     def _variable(self, node: syntax.Variable) -> Any:
         if node.anonymous:

@@ -11,9 +11,9 @@ from functools import cmp_to_key
 from typing import Any
 
 from agentd.language.signatures import DEFAULT
-from agentd.language.terms import EMPTY, List, Literal, Var, deref, describe
+from agentd.language.terms import EMPTY, List, Literal, Rest, Var, deref, describe
 
-_RANK = {float: 0, str: 1, List: 2, Literal: 3, Var: 5}
+_RANK = {float: 0, str: 1, List: 2, Literal: 3, Var: 5, Rest: 6}
 
 
 def compare(a: Any, b: Any) -> int:

@@ -18,6 +18,7 @@ from agentd.language.terms import (
     List,
     Literal,
     Open,
+    Rest,
     Var,
     deref,
 )
@@ -108,8 +109,16 @@ def _push_literal(term: Literal, pending: list[Any]) -> None:
     if term.args:
         pieces += _separated(term.args, _OPEN, _CLOSE)
     if term.annots:
-        pieces += _separated(term.annots, _LEFT, _RIGHT)
+        pieces += _annotations(term.annots)
     _push_all(pending, pieces)
+
+
+def _annotations(annots: tuple[Any, ...]) -> list[Any]:
+    """``[a,b]``, or ``[a|T]`` where the last one is the tail."""
+    last = annots[-1]
+    if type(last) is not Rest:
+        return _separated(annots, _LEFT, _RIGHT)
+    return [*_separated(annots[:-1], _LEFT, _BAR), last.tail, _RIGHT]
 
 
 def _push_list(term: List, pending: list[Any]) -> None:
@@ -149,7 +158,7 @@ def _push_open(term: Open, pending: list[Any]) -> None:
         pieces.insert(0, _Piece("~"))
     pieces.append(term.variable if term.literal is None else term.literal)
     if term.annots:
-        pieces += _separated(term.annots, _LEFT, _RIGHT)
+        pieces += _annotations(term.annots)
     _push_all(pending, pieces)
 
 

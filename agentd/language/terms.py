@@ -56,6 +56,11 @@ class Literal:
     def __repr__(self) -> str:
         return describe(self)
 
+    @property
+    def functor(self) -> str:
+        """Its name, without namespace, sign and arity."""
+        return self.sig.functor
+
     def with_annots(self, annots: tuple[Any, ...]) -> Literal:
         """The same literal with other annotations (sorted already)."""
         return Literal(self.sig, self.args, annots)
@@ -182,6 +187,15 @@ class Open:
 
     def __repr__(self) -> str:
         return describe(self)
+
+
+class Rest:
+    """The tail of an annotation list, ``[a|R]``: unifies with the annotations that are left over."""
+
+    __slots__ = ("tail",)
+
+    def __init__(self, tail: Any) -> None:
+        self.tail = tail
 
 
 class Code:

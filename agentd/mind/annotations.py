@@ -6,7 +6,7 @@ from typing import Any
 
 from agentd.language.order import sorted_annots
 from agentd.language.sources import SELF, is_source
-from agentd.language.terms import Var, deref, elements
+from agentd.language.terms import Rest, Var, deref, elements
 
 
 def with_source(annots: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -16,15 +16,6 @@ def with_source(annots: tuple[Any, ...]) -> tuple[Any, ...]:
     if any(is_source(a) for a in annots):
         return annots
     return sorted_annots(annots + SELF)
-
-
-class Rest:
-    """The tail of an annotation list, ``[a|R]``: unifies with the annotations that are left over."""
-
-    __slots__ = ("tail",)
-
-    def __init__(self, tail: Any) -> None:
-        self.tail = tail
 
 
 def annots_with_tail(annots: tuple[Any, ...], tail: Any) -> tuple[Any, ...]:

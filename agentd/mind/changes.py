@@ -11,7 +11,7 @@ from agentd.mind.annotations import with_source
 from agentd.mind.beliefs import Predicate
 from agentd.mind.failed import Failed
 from agentd.mind.intentions import Intention
-from agentd.mind.resolving import detach, is_ground, resolve, resolve_all
+from agentd.mind.resolving import detach, is_ground, resolve, resolve_all, resolve_annots
 from agentd.mind.rules import add_rule, remove_rule
 from agentd.mind.waiting import hear
 
@@ -21,7 +21,7 @@ def believe(
 ) -> bool | None:
     """``+b`` with resolved arguments: true when the intention has to wait for the plan of the event."""
     if annots is not SELF:
-        annots = resolve_all(annots)
+        annots = resolve_annots(annots)
     new = predicate.add(args, annots, last)
     if new is None:
         return None
@@ -75,7 +75,7 @@ def replace(
     mind: Any, focus: Any, predicate: Predicate, relevant: Any, gone: Any, args: Any, annots: Any
 ) -> bool | None:
     """``-+b``: removes the first belief of this name and arity if it is our own, then adds (rules 49, 50)."""
-    annots = annots if annots is SELF else resolve_all(annots)
+    annots = annots if annots is SELF else resolve_annots(annots)
     for fact in reversed(predicate.entries.values()):
         if type(fact) is not Literal:
             continue

@@ -27,8 +27,8 @@ from agentd.mind.inputs import Input, Mail, TimeRead
 from agentd.mind.intentions import Intention
 from agentd.mind.library import Library
 from agentd.mind.loading import copy_mind, load_program
-from agentd.mind.plans import PlanLibrary
-from agentd.mind.resolving import detach, resolve_all
+from agentd.mind.plans import PlanLibrary, Relevant
+from agentd.mind.resolving import detach, resolve_all, resolve_annots
 from agentd.mind.runtime import RUNTIME
 from agentd.mind.selection import Event
 from agentd.mind.snapshot import BeliefView, IntentionView, views_of_beliefs, views_of_intentions
@@ -153,7 +153,8 @@ class Mind:
 
     def run(self, now: float, cycles: int) -> list[Effect]:
         """Run up to so many cycles; stops early when there is an effect to hand out or nothing left to do."""
-        self.now = max(self.now, now)
+        if now > self.now:
+            self.now = now
         try:
             run_cycles(self, cycles)
         except RecursionError:
@@ -212,16 +213,18 @@ class Mind:
             self.warn_once(f"more than {MOST_FOCUSES} events and intentions; events such as {event} are dropped")
             return
         if annots is not SELF:
-            annots = resolve_all(annots)
+            annots = resolve_annots(annots)
         self.events.append((relevant, args, annots, None))
 
     def add_goal(self, literal: Literal, operator: str = "!") -> None:
         """A goal of its own, with its event."""
-        relevant = self.plans.relevant("+", operator, literal.sig)
-        annots = with_source(literal.annots)
+        self.new_goal(self.plans.relevant("+", operator, literal.sig), literal.args, with_source(literal.annots))
+
+    def new_goal(self, relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
+        """As `add_goal`, with the plans for the goal found already."""
         if self.plans.has_meta:
-            raise_state(self, relevant, literal.args, annots, "pending")
-        self.post(relevant, detach(literal.args), annots)
+            raise_state(self, relevant, args, annots, "pending")
+        self.post(relevant, detach(args), annots)
 
     def add_belief(self, literal: Literal, last: bool = False) -> None:
         """A belief with its event, as an intention of its own."""

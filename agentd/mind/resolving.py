@@ -6,8 +6,20 @@ from typing import Any
 
 from agentd.language.instantiate import calculate
 from agentd.language.order import sorted_annots
-from agentd.language.terms import ARITHMETIC, MOST_NODES, Code, Expression, List, Literal, Open, Var, deref, split
-from agentd.mind.annotations import Rest
+from agentd.language.terms import (
+    ARITHMETIC,
+    MOST_NODES,
+    Code,
+    Expression,
+    List,
+    Literal,
+    Open,
+    Rest,
+    Var,
+    deref,
+    elements,
+    split,
+)
 
 
 def resolve(term: Any) -> Any:
@@ -19,16 +31,37 @@ def resolve(term: Any) -> Any:
 
 
 def resolve_all(terms: tuple[Any, ...]) -> tuple[Any, ...]:
-    return tuple([resolve(t) for t in terms])
+    for term in terms:
+        kind = type(term)
+        if kind is not float and kind is not str and not (kind is Literal and term.ground):
+            return tuple([resolve(t) for t in terms])
+    return terms
+
+
+def resolve_annots(annots: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Annotations as a belief or event keeps them: resolved, with the elements of a bound tail, without a free one."""
+    found = resolve_all(annots)
+    if found and type(found[-1]) is Rest:
+        return sorted_annots((*found[:-1], *elements(found[-1].tail)))
+    return found
 
 
 def detach(terms: tuple[Any, ...]) -> tuple[Any, ...]:
     """Terms as another intention or agent gets them: resolved, and their free variables new ones of their own."""
     for term in terms:
-        if type(term) is not float and type(term) is not str:
+        kind = type(term)
+        if kind is not float and kind is not str and not (kind is Literal and term.ground):
             copier = Copier(fresh=True)
             return tuple([copier.copy(t) for t in terms])
     return terms
+
+
+def detached(term: Any) -> Any:
+    """As `detach`, for one term."""
+    kind = type(term)
+    if kind is float or kind is str or (kind is Literal and (term.ground or _looks_ground(term))):
+        return term
+    return Copier(fresh=True).copy(term)
 
 
 def is_ground(term: Any) -> bool:
@@ -164,6 +197,8 @@ class Copier:
             if total:
                 del done[-total:]
             annots = tuple(parts[arity:])
+            if annots and type(annots[-1]) is Rest and type(annots[-1].tail) is List:
+                annots = (*annots[:-1], *elements(annots[-1].tail))
             built = Literal(node.sig, tuple(parts[:arity]), sorted_annots(annots) if len(annots) > 1 else annots)
         else:
             _, count, _ = node

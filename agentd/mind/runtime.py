@@ -6,8 +6,21 @@ from typing import Any, Final
 
 from agentd.language.order import distinct, ordered, sorted_annots
 from agentd.language.sources import SELF
-from agentd.language.terms import EMPTY, FALSE, TRUE, Expression, List, Literal, Open, Var, deref, elements, make_list
-from agentd.mind.annotations import Rest, annots_with_tail, with_source
+from agentd.language.terms import (
+    EMPTY,
+    FALSE,
+    TRUE,
+    Expression,
+    List,
+    Literal,
+    Open,
+    Rest,
+    Var,
+    deref,
+    elements,
+    make_list,
+)
+from agentd.mind.annotations import annots_with_tail, with_source
 from agentd.mind.changes import believe, change_term, disbelieve, replace
 from agentd.mind.code_terms import capture
 from agentd.mind.failed import action_said_no, constraint_failed

@@ -20,11 +20,11 @@ from agentd.language.terms import (
     List,
     Literal,
     Open,
+    Rest,
     Var,
     deref,
     make_list,
 )
-from agentd.mind.annotations import Rest
 
 Trail = list[Var]
 

@@ -10,7 +10,7 @@ from agentd.language.sources import SELF
 from agentd.language.terms import Code, Literal, Var, deref, make_list
 from agentd.mind.annotations import with_source
 from agentd.mind.code_terms import parts_of, trigger_literal
-from agentd.mind.plan_terms import add_plans, plans_for, read_trigger, relevant_plans, remove_plans, term_of
+from agentd.mind.plan_terms import add_plans, is_label, plans_for, read_trigger, relevant_plans, remove_plans, term_of
 from agentd.mind.resolving import detach, resolve, resolve_all
 from agentd.mind.unifier import Trail, undo, unify
 from agentd.mind.waiting import hear
@@ -61,7 +61,7 @@ def relevant_plan(mind: Any, trail: Trail, trigger: Any, plan: Any) -> Iterator[
 def plan_label(mind: Any, trail: Trail, plan: Any, label: Any) -> Iterator[None]:
     mark = len(trail)
     wanted, given = deref(label), deref(plan)
-    if type(given) is Code and isinstance(given.syntax, syntax.Plan) and given.syntax.label is not None:
+    if type(wanted) is Var and type(given) is Code and is_label(getattr(given.syntax, "label", None)):
         if unify(label, parts_of(given)[0], trail):
             yield None
         undo(trail, mark)

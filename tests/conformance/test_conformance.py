@@ -24,14 +24,15 @@ def _single(folder: str) -> list[str]:
 CASES = [
     *_single("core"),
     *_single("stdlib"),
-    *(f"mas/{d.name}" for d in sorted((HERE / "mas").iterdir()) if d.is_dir()),
+    *_single("own_stdlib"),
+    *(f"{folder}/{d.name}" for folder in ("mas", "own_mas") for d in sorted((HERE / folder).iterdir()) if d.is_dir()),
 ]
 
 
 def _arguments(case: str) -> tuple[list[str], Path, str]:
     """The agents of a case, the file with the expected output, and the source texts."""
     path = HERE / case
-    if case.startswith("mas/"):
+    if path.is_dir():
         lines = (path / "mas.txt").read_text().splitlines()
         agents = [f"{name}={path / file}" for name, file in (line.split() for line in lines if line.strip())]
         return agents, path / "expected.out", "".join(p.read_text() for p in sorted(path.glob("*.asl")))
