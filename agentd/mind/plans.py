@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from agentd.language import syntax
@@ -16,6 +16,7 @@ from agentd.language.sources import SOURCE_SELF
 from agentd.language.term_text import code_text
 from agentd.language.terms import Code, Literal, atom
 from agentd.mind.frames import Frame, Step
+from agentd.mind.nested import select_nested
 
 _ATOMIC = signature("atomic")
 
@@ -285,6 +286,8 @@ class PlanLibrary:
         """Take a plan out; instances of it that run go on."""
         self.plans.remove(plan)
         for relevant in self._relevant.values():
+            if self.select is None:
+                self.select = select_nested
             if plan in relevant.plans:
                 relevant.plans.remove(plan)
 

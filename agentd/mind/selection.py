@@ -12,7 +12,6 @@ from agentd.mind.failed import Failed
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame
 from agentd.mind.goal_states import raise_state
 from agentd.mind.intentions import Intention
-from agentd.mind.nested import nested_frame
 from agentd.mind.plans import Plan
 from agentd.mind.resolving import resolve_all
 from agentd.mind.unifier import undo
@@ -30,15 +29,17 @@ def take_event(mind: Any, event: Event) -> bool:
     frame = None
     if mind.listeners and relevant.goal:
         hear(mind, relevant, args, annots)
+    select = mind.plans.select
     try:
-        if mind.plans.has_nested:
-            frame = nested_frame(mind, trail, relevant, args, annots, intention)
-        for plan in relevant.plans if frame is None else ():
-            frame = plan.select(mind, trail, relevant, args, annots)
-            if frame is not None:
-                break
-            if len(trail) > mark:
-                undo(trail, mark)
+        if select is not None:
+            frame = select(mind, trail, event)
+        else:
+            for plan in relevant.plans:
+                frame = plan.select(mind, trail, relevant, args, annots)
+                if frame is not None:
+                    break
+                if len(trail) > mark:
+                    undo(trail, mark)
     except Exception as error:  # an internal action may raise anything; it must not end the mind
         _context_failed(mind, relevant, error)
         undo(trail, mark)
