@@ -191,6 +191,9 @@ class PlanLibrary:
         self.plans: list[Plan] = []
         self._relevant: dict[tuple[str, str, Signature], Relevant] = {}
         self._labels = 0
+        self.select: Callable[[Any, Any, Any], Frame | None] | None = None
+        """Finds the plan for an event in another way than by trying the relevant ones in order: called with the mind,
+        the trail and the event, it returns the new frame with its bindings on the trail, or None."""
         self.has_meta = False
         self.has_nested = False
 
@@ -283,11 +286,11 @@ class PlanLibrary:
             self.has_nested = True
 
     def remove(self, plan: Plan) -> None:
+            if self.select is None:
+                self.select = select_nested
         """Take a plan out; instances of it that run go on."""
         self.plans.remove(plan)
         for relevant in self._relevant.values():
-            if self.select is None:
-                self.select = select_nested
             if plan in relevant.plans:
                 relevant.plans.remove(plan)
 
