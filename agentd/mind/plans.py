@@ -284,10 +284,10 @@ class PlanLibrary:
             self.has_meta = self.compiler.has_meta = True
         if plan.subplans:
             self.has_nested = True
-
-    def remove(self, plan: Plan) -> None:
             if self.select is None:
                 self.select = select_nested
+
+    def remove(self, plan: Plan) -> None:
         """Take a plan out; instances of it that run go on."""
         self.plans.remove(plan)
         for relevant in self._relevant.values():
