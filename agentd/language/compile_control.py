@@ -56,6 +56,10 @@ def write_while(writer: StepWriter, formula: syntax.While) -> None:
     """Write the condition as one function; the last step of the body comes back to it."""
     following = writer.code.steps[writer.number].next
     before = dict(writer.bound)
+    kept = _begin_rounds(writer, formula, before)
+    if kept:
+        with writer.function.block("else:"):
+            writer.function.emit(f"free_again(trail, f, f[{kept}])")
     _forget(writer, formula, before)
     scope = writer.use(formula.condition)
     place: list[int] = []
@@ -67,6 +71,8 @@ def write_while(writer: StepWriter, formula: syntax.While) -> None:
         writer.function.emit("return None")
 
     writer.compiler.formula(formula.condition, scope, again)
+    if kept:
+        writer.function.emit(f"f[{kept}] = None")
     writer.function.emit(f"f[0] = {writer.step(following)}")
     function, trail = writer.function, writer.trail_line
     bound = {**before, **dict.fromkeys(variables(formula.condition), False)}
@@ -85,7 +91,8 @@ def write_for(writer: StepWriter, formula: syntax.For) -> None:
     following = writer.code.steps[writer.number].next
     before = dict(writer.bound)
     found_at = writer.code.hidden_slot()
-    new = [name for name in variables(formula.condition) if not before.get(name, False)]
+    new = list(variables(formula.condition))
+    kept = _begin_rounds(writer, formula, before, first=True)
     scope = writer.use(formula.condition)
     found = writer.function.assign("[]", "l")
     mark = writer.function.assign("len(trail)", "t")
@@ -94,7 +101,7 @@ def write_for(writer: StepWriter, formula: syntax.For) -> None:
     writer.compiler.rows = rows
 
     def take(inner: Scope) -> None:
-        parts = [f"resolve({inner[name]})" if name in inner else "None" for name in new]
+        parts = [_part(inner.get(name), name in before) for name in new]
         facts = f"present({tuple_of(rows)})" if rows else "()"
         writer.function.emit(f"{found}.append(({', '.join([*parts, facts])},))")
 
@@ -111,6 +118,8 @@ def write_for(writer: StepWriter, formula: syntax.For) -> None:
     writer.code.steps.append(StepCode(next_round, formula, following))
     writer.start(next_round, writer.bound)
     function, trail = writer.function, writer.trail_line
+    if kept:
+        function.emit(f"free_again(trail, f, f[{kept}])")
     _forget(writer, formula, before)
     function.emit(f"r = next_round(f[{found_at}])")
     with function.block("if r is None:"):
@@ -125,13 +134,42 @@ def write_for(writer: StepWriter, formula: syntax.For) -> None:
         place = writer.code.slot(name)
         with function.block(f"if type(f[{place}]) is not Var or not unify(f[{place}], r[{k}], trail):"):
             function.emit(f"f[{place}] = r[{k}]")
-    bound = {**before, **dict.fromkeys(new, False)}
+    bound = {**dict.fromkeys(new, False), **before}
     first = writer.body.body(formula.body, bound, number)
     function.emit(f"f[0] = {writer.step(first)}")
     function.fill(trail, "trail = i.trail", 1)
     writer.unit.add(function)
     writer.bound.clear()
     writer.bound.update(before)
+
+
+def _part(local: str | None, known: bool) -> str:
+    """The value of a variable in a solution; one that was known before the loop most often has its value already."""
+    if local is None:
+        return "None"
+    return f"({local} if type({local}) is not Var else resolve({local}))" if known else f"resolve({local})"
+
+
+def _begin_rounds(writer: StepWriter, formula: syntax.While | syntax.For, before: Bound, first: bool = False) -> int:
+    """Note what the loop must free again: variables from before it that it may bind (rule 76).
+
+    Returns the hidden place of the note, 0 when the loop uses no variable from before it. ``first`` says that the
+    function runs once per loop, not once per round.
+    """
+    names = [name for name in variables((formula.condition, formula.body)) if name in before]
+    if not names:
+        return 0
+    kept = writer.code.hidden_slot()
+    function = writer.function
+    function.emit(f"while len(f) <= {kept}: f.append(None)")
+    places = tuple_of([str(writer.code.slot(name)) for name in names])
+    note = f"f[{kept}] = begin_rounds(trail, f, {places})"
+    if first:
+        function.emit(note)
+    else:
+        with function.block(f"if f[{kept}] is None:"):
+            function.emit(note)
+    return kept
 
 
 def _forget(writer: StepWriter, formula: syntax.While | syntax.For, before: Bound) -> None:

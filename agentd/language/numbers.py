@@ -32,6 +32,8 @@ def double_text(value: float) -> str:
         return number_text(value)
     sign = "-" if math.copysign(1.0, value) < 0 else ""
     mantissa, _, exponent = f"{abs(value)!r}".partition("e")
+    if len(mantissa) == 1:  # Java writes two digits at least, those nearest to the value: 4.9E-324
+        mantissa, _, exponent = f"{abs(value):.1e}".partition("e")
     whole, _, fraction = mantissa.partition(".")
     digits = (whole + fraction).lstrip("0")
     if not digits:

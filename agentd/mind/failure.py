@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 from agentd.language import syntax
 from agentd.language.instantiate import instantiate
@@ -16,13 +16,18 @@ from agentd.mind.failed import Failed
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, Frame, Step
 from agentd.mind.goal_states import raise_state
 from agentd.mind.intentions import Intention, values_of
-from agentd.mind.resolving import resolve, resolve_all
+from agentd.mind.resolving import detach, resolve, resolve_all
 from agentd.mind.unifier import undo
 
 _LONGEST = 200
 
 _ERROR, _MESSAGE = signature("error", 1), signature("error_msg", 1)
 _CODE, _LINE, _SOURCE = signature("code", 1), signature("code_line", 1), signature("code_src", 1)
+_FACTS = frozenset((_ERROR, _MESSAGE, _CODE, _LINE, _SOURCE))
+
+MOST_RETRIES: Final = 100
+"""So often an intention's failure plan that fails itself is tried again before the intention ends."""
+_MOST_NOTED: Final = 1000
 
 
 def step_failed(mind: Any, intention: Intention, step: Step, frame: Frame, failure: Failed) -> None:
@@ -97,7 +102,12 @@ def goal_failed(mind: Any, relevant: Any, args: Any, annots: Any, intention: Int
     extra = error_annots(failure, literal, line, source)
     handler = relevant.counterpart("-")
     if handler.plans:
-        mind.events.append((handler, args, sorted_annots(tuple(annots) + extra), intention))
+        facts = sorted_annots(tuple(annots) + extra)
+        if relevant.goal == "?" and intention is not None:
+            mind.events.append((handler, detach(args), resolve_all(facts), None))
+            _end_unanswered(mind, intention, extra, where, failure)
+        else:
+            mind.events.append((handler, args, facts, intention))
         return
     if intention is None:
         mind.effects.append(Log("warning", f"{message}{_contexts(mind, relevant)}"))
@@ -105,11 +115,22 @@ def goal_failed(mind: Any, relevant: Any, args: Any, annots: Any, intention: Int
     fail(mind, intention, extra, where, failure)
 
 
+def _end_unanswered(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
+    """A test for which no ``+?g`` is applicable: ``-?g`` runs, but he who asked does not go on (rule 61)."""
+    text = f"{where}: {failure.error}: {failure}; -? runs for it, the intention that asked ends"
+    mind.effects.append(Log("error", text))
+    intention.stack.clear()
+    mind.gone(intention)
+    if intention.branch is not None:
+        intention.branch.failed(mind, intention, extra, where, failure)
+
+
 def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
     """Look for the handler from the innermost goal down; without one the intention is dropped with a warning."""
     stack = intention.stack
     heads = [f"{f[RELEVANT].text}{text(Literal(f[RELEVANT].sig, resolve_all(f[ARGS])))}" for f in reversed(stack[-5:])]
     plan = stack[-1][PLAN] if stack else None
+    because = "no handler -! for it"
     while stack:
         top = stack.pop()
         undo(intention.trail, top[MARK])
@@ -121,7 +142,15 @@ def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, fa
             top[PLAN].on_failure(mind, failure)
             break
         relevant = top[RELEVANT]
-        if relevant.operator == "+" and relevant.goal:
+        if relevant.operator == "-":
+            if not relevant.goal:
+                because = "the plan of a deletion asks no handler"  # rule 92
+                break
+            if not stack and relevant.plans:
+                if _handled_again(mind, intention, top, extra):
+                    return
+                because = f"its failure plan has failed {MOST_RETRIES} times"
+        elif relevant.operator == "+" and relevant.goal:
             if mind.plans.has_meta:
                 raise_state(mind, relevant, top[ARGS], top[ANNOTS], "failed")
                 raise_state(mind, relevant, top[ARGS], top[ANNOTS], "finished")
@@ -137,7 +166,27 @@ def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, fa
     head = f" in plan {plan.head}" if plan is not None else ""
     why = f": {failure}" if str(failure) != failure.error else ""
     stacked = f" (goals: {', '.join(heads)})" if len(heads) > 1 else ""
-    mind.effects.append(Log("warning", f"{where}: {failure.error}{why}{head}, no handler -! for it{stacked}"))
+    mind.effects.append(Log("warning", f"{where}: {failure.error}{why}{head}, {because}{stacked}"))
+
+
+def _handled_again(mind: Any, intention: Intention, handler: Frame, extra: tuple[Any, ...]) -> bool:
+    """A failure plan with no goal below it has failed: its event comes again, with what failed now.
+
+    Jason does so for ever; here it ends after `MOST_RETRIES`.
+    """
+    relevant = handler[RELEVANT]
+    tries = mind.failed_handlers.get(intention.id, 0) + 1
+    if tries == 1:
+        mind.warn_once(f"{handler[PLAN].head} at {handler[PLAN].syntax.position} has failed itself; it is tried again")
+    elif tries > MOST_RETRIES:
+        del mind.failed_handlers[intention.id]
+        return False
+    if len(mind.failed_handlers) >= _MOST_NOTED:
+        mind.failed_handlers.clear()
+    mind.failed_handlers[intention.id] = tries
+    own = [a for a in handler[ANNOTS] if not (type(a) is Literal and a.sig in _FACTS)]
+    mind.events.append((relevant, handler[ARGS], sorted_annots((*own, *extra)), intention))
+    return True
 
 
 def _contexts(mind: Any, relevant: Any) -> str:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from agentd.language.terms import Var, deref
 from agentd.mind.dropping import drop
+from agentd.mind.effects import Log
 from agentd.mind.failed import Failed
 from agentd.mind.frames import STEP, VARIABLES, Frame, Step
 from agentd.mind.intentions import Intention
+from agentd.mind.unifier import unify
 from agentd.mind.waiting import fail_parent, resume_waiting
 
 
@@ -17,6 +20,18 @@ class Fork:
     def __init__(self, parent: Intention, frame: Frame, all_needed: bool, failing: Step | None) -> None:
         self.parent, self.frame, self.all_needed, self.failing = parent, frame, all_needed, failing
         self.branches: list[Intention] = []
+        self._free = [(place, v) for place, v in enumerate(frame) if place >= VARIABLES and type(deref(v)) is Var]
+        """The variables that are free when the fork begins: each branch has its own, one branch's count (rule 80)."""
+
+    def frame_of_branch(self, first: Step) -> Frame:
+        """A copy of the frame for a branch."""
+        copy = list(self.frame)
+        copy[STEP] = first
+        fresh: dict[Var, Var] = {}
+        for place, variable in self._free:
+            cell = deref(variable)
+            copy[place] = fresh.setdefault(cell, Var(cell.name))
+        return copy
 
     def ended(self, mind: Any, branch: Intention, frame: Frame) -> None:
         """A branch has come to its join. The parent goes on with the variables of the one that counted last."""
@@ -27,10 +42,17 @@ class Fork:
             drop(mind, other)
         self.branches.clear()
         self.frame[VARIABLES:] = frame[VARIABLES:]
+        for place, variable in self._free:
+            unify(variable, frame[place], self.parent.trail)
+            self.frame[place] = variable
         resume_waiting(mind, self.parent)
 
     def failed(self, mind: Any, branch: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
-        """A branch has failed without a handler of its own: fatal for ``|&|``, tolerated by ``|||`` except the last."""
+        """A branch has failed without a handler of its own: fatal for ``|&|``, tolerated by ``|||``.
+
+        When all branches of ``|||`` have failed the intention ends without asking any handler, as Jason's does (rule
+        82), but not without a word.
+        """
         if branch in self.branches:
             self.branches.remove(branch)
         if not self.all_needed and self.branches:
@@ -38,7 +60,15 @@ class Fork:
         for other in list(self.branches):
             drop(mind, other)
         self.branches.clear()
-        fail_parent(mind, self.parent, extra, where, failure)
+        if self.all_needed:
+            fail_parent(mind, self.parent, extra, where, failure)
+            return
+        text = f"{where}: {failure.error}: all branches of ||| have failed; the intention ends, no handler is asked"
+        mind.effects.append(Log("error", text))
+        outer = self.parent.branch
+        drop(mind, self.parent)
+        if outer is not None:
+            outer.failed(mind, self.parent, extra, where, failure)
 
 
 def fork(mind: Any, intention: Intention, frame: Frame, operator: str, firsts: tuple[Step, ...]) -> bool:
@@ -46,9 +76,7 @@ def fork(mind: Any, intention: Intention, frame: Frame, operator: str, firsts: t
     state = Fork(intention, frame, operator == "|&|", firsts[0] if firsts else None)
     for first in firsts:
         branch = mind.new_intention()
-        copy = list(frame)
-        copy[STEP] = first
-        branch.stack.append(copy)
+        branch.stack.append(state.frame_of_branch(first))
         branch.branch = state
         state.branches.append(branch)
         mind.running.append(branch)

@@ -1,12 +1,43 @@
-"""The rounds of ``for``: its solutions are found at the start; one that rests on a fact since deleted is left out."""
+"""The rounds of loops.
+
+The solutions of ``for`` are found at the start; one that rests on a fact since deleted is left out. Variables that a
+round of ``for`` or ``while`` bound are free again for the next and afterwards (rule 76).
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
+from agentd.language.terms import Var, deref
 from agentd.mind.beliefs import Predicate
+from agentd.mind.frames import Frame
+from agentd.mind.unifier import Trail, undo
 
 Row = tuple[Predicate, tuple[Any, ...]]
+
+Kept = tuple[int, list[tuple[int, Any, Any]]]
+"""How long the trail was when a loop began, and the free variables of the frame: place, what it held, the cell."""
+
+
+def begin_rounds(trail: Trail, frame: Frame, places: tuple[int, ...]) -> Kept:
+    """Note which of these places of a frame hold no value: what `free_again` needs."""
+    free = []
+    for place in places:
+        cell = deref(frame[place])
+        if cell is None or type(cell) is Var:
+            free.append((place, frame[place], cell))
+    return len(trail), free
+
+
+def free_again(trail: Trail, frame: Frame, kept: Kept) -> None:
+    """Take back what a round of a loop has bound."""
+    mark, free = kept
+    if len(trail) > mark:
+        undo(trail, mark)
+    for place, held, cell in free:
+        frame[place] = held
+        if cell is not None:
+            cell.ref = None  # a binding by a plan that has ended well is on no trail any more
 
 
 def present(rows: tuple[Row, ...]) -> tuple[Row, ...]:

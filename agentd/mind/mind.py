@@ -122,6 +122,8 @@ class Mind:
         """What the team was asked for and has not answered."""
         self.ask_timeout = ask_timeout
         self.epoch, self.zone = epoch, zone
+        self.failed_handlers: dict[int, int] = {}
+        """How often the failure plan of an intention has failed itself and was tried again, by the intention's id."""
         self._warned: dict[str, None] = {}
         self._intention_count = 0
         self._queries: dict[int, tuple[Any, Any]] = {}

@@ -28,7 +28,7 @@ from agentd.mind.forks import fork, join
 from agentd.mind.functions import call
 from agentd.mind.goal_states import pending
 from agentd.mind.goals import achieve_term, perform, qualify, run_term, test_event, test_failed, test_term
-from agentd.mind.loops import next_round, present
+from agentd.mind.loops import begin_rounds, free_again, next_round, present
 from agentd.mind.relations import arithmetic, order, same, univ
 from agentd.mind.resolving import detach, resolve
 from agentd.mind.solve import solve
@@ -51,6 +51,7 @@ RUNTIME: Final[dict[str, Any]] = {
     "sorted_annots": sorted_annots,
     "annots_with_tail": annots_with_tail,
     "arithmetic": arithmetic,
+    "begin_rounds": begin_rounds,
     "believe": believe,
     "call": call,
     "capture": capture,
@@ -62,6 +63,7 @@ RUNTIME: Final[dict[str, Any]] = {
     "distinct": distinct,
     "elements": elements,
     "fork": fork,
+    "free_again": free_again,
     "join": join,
     "make_list": make_list,
     "open_list": open_list,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from agentd.language.parser import parse_formula
 from tests.agentd.minds import run
 
 
@@ -35,6 +36,32 @@ def test_a_binding_of_an_inner_goal_survives_the_failure_of_a_later_one() -> Non
 def test_a_failing_handler_climbs_to_the_goal_below() -> None:
     world = run('!s. +!s <- !a. +!a <- !b. +!b <- .fail. -!b <- .fail. -!a <- .print("a handles").')
     assert world.prints == ["a handles"]
+
+
+def test_a_failure_plan_at_the_bottom_that_always_fails_is_tried_a_hundred_times_with_one_warning() -> None:
+    world = run("n(0). !s. !t. +!s <- .fail. -!s <- ?n(X); -+n(X+1); .fail. +!t.")
+    first, last = world.logs
+    assert "has failed itself; it is tried again" in first
+    assert "its failure plan has failed 100 times" in last
+    assert world.mind.query(parse_formula("n(101)"))
+
+
+def test_all_branches_of_an_or_failing_end_the_intention_and_the_log_says_so() -> None:
+    world = run("!s. +!s <- .fail ||| .fail; .print(never). -!s <- .print(handled).")
+    assert not world.prints
+    assert "all branches of ||| have failed" in world.logs[-1]
+
+
+def test_a_failing_plan_of_a_deletion_ends_the_intention_and_the_log_says_so() -> None:
+    world = run("b. !s. +!s <- -b; .print(never). -b <- .fail. -!s <- .print(handled).")
+    assert not world.prints
+    assert "the plan of a deletion asks no handler" in world.logs[-1]
+
+
+def test_a_test_without_applicable_plan_runs_its_handler_and_the_log_says_that_the_caller_ends() -> None:
+    world = run("!s. +!s <- ?q(1); .print(never). +?q(X) : X > 5. -?q(X) <- .print(handled).")
+    assert world.prints == ["handled"]
+    assert "the intention that asked ends" in world.logs[-1]
 
 
 def test_a_goal_without_applicable_plan_is_told_with_the_plans_that_were_tried() -> None:
