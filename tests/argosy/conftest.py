@@ -22,14 +22,14 @@ class Running:
     """An `argosy run` under way. Reads what it prints into files, so that it never waits for the test."""
 
     def __init__(self, command: list[str], folder: Path, environment: dict[str, str]) -> None:
-        self._out, self._err = folder / "stdout", folder / "stderr"
+        self._out, self._err, self._cue = folder / "stdout", folder / "stderr", folder / "cue"
         with self._out.open("wb") as out, self._err.open("wb") as err:
             self.process = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
                 stdout=out,
                 stderr=err,
-                env={**os.environ, **environment},
+                env={**os.environ, **environment, "CUE": str(self._cue)},
                 start_new_session=True,
             )
         self.family: dict[str, psutil.Process] = {}
@@ -43,6 +43,10 @@ class Running:
     def stderr(self) -> str:
         """What it complained about so far."""
         return self._err.read_text()
+
+    def give_cue(self) -> None:
+        """Now is when the stand-in with a fault shows it."""
+        self._cue.touch()
 
     def until(self, text: str, seconds: float = 60) -> None:
         """Wait until it has printed a text, and remember the processes that it has then."""

@@ -1,7 +1,8 @@
 """Stand-ins for the daemons of a mission: real processes on a real bus that play a short flight.
 
 `python doubles.py run ARGS...` is `argosy run ARGS...` with these in place of simulator, bridge and agent; the router
-is the real one. The environment variable FAULT chooses what goes wrong.
+is the real one. The environment variable FAULT chooses what goes wrong, and the file that CUE names, once it is there,
+says when.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ from schemas.records import ActionStatus, IntentionView, MindView, Outcome, Perc
 from schemas.terms import Term
 
 HERE = str(Path(__file__).resolve())
-FAULT = os.environ.get("FAULT", "")
+FAULT, CUE = os.environ.get("FAULT", ""), Path(os.environ.get("CUE", ""))
+LANDED: tuple[Term, ...] = ("RTL", True, False)
 HOME, AWAY = (-27.604033, -48.518363), (-27.603683, -48.518052)
 
 
@@ -61,40 +63,47 @@ async def fly(bus: Bus, clock: Clock) -> None:
             status(2, "goto", "succeeded", *AWAY, 40)
             percept(bus, "state", "RTL", True, True)
         await clock.sleep(0.5)
-    if FAULT != "armed":
-        percept(bus, "state", "RTL", True, False)
+    percept(bus, "state", *LANDED)
 
 
 async def bridge(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
-    """Fly, answer the operator, and order `rtl` at the end."""
+    """Fly as soon as the agent is there, answer the operator, and order `rtl` at the end."""
+    begun = asyncio.Event()
 
     async def ordered(query: Query[StopOrder]) -> None:
         assert query.record is not None
         query.reply(Outcome(ok=query.record.order != "land", reason=f"told to {query.record.order}"))
 
+    async def fly_with_agent() -> None:
+        await begun.wait()
+        await fly(bus, clock)
+
     bus.serve(keys.stop(bus.fleet, "uav1"), StopOrder, ordered)
-    if FAULT == "bridge-mute":
-        await stop.wait()
-        return
+    bus.watch(keys.alive(bus.fleet, "uav", "agentd", "*"), lambda key, alive: begun.set())
     await bus.claim("uav1")
-    await asyncio.sleep(0.5)
     print("INFO bridged bridged serving uav1", file=sys.stderr)
-    flying = asyncio.create_task(fly(bus, clock))
+    flying = asyncio.create_task(fly_with_agent())
     await stop.wait()
     if FAULT == "stubborn":
         await asyncio.sleep(60)
-    if not flying.done() or FAULT == "armed":
-        flying.cancel()
+    flew = begun.is_set() and not flying.done()
+    flying.cancel()
+    if flew:
         percept(bus, "state", "RTL", True, True)
         print("INFO bridged bridged leaving uav1: rtl: the vehicle does it", file=sys.stderr, flush=True)
         await asyncio.sleep(0.2)
 
 
 async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
-    """Show a mind that is done when the flight is."""
+    """Show a mind that is done when the flight is and everything is said."""
+    landed, said = asyncio.Event(), asyncio.Event()
+
+    def heard(_key: str, one: Perception) -> None:
+        if one.parameters == LANDED:
+            landed.set()
 
     async def mind(query: Query[MindView]) -> None:
-        done = clock.wall() > 4.5 and FAULT not in ("never-done", "aimless")
+        done = landed.is_set() and said.is_set() and FAULT not in ("never-done", "aimless")
         running = IntentionView(
             id=1, state="waiting", stack=("+!visited(-27.6,-48.5,40)", "+!fly_mission"), at="uav.asl:41"
         )
@@ -109,11 +118,13 @@ async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
         query.reply(view)
 
     bus.serve(keys.mind(bus.fleet, "uav"), MindView, mind)
+    bus.subscribe(keys.percept(bus.fleet, "uav", "state"), Perception, heard)
     if FAULT != "agent-mute":
         await bus.claim("uav")
     for text in ("taking off to 5 m", "flying to -27.6, -48.5 at 40 m", "mission done"):
         await asyncio.sleep(0.8)
         print(f"[uav] {text}", flush=True)
+    said.set()
     await stop.wait()
 
 
@@ -132,7 +143,8 @@ def simulate() -> None:
     """Be there; leave a child behind if asked to."""
     if FAULT == "orphan":
         subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
-    time.sleep(2.5 if FAULT == "simulator-dies" else 600)
+    while FAULT != "simulator-dies" or not CUE.exists():
+        time.sleep(0.05)
     print("the sky grew dark")
     print("error: simulator: the wind was too strong", file=sys.stderr)
     sys.exit(3)

@@ -114,7 +114,7 @@ def test_in_a_real_terminal_the_view_is_drawn_and_the_summary_stays(single_uav: 
     pid, terminal = pty.fork()
     if pid == 0:
         environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30"}
-        arguments = [sys.executable, str(DOUBLES), "run", str(single_uav), "--router", endpoint, "--speed", "10"]
+        arguments = [sys.executable, str(DOUBLES), "run", str(single_uav), "--router", endpoint, "--speed", "5"]
         os.execve(sys.executable, arguments, environment)
     output, until = b"", time.monotonic() + 60
     try:

@@ -17,6 +17,7 @@ import psutil
 import pytest
 
 from tests.argosy.conftest import DOUBLES, Running, Start
+from tests.support.promises import least
 
 
 def ended(running: Running, seconds: float = 60) -> tuple[int, str, str]:
@@ -40,7 +41,7 @@ def test_a_mission_that_is_done_ends_with_0_a_summary_and_a_report(
     assert "uav: goto(-27.603683,-48.518052,40) succeeded after" in out
     assert "single-uav: done" in out
     assert "MB at most" in out
-    assert "of a core for 3.0 s after the end" in out
+    assert re.search(r"of a core for \d+\.\d s after the end", out)
     assert err == ""
     ElementTree.parse(tmp_path / "report" / "track.svg")
     assert "uav1: mode RTL" in (tmp_path / "report" / "mission.log").read_text()
@@ -60,20 +61,25 @@ def test_every_process_is_started_in_order_each_when_the_one_before_is_there(sta
 def test_any_process_killed_in_flight_ends_the_run_within_5_s_and_is_named(
     start: Start, single_uav: Path, victim: str
 ) -> None:
-    running = start(single_uav, "--speed", "2")
-    running.until("uav1: armed")
-    running.family[victim].kill()
-    killed = time.monotonic()
-    code, out, err = ended(running)
-    assert time.monotonic() - killed < 5.0 + 3.0  # the second figure is for two busy cores
-    name = {"bridged simulate": "simulator uav1", "bridged serve": "bridged uav1", "agentd serve": "agentd uav"}
-    assert code == 1
-    assert f"error: failed: {name.get(victim, 'commd')} was killed by SIGKILL" in err, out + err
+    def ending() -> float:
+        running = start(single_uav, "--speed", "2")
+        running.until("uav1: armed")
+        running.family[victim].kill()
+        killed = time.monotonic()
+        code, out, err = ended(running)
+        took = time.monotonic() - killed
+        name = {"bridged simulate": "simulator uav1", "bridged serve": "bridged uav1", "agentd serve": "agentd uav"}
+        assert code == 1
+        assert f"error: failed: {name.get(victim, 'commd')} was killed by SIGKILL" in err, out + err
+        return took
+
+    assert least(ending, 5.0) < 5.0
 
 
 def test_a_process_that_ends_by_itself_is_named_with_its_last_words(start: Start, single_uav: Path) -> None:
     running = start(single_uav, "--speed", "2", fault="simulator-dies")
     running.until("agentd uav: up")
+    running.give_cue()
     code, out, err = ended(running)
     assert code == 1
     assert "  last lines of simulator uav1\n    the sky grew dark\n" in out
@@ -275,10 +281,10 @@ def test_a_link_that_is_taken_is_told_before_anything_starts(start: Start, singl
 def test_a_startup_that_hangs_is_bounded_and_says_what_it_waits_for(
     start: Start, single_uav: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("STARTUP_PATIENCE", "3")
+    monkeypatch.setenv("STARTUP_PATIENCE", "5")
     code, _, err = ended(start(single_uav, "--speed", "10", fault="agent-mute"))
     assert code == 1
-    assert "error: failed at the start: waited 3 s in vain for agentd uav" in err
+    assert "error: failed at the start: waited 5 s in vain for agentd uav" in err
 
 
 def test_ctrl_c_while_it_starts_leaves_nothing_behind(start: Start, single_uav: Path) -> None:
