@@ -5,11 +5,16 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from agentd.language.compile import CompiledProgram, DirectiveError
 from agentd.language.errors import SyntaxErrors
 from agentd.paths import SourcePaths, read_folders
 from agentd.standalone import Team
+from agentd.user_code import UserCodeError, describe_error, load_class
+
+if TYPE_CHECKING:
+    from agentd.environment import Environment
 
 DEEPEST_CALLS = 9000
 """How deep rules may call one another; a computation beyond fails its plan."""
@@ -21,7 +26,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--exit-when-idle", action="store_true", help="end when no agent has anything left to do")
     parser.add_argument("--timeout", type=float, metavar="S", help="end with exit code 1 after so many seconds")
     parser.add_argument("--seed", type=int, default=0, help="start of the random numbers (default 0)")
+    add_environment_arguments(parser)
     add_path_argument(parser)
+
+
+def add_environment_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments that name a Python environment."""
+    parser.add_argument("--env", metavar="MODULE:CLASS", help="what the agents live in: a class of agentd.Environment")
+    parser.add_argument(
+        "--env-arg", action="append", default=[], metavar="TEXT", help="an argument of its init (repeatable)"
+    )
+
+
+def make_environment(name: str | None) -> Environment | None:
+    """The environment that ``--env`` names. Raises `agentd.user_code.UserCodeError`."""
+    if name is None:
+        return None
+    from agentd.environment import Environment
+
+    chosen = load_class(name, Environment)
+    try:
+        made: Environment = chosen()
+    except Exception as error:
+        raise UserCodeError(f"{name} cannot be made: {describe_error(error)}") from error
+    return made
 
 
 def add_path_argument(parser: argparse.ArgumentParser) -> None:
@@ -51,7 +79,13 @@ def run(args: argparse.Namespace) -> int:
         if names.count(name) > 1:
             print(f"two agents are called '{name}'; give them names: NAME=FILE.asl", file=sys.stderr)
             return 2
-    return Team(programs, args.seed, paths=paths).run(args.timeout, args.exit_when_idle)
+    try:
+        environment = make_environment(args.env)
+        team = Team(programs, args.seed, paths=paths, environment=environment, environment_arguments=args.env_arg)
+    except UserCodeError as error:
+        print(f"--env {args.env}: error: {error}", file=sys.stderr)
+        return 2
+    return team.run(args.timeout, args.exit_when_idle)
 
 
 class Refused(Exception):

@@ -5,20 +5,35 @@ from __future__ import annotations
 import gc
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from datetime import timedelta, timezone
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from agentd.clocks import WallClock
 from agentd.language.compile import CompiledProgram, DirectiveError
 from agentd.language.errors import SyntaxErrors
 from agentd.language.signatures import signature
 from agentd.language.terms import EMPTY, atom, make_list
 from agentd.language.terms import Literal as Term
 from agentd.mind import Mind
-from agentd.mind.effects import CancelAction, Effect, Log, PerformAction, Print, SendMail, StopTeam, TeamRequest
+from agentd.mind.effects import (
+    AskPercepts,
+    CancelAction,
+    Effect,
+    Log,
+    PerformAction,
+    Print,
+    SendMail,
+    StopTeam,
+    TeamRequest,
+)
 from agentd.mind.inputs import ActionDone, Mail, SignalRaised, TeamReply
 from agentd.paths import SourcePaths
+
+if TYPE_CHECKING:
+    from agentd.environment import Environment
+    from agentd.world import World
 
 CYCLES_A_TURN = 2000
 """A mind with nothing to hand out gives way to the others after so many cycles."""
@@ -37,10 +52,16 @@ class Team:
         out: Callable[[str], object] | None = None,
         *,
         paths: SourcePaths | None = None,
+        clock: WallClock | None = None,
+        environment: Environment | None = None,
+        environment_arguments: Sequence[str] = (),
     ) -> None:
         self._paths = paths or SourcePaths()
-        self._begun = time.monotonic()
+        self.clock = clock or WallClock()
         self._epoch = time.time()
+        self._world: World | None = None
+        if environment is not None:
+            self._world = _enter(environment, self.clock, environment_arguments)
         self._write = out or sys.stdout.write
         self._seed = seed
         self._stop: tuple[float, int] | None = None
@@ -57,17 +78,16 @@ class Team:
             name,
             program,
             seed=self._seed + len(self.minds),
-            start=self._clock(),
-            clock=self._clock,
+            start=self.clock.now(),
+            clock=self.clock.now,
             agents=lambda: tuple(self.minds),
             has_team=True,
             epoch=self._epoch,
             zone=zone,
         )
+        if self._world is not None:
+            self._world.join(mind)
         return mind
-
-    def _clock(self) -> float:
-        return time.monotonic() - self._begun
 
     def run(self, timeout: float | None, exit_when_idle: bool) -> int:
         """Run until the team stops (its exit code), is idle (0), or ``timeout`` seconds are over (1)."""
@@ -76,12 +96,14 @@ class Team:
         try:
             return self._run(timeout, exit_when_idle)
         finally:
+            if self._world is not None:
+                self._world.stop()
             sys.stdout.flush()
 
     def _run(self, timeout: float | None, exit_when_idle: bool) -> int:
         while True:
             busy = self._turns()
-            now = self._clock()
+            now = self.clock.now()
             if self._stop is not None and self._stop[0] <= now:
                 return self._stop[1]
             if timeout is not None and now >= timeout:
@@ -90,24 +112,40 @@ class Team:
             if busy:
                 continue
             sys.stdout.flush()
-            if exit_when_idle and not list(self._due(None)):
+            if exit_when_idle and self.idle:
                 return 0
             wake = min(self._due(timeout), default=now + SLEEP)
-            time.sleep(max(0.0, wake - now))
+            self.pass_time(wake - now)
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing can happen any more of itself: nothing is due and no action of the environment runs."""
+        if self._world is not None and (self._world.waited_for or self._world.stirred):
+            return False
+        return not list(self._due(None))
+
+    def pass_time(self, seconds: float) -> None:
+        """Wait so long, or until the environment stirs."""
+        if self._world is None:
+            self.clock.pass_time(seconds)
+        else:
+            self.clock.pass_time(seconds, self._world.sleep)
 
     def _turns(self) -> bool:
         """Let each mind that has something to do run for a while; whether there was one."""
         busy = False
+        if self._world is not None:
+            self._world.deliver()
         for mind in list(self.minds.values()):
             due = mind.wake_at
-            if not mind.ready and (due is None or due > self._clock()):
+            if not mind.ready and (due is None or due > self.clock.now()):
                 continue
             busy = True
-            for effect in mind.run(self._clock(), CYCLES_A_TURN):
+            for effect in mind.run(self.clock.now(), CYCLES_A_TURN):
                 self._carry_out(mind, effect)
-                if self._stop is not None and self._stop[0] <= self._clock():
+                if self._stop is not None and self._stop[0] <= self.clock.now():
                     return True
-        for due, name in [k for k in self._kills if k[0] <= self._clock()]:
+        for due, name in [k for k in self._kills if k[0] <= self.clock.now()]:
             self._kills.remove((due, name))
             self._kill(name)
         return busy
@@ -120,6 +158,8 @@ class Team:
             yield self._stop[0]
         for due, _ in self._kills:
             yield due
+        if self._world is not None and self._world.due is not None:
+            yield self._world.due
         for mind in self.minds.values():
             if mind.wake_at is not None:
                 yield mind.wake_at
@@ -136,11 +176,18 @@ class Team:
             case SendMail():
                 self._send(mind, effect)
             case PerformAction(id=number, name=name):
-                mind.feed(ActionDone(number, False, f"there is no environment that could perform {name}"))
+                if self._world is not None:
+                    self._world.perform(mind, effect)
+                else:
+                    mind.feed(ActionDone(number, False, f"there is no environment that could perform {name}"))
             case CancelAction():
-                pass
+                if self._world is not None:
+                    self._world.cancel(mind, effect)
+            case AskPercepts():
+                if self._world is not None:
+                    self._world.perceive(mind)
             case StopTeam(exit_code=code, delay=delay):
-                self._stop = (self._clock() + delay, code)
+                self._stop = (self.clock.now() + delay, code)
                 if delay:
                     for other in self.minds.values():
                         other.feed(SignalRaised.named("jag_shutting_down", delay * 1000.0))
@@ -186,6 +233,8 @@ class Team:
         name = self._free_name(name)
         clone = self._add(name, CompiledProgram(mind.program.file, plans=mind.program.plans))
         clone.copy_from(mind)
+        if self._world is not None:
+            self._world.took_over(clone, mind)
         return name
 
     def _read(self, mind: Mind, path: str) -> CompiledProgram:
@@ -198,13 +247,15 @@ class Team:
         if name not in self.minds:
             raise _No("ia_failed", f"there is no agent '{name}'")
         if delay:
-            self._kills.append((self._clock() + delay, name))
+            self._kills.append((self.clock.now() + delay, name))
         else:
             self._kill(name)
         return EMPTY
 
     def _kill(self, name: str) -> None:
         self.minds.pop(name, None)
+        if self._world is not None:
+            self._world.leave(name)
         self._services = [s for s in self._services if s[0] != name]
         self._subscribers = [s for s in self._subscribers if s[0] != name]
 
@@ -248,6 +299,15 @@ class Team:
         except OSError as error:
             print(f"[{mind.name}] error: cannot include {path}: {error.strerror or error}", file=sys.stderr)
             return None
+
+
+def _enter(environment: Environment, clock: WallClock, arguments: Sequence[str]) -> World:
+    """Begin an environment. Raises `agentd.user_code.UserCodeError`."""
+    from agentd.world import World
+
+    world = World(environment, clock.now, lambda text: print(f"agentd: {text}", file=sys.stderr))
+    world.init(list(arguments))
+    return world
 
 
 class _No(Exception):

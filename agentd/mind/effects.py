@@ -1,4 +1,8 @@
-"""What comes out of a mind."""
+"""What comes out of a mind.
+
+Nobody changes an effect. The classes are not declared frozen because one is made for each message and action, and a
+frozen one takes seven times as long to make.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class PerformAction:
     """An external action to start. ``parameters`` are resolved terms; the answer is an `ActionDone` with this id."""
 
@@ -15,14 +19,14 @@ class PerformAction:
     parameters: tuple[Any, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class CancelAction:
     """The intention that waited for this action is gone."""
 
     id: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class SendMail:
     """A message to send. ``receiver`` is a name, or None for all others; ``msg_id`` is new for each message."""
 
@@ -33,14 +37,14 @@ class SendMail:
     in_reply_to: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Print:
     """A line of output of the program."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Log:
     """A note for people: ``level`` is ``error``, ``warning``, ``info`` or ``debug``."""
 
@@ -48,7 +52,7 @@ class Log:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class StopTeam:
     """``.stopMAS``: the whole team ends after ``delay`` seconds with this exit code."""
 
@@ -56,7 +60,7 @@ class StopTeam:
     delay: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class TeamRequest:
     """Something that only the one who runs the team can do; the answer is a `TeamReply` with this id.
 
@@ -69,4 +73,9 @@ class TeamRequest:
     arguments: tuple[Any, ...]
 
 
-Effect: TypeAlias = PerformAction | CancelAction | SendMail | Print | Log | StopTeam | TeamRequest
+@dataclass(frozen=True, slots=True)
+class AskPercepts:
+    """``.perceive``: the program wants its percepts brought up to date before it goes on."""
+
+
+Effect: TypeAlias = PerformAction | CancelAction | SendMail | Print | Log | StopTeam | TeamRequest | AskPercepts

@@ -80,6 +80,7 @@ def copy_mind(mind: Any, other: Any) -> None:
                 add_rule(mind, entry.syntax, entry.values)
             else:
                 own.add(entry.args, entry.annots)
+    mind.percepts = {sig: dict(present) for sig, present in other.percepts.items()}
     known = {id(plan.syntax) for plan in mind.plans}
     for plan in other.plans:
         if id(plan.syntax) not in known:

@@ -24,19 +24,23 @@ def update(mind: Any, item: PerceptReplaced | PerceptAdded | PerceptRemoved) -> 
     match item:
         case PerceptReplaced(key=key):
             unchanged = args in present
-            for old in [p for p in present if p != args and _agrees(p, args, key)]:
-                _remove(mind, literal, old)
+            for old in _agreeing(present, args, key):
+                if old != args:
+                    _remove(mind, literal, old)
             return [] if unchanged else _add(mind, literal, args)
         case PerceptAdded():
             return [] if args in present else _add(mind, literal, args)
         case PerceptRemoved(key=key):
-            for old in [p for p in present if _agrees(p, args, key)]:
+            for old in _agreeing(present, args, key):
                 _remove(mind, literal, old)
     return []
 
 
-def _agrees(percept: tuple[Any, ...], args: tuple[Any, ...], key: tuple[int, ...]) -> bool:
-    return all(percept[k] == args[k] for k in key)
+def _agreeing(present: dict[tuple[Any, ...], None], args: tuple[Any, ...], key: tuple[int, ...]) -> list[Any]:
+    """The percepts whose arguments at the positions ``key`` are these; one alone can be when the key is all of them."""
+    if len(key) == len(args):
+        return [args] if args in present else []
+    return [percept for percept in present if all(percept[k] == args[k] for k in key)]
 
 
 def _annots(literal: Literal) -> tuple[Any, ...]:

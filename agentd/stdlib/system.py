@@ -6,7 +6,7 @@ from typing import Any
 
 from agentd.language.sources import is_source
 from agentd.language.terms import Literal, atom, deref
-from agentd.mind.effects import StopTeam
+from agentd.mind.effects import AskPercepts, StopTeam
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.resolving import resolve_all
 from agentd.mind.unifier import Trail, unify
@@ -43,7 +43,8 @@ def fail(mind: Any, trail: Trail, *args: Any) -> bool:
 
 @internal_action(".perceive", 0)
 def perceive(mind: Any, trail: Trail) -> bool:
-    """Percepts are delivered as they change, so there is nothing to ask for."""
+    """``.perceive``: what the environment shows now is believed before the next formula."""
+    mind.effects.append(AskPercepts())
     return True
 
 

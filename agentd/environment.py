@@ -1,0 +1,147 @@
+"""Environments in Python: what the agents of ``agentd run`` and ``agentd test`` perceive, and what their actions do.
+
+    class Counter(Environment):
+        def init(self, arguments):
+            self.count = 0
+            self.add_percept(literal("counter", 0))
+
+        def execute(self, agent, action):
+            if action.functor == "next":
+                self.count += 1
+                self.replace_percept(literal("counter", self.count))
+                return True
+            return super().execute(agent, action)
+
+Nothing else has to be done: what changes is told to the agents that it concerns, before their next step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+from agentd.language.instantiate import instantiate
+from agentd.language.parser import parse_literal
+from agentd.language.terms import Literal, atom
+from agentd.percept_board import PerceptBoard
+from agentd.values import literal, term_of, value_of
+
+__all__ = ["ActionFailed", "Deferred", "Environment", "Literal", "atom", "literal", "term_of", "value_of"]
+
+
+class ActionFailed(Exception):
+    """Raised by `Environment.execute`: the action failed; the text is the reason that the agent is told."""
+
+
+class Deferred:
+    """The outcome of an action that is not known yet. Any thread may settle it, once; later calls change nothing."""
+
+    def __init__(self) -> None:
+        self.cancelled = False
+        """Whether the intention that waited for the action is gone: nobody asks for the outcome any more."""
+        self.outcome: tuple[bool, str] | None = None
+        self._settled: Callable[[], None] | None = None
+
+    def succeed(self) -> None:
+        """The action was done."""
+        self._settle(True, "")
+
+    def fail(self, reason: str) -> None:
+        """The action failed; ``reason`` tells why, in words."""
+        self._settle(False, reason)
+
+    def _settle(self, ok: bool, reason: str) -> None:
+        if self.outcome is None:
+            self.outcome = (ok, reason)
+            if self._settled is not None:
+                self._settled()
+
+    def when_settled(self, told: Callable[[], None]) -> None:
+        """Have the one who waits told; for the host of the environment."""
+        self._settled = told
+        if self.outcome is not None:
+            told()
+
+
+class Environment:
+    """What agents live in. Derive from it, and name the class: ``agentd run --env module:Class``.
+
+    All methods of yours are called in one thread, one after another. Percepts may be changed from any thread; they are
+    literals or their texts. ``agent=None`` means every agent, also those that are created later.
+    """
+
+    _board: PerceptBoard
+    _host: Any
+
+    def __new__(cls, *args: Any, **kwargs: Any) -> Environment:
+        made = super().__new__(cls)
+        made._board = PerceptBoard()
+        made._host = None
+        return made
+
+    # --- yours to write ---
+
+    def init(self, arguments: list[str]) -> None:
+        """Called once before the agents begin; ``arguments`` are those of ``--env-arg``, or of the project file."""
+
+    def execute(self, agent: str, action: Literal) -> bool | Deferred:
+        """Do an action of an agent: true if it was done, false if it failed; a `Deferred` when that shows later.
+
+        Raise `ActionFailed` to tell the reason. Actions of other names go to ``super().execute(agent, action)``, which
+        fails them as unknown.
+        """
+        raise ActionFailed(f"the environment has no action {action.sig.indicator}")
+
+    def perceive(self, agent: str) -> None:
+        """Called when an agent asks for its percepts by ``.perceive``, to bring them up to date."""
+
+    def joined(self, agent: str) -> None:
+        """Called when an agent comes into being, before its first step."""
+
+    def stop(self) -> None:
+        """Called once when the run ends."""
+
+    # --- yours to call ---
+
+    def add_percept(self, percept: Literal | str, agent: str | None = None) -> None:
+        """The percept holds from now on."""
+        self._board.add(_read(percept), agent)
+
+    def remove_percept(self, percept: Literal | str, agent: str | None = None) -> None:
+        """The percept holds no longer; nothing happens if it did not."""
+        self._board.remove(_read(percept), agent)
+
+    def replace_percept(self, percept: Literal | str, agent: str | None = None) -> None:
+        """The percept takes the place of all of the same name and number of arguments."""
+        self._board.replace(_read(percept), agent)
+
+    def clear_percepts(self, agent: str | None = None) -> None:
+        """None of the percepts told to this agent alone, or to all (``None``), holds any longer."""
+        self._board.clear(agent)
+
+    def percepts(self, agent: str | None = None) -> list[Literal]:
+        """The percepts that an agent has, or those that all have."""
+        return self._board.seen_by(agent)
+
+    def after(self, seconds: float, call: Callable[[], object]) -> None:
+        """Call something after so many seconds of the run's clock (in tests, that is virtual time)."""
+        self._host.after(seconds, call)
+
+    @property
+    def now(self) -> float:
+        """Seconds since the run began, by its clock."""
+        return float(self._host.now())
+
+
+def _read(percept: Literal | str) -> Literal:
+    return percept if type(percept) is Literal else _literal(str(percept))
+
+
+@lru_cache(maxsize=1000)
+def _literal(text: str) -> Literal:
+    """A percept from its text. Raises `agentd.language.errors.SyntaxErrors`."""
+    read = instantiate(parse_literal(text, "<percept>"))
+    if type(read) is not Literal:
+        raise TypeError(f"{text} is no percept: a literal such as at(3,4) is needed")
+    return read

@@ -1,0 +1,57 @@
+"""Python values as terms and back, for environments, embedders and internal actions written in Python."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language.signatures import signature
+from agentd.language.terms import (
+    FALSE,
+    TRUE,
+    Code,
+    Collection,
+    Expression,
+    List,
+    Literal,
+    Var,
+    deref,
+    make_list,
+    proper,
+)
+
+_TERMS = (Literal, List, Var, Expression, Code, Collection)
+
+
+def term_of(value: Any) -> Any:
+    """The term for a Python value: numbers, strings, booleans (atoms), lists and tuples; terms are as they are.
+
+    Raises TypeError for any other value.
+    """
+    kind = type(value)
+    if kind is float or kind is str:
+        return value
+    if kind is bool:
+        return TRUE if value else FALSE
+    if kind is int:
+        return float(value)
+    if kind in _TERMS:
+        return value
+    if kind is list or kind is tuple:
+        return make_list([term_of(member) for member in value])
+    if isinstance(value, (int, float)):
+        return float(value)
+    raise TypeError(f"{value!r} cannot be a term: numbers, strings, booleans, lists and terms can")
+
+
+def literal(functor: str, *arguments: Any) -> Literal:
+    """A structure, or an atom without arguments; the arguments are Python values (see `term_of`) or terms."""
+    return Literal(signature(functor, len(arguments)), tuple([term_of(argument) for argument in arguments]))
+
+
+def value_of(term: Any) -> Any:
+    """The Python value of a term: float, str, bool for ``true`` and ``false``, a list; all else stays a term."""
+    term = deref(term)
+    if type(term) is Literal and not term.annots:
+        return True if term == TRUE else False if term == FALSE else term
+    members = proper(term)
+    return term if members is None else [value_of(member) for member in members]

@@ -1,0 +1,173 @@
+"""The host of an environment: carries its percepts and outcomes to the minds, and survives what goes wrong in it."""
+
+from __future__ import annotations
+
+import heapq
+import threading
+from collections import deque
+from collections.abc import Callable
+from itertools import count
+from typing import Any, TypeVar
+
+from agentd.environment import ActionFailed, Deferred, Environment
+from agentd.language.signatures import signature
+from agentd.language.terms import Literal
+from agentd.mind import Mind
+from agentd.mind.effects import CancelAction, PerformAction
+from agentd.mind.inputs import ActionDone
+from agentd.user_code import UserCodeError, describe_error
+
+_Result = TypeVar("_Result")
+
+
+class World:
+    """An `Environment` with the minds in it. ``tell`` takes a line for people when the user's code goes wrong."""
+
+    def __init__(self, environment: Environment, now: Callable[[], float], tell: Callable[[str], object]) -> None:
+        self._environment = environment
+        self._board = environment._board
+        self._tell = tell
+        self.now = now
+        self._minds: dict[str, Mind] = {}
+        self._waiting: dict[tuple[str, int], Deferred] = {}
+        self._settled: deque[tuple[str, int, Deferred]] = deque()
+        self._calls: list[tuple[float, int, Callable[[], object]]] = []
+        self._count = count()
+        self._stirred = threading.Event()
+        self._thread = threading.get_ident()
+        self._changed = False
+        environment._host = self
+        self._board.on_change = self._on_change
+
+    def init(self, arguments: list[str]) -> None:
+        """Let the environment begin. Raises `UserCodeError`."""
+        try:
+            self._environment.init(arguments)
+        except Exception as error:
+            raise UserCodeError(f"the environment's init failed: {describe_error(error)}") from error
+
+    def join(self, mind: Mind) -> None:
+        """A mind comes into being."""
+        self._minds[mind.name] = mind
+        self._board.join(mind.name)
+        self._changed = True
+        self._guarded("joined", self._environment.joined, mind.name)
+
+    def took_over(self, mind: Mind, other: Mind) -> None:
+        """A mind has become a copy of another one, whose percepts it does not share unless they are those of all."""
+        self._board.recall(mind.name, self._board.seen_by(other.name))
+        self._changed = True
+
+    def leave(self, name: str) -> None:
+        """A mind is gone."""
+        self._minds.pop(name, None)
+        self._board.leave(name)
+        for agent, number in [key for key in self._waiting if key[0] == name]:
+            self._waiting.pop((agent, number)).cancelled = True
+
+    def perform(self, mind: Mind, action: PerformAction) -> None:
+        """Have an action executed; its outcome is fed to the mind, now or later."""
+        name, parameters = action.name, action.parameters
+        try:
+            outcome = self._environment.execute(mind.name, Literal(signature(name, len(parameters)), parameters))
+        except ActionFailed as failed:
+            mind.feed(ActionDone(action.id, False, str(failed)))
+        except Exception as error:
+            reason = f"the environment's execute went wrong in {name}/{len(parameters)}: {describe_error(error)}"
+            self._tell(reason)
+            mind.feed(ActionDone(action.id, False, reason))
+        else:
+            self._outcome(mind, action, outcome)
+        if self._changed:
+            self.deliver()
+
+    def _outcome(self, mind: Mind, action: PerformAction, outcome: Any) -> None:
+        if outcome is True:
+            mind.feed(ActionDone(action.id, True))
+        elif outcome is False:
+            mind.feed(ActionDone(action.id, False, f"the environment could not do {action.name}"))
+        elif isinstance(outcome, Deferred):
+            self._waiting[mind.name, action.id] = outcome
+            outcome.when_settled(lambda: self._on_settled(mind.name, action.id, outcome))
+        else:
+            reason = (
+                f"the environment's execute returned {outcome!r} for {action.name}/{len(action.parameters)}; "
+                "expected True, False or a Deferred"
+            )
+            self._tell(reason)
+            mind.feed(ActionDone(action.id, False, reason))
+
+    def cancel(self, mind: Mind, action: CancelAction) -> None:
+        """The intention that waited for an action is gone."""
+        deferred = self._waiting.pop((mind.name, action.id), None)
+        if deferred is not None:
+            deferred.cancelled = True
+
+    def perceive(self, mind: Mind) -> None:
+        """A mind asks for its percepts."""
+        self._guarded("perceive", self._environment.perceive, mind.name)
+        self.deliver()
+
+    def deliver(self) -> None:
+        """Call what is due, and feed the minds what has changed for them since the last time."""
+        if self._stirred.is_set():
+            self._stirred.clear()
+        now = self.now()
+        while self._calls and self._calls[0][0] <= now:
+            self._guarded("after", heapq.heappop(self._calls)[2])
+        if self._changed:
+            self._changed = False
+            for name, mind in self._minds.items():
+                for item in self._board.take(name):
+                    mind.feed(item)
+        while self._settled:
+            name, number, deferred = self._settled.popleft()
+            if self._waiting.pop((name, number), None) is not None and deferred.outcome is not None:
+                self._minds[name].feed(ActionDone(number, *deferred.outcome))
+
+    def after(self, seconds: float, call: Callable[[], object]) -> None:
+        """Call something in the environment's thread after so many seconds."""
+        heapq.heappush(self._calls, (self.now() + max(0.0, seconds), next(self._count), call))
+        self._stir()
+
+    @property
+    def due(self) -> float | None:
+        """When something of the environment is due that nothing else announces."""
+        return self._calls[0][0] if self._calls else None
+
+    @property
+    def stirred(self) -> bool:
+        """Whether something has come that was not delivered yet."""
+        return self._changed or bool(self._settled)
+
+    @property
+    def waited_for(self) -> bool:
+        """Whether an action's outcome is outstanding, so that something may come although nothing is due."""
+        return bool(self._waiting)
+
+    def sleep(self, seconds: float) -> None:
+        """Wait, in real time, until something comes from another thread, but no longer than this."""
+        if not self.stirred:
+            self._stirred.wait(seconds)
+
+    def stop(self) -> None:
+        """Let the environment end."""
+        self._guarded("stop", self._environment.stop)
+
+    def _guarded(self, what: str, call: Callable[..., object], *arguments: Any) -> None:
+        try:
+            call(*arguments)
+        except Exception as error:
+            self._tell(f"the environment's {what} went wrong: {describe_error(error)}")
+
+    def _on_change(self) -> None:
+        self._changed = True
+        self._stir()
+
+    def _on_settled(self, name: str, number: int, deferred: Deferred) -> None:
+        self._settled.append((name, number, deferred))
+        self._stir()
+
+    def _stir(self) -> None:
+        if threading.get_ident() != self._thread:
+            self._stirred.set()

@@ -1,0 +1,306 @@
+"""Environments in Python: percepts, actions, their outcomes, and what goes wrong in the user's code."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agentd import ActionFailed, Deferred, Environment, literal
+from agentd.standalone import Team
+from agentd.user_code import UserCodeError, load_class
+from tests.agentd.teams import Stage
+
+
+class Lamp(Environment):
+    """A lamp that anybody may switch; what it does otherwise is set by its tests."""
+
+    def init(self, arguments: list[str]) -> None:
+        self.arguments = arguments
+        self.log: list[str] = []
+        self.add_percept("lamp(off)")
+
+    def execute(self, agent: str, action: Any) -> bool | Deferred:
+        self.log.append(f"{agent}: {action}")
+        match action.functor:
+            case "switch":
+                self.replace_percept(literal("lamp", action.args[0]))
+                return True
+            case "refuse":
+                return False
+            case "explain":
+                raise ActionFailed("the bulb is gone")
+            case "warm_up":
+                later = Deferred()
+                self.after(30.0, later.succeed)
+                return later
+            case "burn_out":
+                later = Deferred()
+                self.after(30.0, lambda: later.fail("too hot"))
+                return later
+            case "forget":
+                return None  # type: ignore[return-value]
+            case "break":
+                return bool(1 / 0)
+        return super().execute(agent, action)
+
+    def stop(self) -> None:
+        self.log.append("stopped")
+
+
+def test_percepts_are_beliefs_with_source_percept_and_actions_change_them() -> None:
+    stage = Stage(
+        {
+            "bob": """
+            +lamp(on)[source(S)] : not lamp(off) <- .print("on, by ", S).
+            -lamp(off) <- .print("no longer off").
+            !s. +!s <- .wait(10); switch(on).
+            """
+        },
+        environment=Lamp(),
+    )
+    assert stage.run() == 0
+    assert stage.lines == ["[bob] no longer off", "[bob] on, by percept"]
+
+
+def test_a_percept_that_comes_and_goes_between_two_looks_raises_no_event() -> None:
+    class Flicker(Lamp):
+        def execute(self, agent: str, action: Any) -> bool:
+            self.replace_percept("lamp(on)")
+            self.replace_percept("lamp(off)")
+            self.add_percept("spark")
+            self.remove_percept("spark")
+            return True
+
+    stage = Stage(
+        {"bob": "+lamp(X) <- .print(X). -lamp(X) <- .print(gone, X). +spark <- .print(spark). !s. +!s <- flick."},
+        environment=Flicker(),
+    )
+    stage.run()
+    assert stage.lines == ["[bob] off"]
+
+
+def test_a_percept_that_the_agent_also_believes_itself_stays_when_it_is_gone() -> None:
+    stage = Stage(
+        {"bob": "!s. +!s <- .wait(10); +lamp(off); switch(on); .wait(10); ?lamp(off)[source(S)]; .print(S)."},
+        environment=Lamp(),
+    )
+    stage.run()
+    assert stage.lines == ["[bob] self"]
+
+
+def test_percepts_of_one_agent_are_not_those_of_another() -> None:
+    class Two(Environment):
+        def joined(self, agent: str) -> None:
+            self.add_percept(literal("i_am", literal(agent)), agent)
+            self.add_percept(literal("there_is", literal(agent)))
+
+        def execute(self, agent: str, action: Any) -> bool:
+            self.clear_percepts(agent)
+            return True
+
+    program = "+i_am(X) <- .print(i_am, X). +there_is(X) <- .print(there_is, X). -i_am(X) <- .print(lost, X)."
+    stage = Stage({"ann": program + "!s. +!s <- .wait(50); forget_me.", "bob": program}, environment=Two())
+    stage.run()
+    assert sorted(stage.lines) == [
+        "[ann] i_amann",
+        "[ann] lostann",
+        "[ann] there_isann",
+        "[ann] there_isbob",
+        "[bob] i_ambob",
+        "[bob] there_isann",
+        "[bob] there_isbob",
+    ]
+
+
+def test_an_agent_that_is_created_later_perceives_what_holds(tmp_path: Path) -> None:
+    (tmp_path / "late.asl").write_text("+lamp(X) <- .print(X).")
+    stage = Stage(
+        {"bob": f'!s. +!s <- .wait(10); switch(dim); .create_agent(late, "{tmp_path}/late.asl").'}, environment=Lamp()
+    )
+    stage.run()
+    assert stage.lines == ["[late] dim"]
+
+
+def test_a_clone_keeps_the_percepts_of_all_and_loses_those_of_its_original_alone() -> None:
+    class Own(Lamp):
+        def init(self, arguments: list[str]) -> None:
+            super().init(arguments)
+            self.add_percept("only_bob", "bob")
+
+    program = """
+        !s. +!s <- .wait(10); .clone("twin").
+        +lamp(X) <- .my_name(N); .print(lamp). -only_bob <- .print(lost); ?lamp(X); .print(X).
+    """
+    stage = Stage({"bob": program}, environment=Own())
+    stage.run()
+    assert stage.lines == ["[bob] lamp", "[twin] lost", "[twin] off"]
+
+
+@pytest.mark.parametrize(
+    ("action", "reason"),
+    [
+        ("refuse", "the environment could not do refuse"),
+        ("explain", "the bulb is gone"),
+        ("burn_out", "too hot"),
+        ("fly(1,2)", "the environment has no action fly/2"),
+        ("forget", "the environment's execute returned None for forget/0; expected True, False or a Deferred"),
+    ],
+)
+def test_an_action_that_fails_tells_why(action: str, reason: str, capsys: pytest.CaptureFixture[str]) -> None:
+    stage = Stage({"bob": f'!s. +!s <- {action}. -!s[error(E), reason(R)] <- .print(E, ": ", R).'}, environment=Lamp())
+    stage.run()
+    assert stage.lines == [f"[bob] action_failed: {reason}"]
+
+
+def test_an_error_in_the_users_code_fails_the_action_and_names_its_place(capsys: pytest.CaptureFixture[str]) -> None:
+    stage = Stage({"bob": "!s. +!s <- break. -!s[error(E)] <- .print(E)."}, environment=Lamp())
+    stage.run()
+    told = capsys.readouterr().err
+    assert stage.lines == ["[bob] action_failed"]
+    assert "execute went wrong in break/0: ZeroDivisionError: division by zero (" in told
+    assert f"{__file__}:" in told
+    assert "Traceback" not in told
+
+
+def test_a_deferred_action_suspends_its_intention_alone_and_ends_at_its_time() -> None:
+    stage = Stage(
+        {"bob": "!a. !b. +!a <- .nano_time(T); warm_up; .nano_time(U); .print((U-T)/1000000000). +!b <- .print(b)."},
+        environment=Lamp(),
+    )
+    stage.run()
+    assert stage.lines == ["[bob] b", "[bob] 30"]
+
+
+def test_an_intention_that_is_dropped_cancels_its_action() -> None:
+    kept: list[Deferred] = []
+
+    class Slow(Environment):
+        def execute(self, agent: str, action: Any) -> Deferred:
+            kept.append(Deferred())
+            return kept[0]
+
+    stage = Stage({"bob": "!a. !b. +!a <- slow. +!b <- .wait(10); .drop_intention(a)."}, environment=Slow())
+    stage.run()
+    assert kept[0].cancelled
+
+
+def test_another_thread_settles_an_action_and_changes_percepts(tmp_path: Path) -> None:
+    class Threaded(Environment):
+        def execute(self, agent: str, action: Any) -> Deferred:
+            later = Deferred()
+
+            def work() -> None:
+                self.add_percept("worked")
+                later.succeed()
+
+            threading.Thread(target=work).start()
+            return later
+
+    lines: list[str] = []
+    from agentd.language.compile import compile_program
+    from agentd.language.parser import parse_program
+
+    program = compile_program(parse_program("!s. +!s <- work; ?worked; .print(done); .stopMAS(0, 7).", "bob.asl"))
+    assert Team([("bob", program)], out=lines.append, environment=Threaded()).run(60.0, False) == 7
+    assert lines == ["[bob] done\n"]
+
+
+def test_perceive_brings_the_percepts_up_to_date_before_the_next_formula() -> None:
+    class Pulled(Environment):
+        reads = 0
+
+        def perceive(self, agent: str) -> None:
+            self.reads += 1
+            self.replace_percept(literal("reading", self.reads))
+
+    stage = Stage(
+        {"bob": "!s. +!s <- .perceive; ?reading(A); .perceive; ?reading(B); .print(A, B)."}, environment=Pulled()
+    )
+    stage.run()
+    assert stage.lines == ["[bob] 12"]
+
+
+def test_the_environment_is_told_its_arguments_and_the_end() -> None:
+    lamp = Lamp()
+    stage = Stage({"bob": "!s. +!s <- switch(on); .stopMAS."}, environment=lamp, environment_arguments=["a", "b"])
+    stage.run()
+    assert lamp.arguments == ["a", "b"]
+    assert lamp.log == ["bob: switch(on)", "stopped"]
+
+
+MODULE = """
+from agentd import Environment, literal
+
+class Counter(Environment):
+    def init(self, arguments):
+        self.count = int(arguments[0]) if arguments else 0
+        self.add_percept(literal("counter", self.count))
+
+    def execute(self, agent, action):
+        if action.functor == "next":
+            self.count += 1
+            self.replace_percept(literal("counter", self.count))
+            return True
+        return super().execute(agent, action)
+
+class Broken(Environment):
+    def init(self, arguments):
+        self.count = arguments[3]
+
+not_a_class = 3
+class Other: pass
+"""
+
+
+def _agentd(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from agentd.__main__ import main; raise SystemExit(main())", "run", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=folder)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "world.py").write_text(MODULE)
+    (tmp_path / "agent.asl").write_text("+counter(5) <- .print(five); .stopMAS. +counter(N) <- next.")
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["world:Counter", "world.py:Counter"])
+def test_the_command_finds_the_class_from_the_working_directory(folder: Path, name: str) -> None:
+    done = _agentd(folder, "--env", name, "--env-arg", "2", "agent.asl")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "[agent] five\n", "")
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("world", "`world` names no class; write module:Class or file.py:Class"),
+        ("nowhere:X", "there is no Python module nowhere (looked in "),
+        ("nowhere.py:X", "there is no file nowhere.py"),
+        ("world:Contre", "world has no class Contre; there are Broken, Counter"),
+        ("world:Other", "world:Other is no Environment; derive it from agentd.environment.Environment"),
+        ("world:Broken", "the environment's init failed: IndexError: list index out of range ("),
+        ("typo:X", "typo cannot be imported: SyntaxError: "),
+    ],
+)
+def test_a_class_that_cannot_be_used_is_told_without_a_traceback(folder: Path, name: str, told: str) -> None:
+    (folder / "typo.py").write_text("class X(:\n  pass\n")
+    done = _agentd(folder, "--env", name, "agent.asl")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith(f"--env {name}: error: {told}")
+    assert "Traceback" not in done.stderr
+
+
+def test_a_module_that_fails_in_what_it_imports_itself_names_that(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "needs_more.py").write_text("import no_such_library\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(UserCodeError, match="needs_more cannot be imported: ModuleNotFoundError: No module named"):
+        load_class("needs_more:X", Environment)
