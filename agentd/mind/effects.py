@@ -73,7 +73,7 @@ class TeamRequest:
     arguments: tuple[Any, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class AskPercepts:
     """``.perceive``: the program wants its percepts brought up to date before it goes on."""
 

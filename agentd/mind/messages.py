@@ -2,39 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 from agentd.language.order import sorted_annots
-from agentd.language.signatures import signature
 from agentd.language.sources import SOURCE_SELF, is_source, source, told_by
 from agentd.language.terms import FALSE, Literal, Var, atom, deref, make_list, proper
 from agentd.mind.annotations import with_source
 from agentd.mind.answering import answer_by_plan
-from agentd.mind.changes import disbelieve
+from agentd.mind.changes import believe, disbelieve
 from agentd.mind.dropping import drop_desire
 from agentd.mind.effects import Log
 from agentd.mind.failed import Failed
 from agentd.mind.inputs import Mail
 from agentd.mind.plan_terms import add_plans, relevant_plans, remove_plans
-from agentd.mind.resolving import Copier, detach, resolve
+from agentd.mind.resolving import Copier, detach, resolve, resolve_all
 from agentd.mind.sending import answer_text, reply, send
 from agentd.mind.solve import solve
 from agentd.mind.unifier import undo, unify
 from agentd.mind.waiting import hear
 
-_KQML = signature("kqml_received", 4)
-
-
 def receive(mind: Any, mail: Mail) -> None:
     """Handle one message."""
-    if mail.in_reply_to and mail.in_reply_to in mind.questions:
-        mind.questions[mail.in_reply_to].answered(mind, mail)
-        return
-    if mail.in_reply_to.startswith("sync"):
-        return  # the answer to a question that nobody waits for any more
-    custom = mind.plans.known("+", "!", _KQML)
-    if custom is not None and custom.plans:
+    if mail.in_reply_to:
+        question = mind.questions.get(mail.in_reply_to)
+        if question is not None:
+            question.answered(mind, mail)
+            return
+        if mail.in_reply_to.startswith("sync"):
+            return  # the answer to a question that nobody waits for any more
+    custom = mind.plans.kqml
+    if custom.plans:
         args = (atom(mail.sender), atom(mail.performative), mail.content, mail.msg_id)
         if _has_plan(mind, custom, args):
             mind.post(custom, detach(args), ())
@@ -62,30 +60,34 @@ def _has_plan(mind: Any, relevant: Any, args: tuple[Any, ...]) -> bool:
     return False
 
 
-def from_sender(mind: Any, literal: Literal, sender: str) -> Literal:
-    """A literal as told by somebody: its former sources stand inside the new one."""
+def told_annots(mind: Any, literal: Literal, sender: str) -> tuple[Any, ...]:
+    """The annotations of a literal as told by somebody: its former sources stand inside the new one."""
     if sender == mind.name:
-        return literal.with_annots(with_source(literal.annots))
+        return with_source(literal.annots)
     if not literal.annots:
-        return literal.with_annots(told_by(sender))
+        return told_by(sender)
     others = [a for a in literal.annots if not is_source(a)]
     inner = tuple(a for a in literal.annots if is_source(a) and a != SOURCE_SELF)
     who = source(atom(sender))
-    return Literal(literal.sig, literal.args, sorted_annots((*others, who.with_annots(inner) if inner else who)))
+    return sorted_annots((*others, who.with_annots(inner) if inner else who))
 
 
-def _each(content: Any) -> list[Any]:
+def _each(content: Any) -> Iterable[Any]:
+    if type(content) is Literal:
+        return (content,)
     members = proper(content)
     return [content] if members is None else members
 
 
 def _tell(mind: Any, mail: Mail) -> None:
-    alone = proper(mail.content) is None
     for content in _each(mail.content):
         content = deref(content)
         if type(content) is Literal:
-            mind.add_belief(from_sender(mind, content, mail.sender))
-        elif alone:
+            args = content.args if content.ground else detach(resolve_all(content.args))
+            predicate = mind.beliefs.predicate(content.sig)
+            relevant = mind.plans.relevant("+", "", content.sig)
+            believe(mind, None, predicate, relevant, args, told_annots(mind, content, mail.sender))
+        elif content is mail.content:
             raise Failed("no_applicable", "only literals can be told")
 
 
@@ -93,17 +95,18 @@ def _untell(mind: Any, mail: Mail) -> None:
     content = deref(mail.content)
     if type(content) is not Literal:
         raise Failed("no_applicable", "only a literal can be untold")
-    told = from_sender(mind, content, mail.sender)
-    predicate = mind.beliefs.predicate(told.sig)
+    predicate = mind.beliefs.predicate(content.sig)
+    relevant = mind.plans.relevant("-", "", content.sig)
     trail: list[Var] = []
-    disbelieve(mind, None, predicate, mind.plans.relevant("-", "", told.sig), told.args, told.annots, trail)
+    disbelieve(mind, None, predicate, relevant, content.args, told_annots(mind, content, mail.sender), trail)
 
 
 def _achieve(mind: Any, mail: Mail) -> None:
     for content in _each(mail.content):
         content = deref(content)
         if type(content) is Literal:
-            mind.add_goal(from_sender(mind, content, mail.sender))
+            relevant = mind.plans.relevant("+", "!", content.sig)
+            mind.new_goal(relevant, content.args, told_annots(mind, content, mail.sender))
 
 
 def _unachieve(mind: Any, mail: Mail) -> None:
@@ -115,11 +118,11 @@ def _unachieve(mind: Any, mail: Mail) -> None:
 def _signal(mind: Any, mail: Mail) -> None:
     content = deref(mail.content)
     if type(content) is Literal:
-        told = from_sender(mind, content, mail.sender)
-        relevant = mind.plans.relevant("+", "", told.sig)
+        annots = told_annots(mind, content, mail.sender)
+        relevant = mind.plans.relevant("+", "", content.sig)
         if mind.listeners:
-            hear(mind, relevant, told.args, told.annots)
-        mind.post(relevant, told.args, told.annots)
+            hear(mind, relevant, content.args, annots)
+        mind.post(relevant, content.args, annots)
 
 
 def answers(mind: Any, question: Any) -> list[Any]:
@@ -158,8 +161,7 @@ def _ask_one(mind: Any, mail: Mail) -> None:
 
 def _ask_plan(mind: Any, mail: Mail, relevant: Any, question: Literal) -> None:
     """Let a ``+?`` plan find the answer: an intention that tells it when the plan has ended."""
-    told = from_sender(mind, question, mail.sender)
-    answer_by_plan(mind, mail, relevant, question, told.annots)
+    answer_by_plan(mind, mail, relevant, question, told_annots(mind, question, mail.sender))
 
 
 def _ask_all(mind: Any, mail: Mail) -> None:

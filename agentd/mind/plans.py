@@ -196,6 +196,8 @@ class PlanLibrary:
         the trail and the event, it returns the new frame with its bindings on the trail, or None."""
         self.has_meta = False
         self.has_nested = False
+        self.kqml = self.relevant("+", "!", signature("kqml_received", 4))
+        """The program's own plans for messages."""
 
     def provide(self, ref: Ref) -> Any:
         if ref.kind == "relevant":

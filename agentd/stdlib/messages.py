@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.language.terms import List, Literal, atom, deref, make_list, proper
+from agentd.language.terms import List, Literal, Var, atom, deref, make_list, proper
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.questions import Question
-from agentd.mind.resolving import Copier
+from agentd.mind.resolving import detached
 from agentd.mind.sending import send
 from agentd.mind.unifier import Trail, unify
 from agentd.mind.waiting import milliseconds
@@ -18,18 +18,26 @@ _ASKS = ("askOne", "askAll", "askHow", "askIf")
 
 def name_of(term: Any) -> str:
     """An agent's name given as atom or string. Fails with ``wrong_arguments`` for anything else."""
-    term = deref(term)
-    if type(term) is str:
-        return term
+    if type(term) is Var:
+        term = deref(term)
     if type(term) is Literal and not term.args:
         return term.sig.functor
+    if type(term) is str:
+        return term
     return wrong_arguments("the name of an agent is an atom or a string")
 
 
 def _receivers(mind: Any, term: Any) -> list[str]:
+    """The names of those to send to, given as one or as a list."""
     term = deref(term)
-    names = [name_of(m) for m in proper(term) or []] if type(term) is List else [name_of(term)]
-    return [mind.name if name == "self" else name for name in names]
+    if type(term) is List:
+        return [_receiver(mind, member) for member in proper(term) or []]
+    return [_receiver(mind, term)]
+
+
+def _receiver(mind: Any, term: Any) -> str:
+    name = name_of(term)
+    return mind.name if name == "self" else name
 
 
 def _check(mind: Any, name: str) -> None:
@@ -44,7 +52,7 @@ def send_message(
     """``.send(To, Performative, Content[, Answer[, TimeoutMs]])``; with an answer the intention waits for it."""
     receivers = _receivers(mind, to)
     force = name_of(performative)
-    content = Copier(fresh=True).copy(content)
+    content = detached(content)
     if answer is not None and force in _ASKS:
         return _ask(mind, receivers, type(deref(to)) is List, force, content, (answer, limit))
     reply_to = deref(answer) if answer is not None else ""
@@ -66,7 +74,7 @@ def _ask(mind: Any, receivers: list[str], many: bool, force: str, content: Any, 
             mind.waiting.pop(intention.id, None)
             intention.waiting = None
             raise
-        msg_id = send(mind, receiver, force, content, sync=True)
+        msg_id = send(mind, receiver, force, content, kind="sync")
         question.ids.append(msg_id)
         mind.questions[msg_id] = question
     seconds = mind.ask_timeout if limit is None else milliseconds(limit)
@@ -78,7 +86,7 @@ def _ask(mind: Any, receivers: list[str], many: bool, force: str, content: Any, 
 @internal_action(".broadcast", 2)
 def broadcast(mind: Any, trail: Trail, performative: Any, content: Any) -> bool:
     """``.broadcast(Performative, Content)``: to all others."""
-    send(mind, None, name_of(performative), Copier(fresh=True).copy(content))
+    send(mind, None, name_of(performative), detached(content))
     return True
 
 
