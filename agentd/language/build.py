@@ -11,6 +11,7 @@ from typing import TypeAlias
 from agentd.language.build_terms import FORMULAS, KINDS, TermBuilder
 from agentd.language.source import Source
 from agentd.language.syntax import (
+    Arithmetic,
     Belief,
     Body,
     BodyFormula,
@@ -177,7 +178,10 @@ class Builder(TermBuilder):
 
     def begin(self, at: int, word: str, call: Structure) -> _Begin:
         if word != "begin":
-            self.refuse(at, f"a directive is written {{ {word}(...) }} or {{ begin {call.functor}(...) }}")
+            if word == "end":
+                self.refuse(at, "the end of a block is written { end }")
+            else:
+                self.refuse(at, f"a directive is written {{ {word}(...) }} or {{ begin {call.functor}(...) }}")
         return _Begin(call, at)
 
     def call(self, at: int, name: str, arguments: tuple[Term, ...] | None) -> Structure:
@@ -228,8 +232,23 @@ class Builder(TermBuilder):
         if isinstance(term, TriggerTerm) and id(term) in self._trigger_bodies:
             term = BodyTerm(self._trigger_bodies[id(term)][1], term.position)
         if not isinstance(term, (*FORMULAS, BodyTerm)):
+            if isinstance(term, Arithmetic) and self._refuse_changes_in_a_row(term):
+                return Step(Operator.ACTION, term, position)
             self.refuse(at, f"{KINDS[type(term)]} is not a formula of a plan body; a value is computed by X = ...")
         return Step(Operator.ACTION, term, position)
+
+    def _refuse_changes_in_a_row(self, term: Arithmetic) -> bool:
+        """Refuse ``+a +b``, read as a sum: between changes of beliefs stands a semicolon."""
+        while len(term.operands) == 2:
+            left, right = term.operands
+            if not isinstance(left, Arithmetic):
+                break
+            if id(left) in self.bad_signs:
+                self.bad_signs.pop(id(left))
+                self.refuse(right.position, f"a ; is missing before {term.operator}; {KINDS[type(right)]} follows it")
+                return True
+            term = left
+        return False
 
     def operator_step(self, at: int, operator: str, term: Term) -> Step:
         kind = Operator(operator)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias, TypeGuard
 
@@ -108,7 +109,8 @@ class TermBuilder:
 
     def binary(self, at: int, left: Term, operator: str, right: Term) -> Arithmetic:
         self._operand(at, left, operator)
-        self._operand(at, right, operator)
+        if id(left) not in self.bad_signs:  # else `+a +b`, two changes of beliefs, of which is told once
+            self._operand(at, right, operator)
         position = self.position(at)
         if len(operator) == 2 and operator != "**":  # `5--2` is 5 - (-2)
             right = Arithmetic(operator[1], (right,), position)
@@ -207,6 +209,10 @@ class TermBuilder:
     def formula_of(self, at: int, term: Term, where: str) -> Formula:
         if is_formula(term):
             return term
+        if self.bad_signs.pop(id(term), None):
+            sign = self.signed[id(term)].sign
+            self.refuse(term.position, f"{where} is tested only: no {sign} stands there, a belief is changed in a body")
+            return Structure("false", position=self.position(at))
         self.refuse(term.position, f"{where}: expected a formula that can be true or false, got {KINDS[type(term)]}")
         return Structure("false", position=self.position(at))
 
@@ -222,6 +228,11 @@ class TermBuilder:
                 case Not(operand):
                     pending.append(operand)
         return formula
+
+    def unfinished(self, values: Sequence[object]) -> None:
+        """Forget the signs of expressions in which the text has gone wrong: they may have been of belief changes."""
+        for value in values:
+            self.bad_signs.pop(id(value), None)
 
     def finish(self) -> None:
         """Report what could be judged only with the whole text read."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection
 
 from agentd.language.lalr import machine
 from agentd.language.lexer import END_OF_TEXT
@@ -20,11 +20,11 @@ _NAMES = {
 }
 
 
-def expected(row: Mapping[str, int]) -> str:
-    """The tokens that a state has actions for, the alike ones by one word."""
+def expected(types: Collection[str]) -> str:
+    """Types of tokens, the alike ones by one word."""
     tables = machine().tables
     texts = {kind: text for text, kind in (*tables.fixed.items(), *tables.keywords.items())}
-    kinds = {kind for kind in row if kind in texts or kind in _NAMES}
+    kinds = {kind for kind in types if kind in texts or kind in _NAMES}
     if not kinds >= _ITEM:
         kinds.discard(END_OF_TEXT)  # only a text that is one plan could end elsewhere
     names: list[str] = []

@@ -10,32 +10,38 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache
 
+from agentd.language.endings import capital_action, change_without_semicolon
 from agentd.language.examples import ANYWHERE, IN_THEIR_PLACE
 from agentd.language.expected import expected
 from agentd.language.lalr import Stopped, machine
 from agentd.language.lexer import Tokens, lexicon, tokenize
-from agentd.language.place import Place
+from agentd.language.place import Place, shown
 from agentd.language.source import Source
 from agentd.language.telltales import TELLTALES, only_scope, variable_alone
 
 
 def explain(source: Source, tokens: Tokens, index: int, states: list[int]) -> tuple[int, int, str]:
     """Line, column and message for the token at ``index``, for which the last of ``states`` has no action."""
-    state = states[-1]
-    place = Place(source, tokens, index, machine().tables.states[state])
+    place = Place(source, tokens, index, machine().accepted(states))
     line, column = source.place(tokens.starts[index])
-    if place.kind_before == "VARIABLE" and only_scope(place):
+    if place.kind_before == "VARIABLE" and only_scope(place) and not capital_action(place):
         line, column = source.place(tokens.starts[index - 1])
         return line, column, variable_alone(place)
+    earlier = change_without_semicolon(place)
+    if earlier is not None and earlier < index:
+        return *source.place(tokens.starts[earlier]), f"a ; is missing before '{tokens.texts[earlier]}'"
     for tell in TELLTALES:
         message = tell(place)
         if message:
             return line, column, message
     message = _of_example(states, place.kind)
     if message:
-        message = message.replace("{found}", place.found).replace("{before}", f"'{place.before}'")
+        message = message.replace("{found}", place.found).replace("{before}", f"'{shown(place.before)}'")
         return line, column, message
-    after = f" after '{place.before}'" if place.before else ""
+    if not place.text:
+        item = {"": "program", "braces": "directive"}.get(place.part, place.part)
+        return line, column, f"the text ends in the middle of a {item}; expected {expected(place.expected)}"
+    after = f" after '{shown(place.before)}'" if place.before else ""
     return line, column, f"{place.found} cannot stand here{after}; expected {expected(place.expected)}"
 
 

@@ -40,6 +40,13 @@ class Recovery(Protocol):
     def __call__(self, index: int, states: list[int], at_item: bool) -> int | None: ...
 
 
+class Unfinished(Protocol):
+    """A builder, as far as the machine knows it: besides this it has a method for each rule of the grammar."""
+
+    def unfinished(self, values: Sequence[Any]) -> None:
+        """These values are not finished and never will be: their item goes wrong at the next token."""
+
+
 class Stopped(Exception):
     """The text has problems, all reported; there is no value."""
 
@@ -56,7 +63,7 @@ class Machine:
         self.entered_by = {a: symbol for row in tables.states for symbol, a in row.items() if a >= 0}
         self._chains: dict[tuple[int, int, str], int] = {}
 
-    def run(self, tokens: Tokens, start: str, builder: object, recover: Recovery) -> Any:
+    def run(self, tokens: Tokens, start: str, builder: Unfinished, recover: Recovery) -> Any:
         """The value of a text that is a ``start``. Raises `Stopped` when ``recover`` says to."""
         rows, reductions, chains = self.tables.states, self.reductions, self._chains
         builds = [getattr(builder, r.name) if r.kind == _BUILD else None for r in reductions]
@@ -70,6 +77,7 @@ class Machine:
         while True:
             action = rows[state].get(kind)
             if action is None:
+                builder.unfinished(values)
                 resume = recover(index, states, self._at_item(states))
                 if resume is None:
                     raise Stopped
@@ -112,6 +120,30 @@ class Machine:
                 states.append(state)
                 values.append(value)
                 offsets.append(at)
+
+    def accepted(self, states: Sequence[int]) -> frozenset[str]:
+        """The types of the tokens that can come next; the last state alone has actions for some more."""
+        return frozenset(kind for kind in self.tables.states[states[-1]] if self._goes_on(states, kind))
+
+    def _goes_on(self, states: Sequence[int], kind: str) -> bool:
+        """Whether a token can be shifted, or ends the text, after the reductions that it leads to."""
+        rows = self.tables.states
+        kept, above = len(states), [states[-1]]
+        kept -= 1
+        while (action := rows[above[-1]].get(kind)) is not None:
+            if action >= 0:
+                return kind.isupper()  # the name of a rule is no token
+            rule = self.reductions[~action]
+            for _ in range(rule.size):
+                if above:
+                    above.pop()
+                else:
+                    kept -= 1
+            below = above[-1] if above else states[kept - 1]
+            above.append(rows[below][rule.origin])
+            if kind == END_OF_TEXT and above[-1] in self.tables.ends.values():
+                return True
+        return False
 
     def _climb(self, below: int, state: int, kind: str) -> int:
         """The state after all reductions that only rename the top of the stack."""

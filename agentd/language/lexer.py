@@ -7,10 +7,9 @@ internal or external action and the `;` is missing, it puts one there and report
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from agentd.language.errors import Problem, problem_at
+from agentd.language.errors import Problem
 from agentd.language.source import Source
 from agentd.language.tables import Tables
 from schemas.findings import Finding
@@ -85,7 +84,13 @@ def tokenize(source: Source, lexicon: Lexicon) -> Tokens:
         found = match(text, at)
         kind = found.lastgroup or BROKEN if found else BROKEN
         if found is None or kind == BROKEN:
-            end = _broken(source, at, tokens)
+            from agentd.language.broken import broken  # a good program starts without knowing of bad ones
+
+            problem, end, kind = broken(source, at)
+            tokens.problems.append(problem)
+            if not kind:
+                at = end
+                continue
             word = text[at:end]
         else:
             end = found.end()
@@ -155,64 +160,3 @@ def _semicolon_warning(source: Source, at: int) -> Finding:
     line, column = source.place(at)
     message = f"no ';' before the formula on line {line}: read as if it stood at the end of the action before it"
     return Finding(source.file, line, column, message, "warning")
-
-
-def _broken(source: Source, at: int, tokens: Tokens) -> int:
-    """Report what stands where no token begins; the offset to go on at."""
-    text = source.text
-    for begins, report in _LEXICAL:
-        if text.startswith(begins, at):
-            problem, end = report(source, at)
-            tokens.problems.append(problem)
-            return end
-    character = text[at]
-    hint = "a name with other letters than a-z, A-Z, digits and _ is written in single quotes"
-    if not character.isalpha():
-        hint = "take it out, or put the text in double quotes"
-    tokens.problems.append(problem_at(source, at, f"{character!r} is not a character of the language; {hint}"))
-    return at + 1
-
-
-def _bad_string(source: Source, at: int) -> tuple[Problem, int]:
-    text = source.text
-    index = at + 1
-    bad: int | None = None
-    while index < len(text) and text[index] not in '"\n':
-        if text[index] == "\\" and index + 1 < len(text) and text[index + 1] != "\n":
-            if bad is None and text[index + 1] not in "ntbrf01234567\"'\\":
-                bad = index
-            index += 1
-        index += 1
-    index = min(index, len(text))
-    if bad is not None and text[index : index + 1] == '"':
-        what = text[bad : bad + 2]
-        message = f'{what} is not an escape of a string; there are \\n and \\", a backslash itself is written \\\\'
-        return problem_at(source, bad, message), index + 1
-    line, column = source.place(at)
-    message = f'the string that begins in column {column} of line {line} is not closed in its line; end it with "'
-    # Jason reports it where the next line begins; the excerpt shows the string.
-    next_line = line + 1 if index < len(text) else line
-    finding = Finding(source.file, next_line, 1, message)
-    return Problem(finding, source.line(line), column), index
-
-
-def _bad_quotation(source: Source, at: int) -> tuple[Problem, int]:
-    end = source.text.find("\n", at)
-    message = "the quoted name that begins here is not closed before the end of its line; put ' there"
-    return problem_at(source, at, message), len(source.text) if end < 0 else end
-
-
-def _bad_comment(source: Source, at: int) -> tuple[Problem, int]:
-    return problem_at(source, at, "the comment that begins here is not closed; put */ at its end"), len(source.text)
-
-
-def _backslash(source: Source, at: int) -> tuple[Problem, int]:
-    return problem_at(source, at, "\\ stands only in strings and in \\== (not equal)"), at + 1
-
-
-_LEXICAL: tuple[tuple[str, Callable[[Source, int], tuple[Problem, int]]], ...] = (
-    ('"', _bad_string),
-    ("'", _bad_quotation),
-    ("/*", _bad_comment),
-    ("\\", _backslash),
-)

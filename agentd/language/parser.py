@@ -39,6 +39,8 @@ def parse_file(path: str | Path) -> Program:
         message = (
             f"byte {error.start} of the file ({error.object[error.start]:#04x}) is not UTF-8 text; save it as UTF-8"
         )
+        if error.object.startswith((b"\xff\xfe", b"\xfe\xff")):
+            message = "the file is UTF-16 text; save it as UTF-8"
         raise SyntaxErrors([Problem(Finding(str(path), line, 0, message), "", 0)]) from None
     return _program(source)
 
@@ -138,8 +140,8 @@ class _Recovery:
         """Whether a brace closes one that was opened before parsing went on after a problem."""
         if self._resumed is None:
             return False
-        texts = self._tokens.texts[self._resumed : index]
-        return texts.count("{") == texts.count("}")
+        skipped, read = self._tokens.texts[: self._resumed], self._tokens.texts[self._resumed : index]
+        return skipped.count("{") > skipped.count("}") and read.count("{") == read.count("}")
 
     def _next_item(self, index: int, at_item: bool) -> int | None:
         """The index of the next token that looks like the beginning of an item; None when there is none."""

@@ -10,6 +10,7 @@ import pytest
 from agentd.language.errors import SyntaxErrors
 from agentd.language.examples import ANYWHERE, IN_THEIR_PLACE
 from agentd.language.parser import MOST_PROBLEMS, parse_file, parse_program, parse_term
+from tests.agentd.mistakes import MISTAKES
 
 EXAMPLES = IN_THEIR_PLACE + ANYWHERE
 
@@ -47,6 +48,35 @@ def test_each_example_of_a_mistake_gets_its_message(text: str, message: str) -> 
     assert re.fullmatch(pattern, told), told
 
 
+@pytest.mark.parametrize(("text", "place", "message"), MISTAKES, ids=[text for text, _, _ in MISTAKES])
+def test_a_mistake_is_told_once_with_its_place_and_what_to_write(text: str, place: str, message: str) -> None:
+    (finding,) = errors_of(text).findings
+    assert f"{finding.line}:{finding.column}" == place
+    assert finding.message == message
+
+
+BETWEEN = [
+    (text, int(place.split(":")[0]))
+    for text, place, message in MISTAKES
+    if text.endswith(".") and not text.startswith("{ begin") and "not closed in its line" not in message
+]
+
+
+@pytest.mark.parametrize(("text", "line"), BETWEEN, ids=[text for text, _ in BETWEEN])
+def test_a_mistake_among_others_hides_none_of_them_and_raises_no_false_ones(text: str, line: int) -> None:
+    program = f"""ok(1).
++!first <- a b.
++!fine : ok(X) <- .print(X).
+{text}
++!second(X) : a, b <- c.
+@fine +!good <- d.
+fact(1).
++!third <- !x y.
+"""
+    length = text.count("\n") + 1
+    assert [f.line for f in errors_of(program).findings] == [2, 3 + line, 4 + length, 7 + length]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -66,8 +96,8 @@ def test_each_example_of_a_mistake_gets_its_message(text: str, message: str) -> 
         ("+!g <- f(g(1)].", "the '(' of line 1, column 9 is not closed before ']'; expected ')'"),
         ("+!g <- a). b.", "a ) that nothing opens"),
         ("+!g <- a; +!h.", "+! begins a plan; is a '.' missing before it? in a body, a goal is !g"),
-        ("b. <- a.", "'<-' cannot stand here after '.'; expected a belief, a goal, a plan or the end of the text"),
-        ("+!g <- !h; & a.", "'&' cannot stand here after ';'; expected a formula of a plan body, '.', '}' or ')'"),
+        ("b. * a.", "'*' cannot begin a plan"),
+        ("+!g <- !h; ^ a.", "'^' cannot stand here after ';'; expected a formula of a plan body or '.'"),
         ("+!g : X is 3 <- a.", "there is no 'is'; = computes: X = Y + 1"),
         ("+!g <- X := 3.", "a variable gets its value by = and not by :="),
         ("+!g <- !while.", "'while' is a keyword and cannot be used as a name"),
@@ -91,7 +121,7 @@ def test_each_example_of_a_mistake_gets_its_message(text: str, message: str) -> 
         ("{ end }", "{ end } without a { begin ... } before it"),
         ("b. { +!g. }", "plans in { } belong to the plan before them"),
         ("{ start namespace(n) }", "a directive is written { start(...) } or { begin namespace(...) }"),
-        ("b(ä).", "'ä' is not a character of the language; a name with other letters"),
+        ("b(ä).", "'ä' is not a letter of the language, which has a-z and A-Z; a name with others"),
         ("b('abc).", "the quoted name that begins here is not closed"),
         ("b(a\\b).", "\\ stands only in strings"),
     ],
@@ -156,6 +186,13 @@ def test_a_file_that_is_not_utf8_is_refused_with_its_line(tmp_path: Path) -> Non
     path = tmp_path / "latin.asl"
     path.write_bytes(b'b(1).\nc("caf\xe9").\n')
     with pytest.raises(SyntaxErrors, match=r"latin.asl:2: error: byte 12 of the file \(0xe9\) is not UTF-8"):
+        parse_file(path)
+
+
+def test_a_file_that_an_editor_saved_as_utf16_is_told_so(tmp_path: Path) -> None:
+    path = tmp_path / "wide.asl"
+    path.write_bytes("b(1).".encode("utf-16"))
+    with pytest.raises(SyntaxErrors, match=r"wide.asl:1: error: the file is UTF-16 text; save it as UTF-8"):
         parse_file(path)
 
 
