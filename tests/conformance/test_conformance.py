@@ -25,7 +25,7 @@ CASES = [
     *_single("core"),
     *_single("stdlib"),
     *_single("own_stdlib"),
-    *(f"{folder}/{d.name}" for folder in ("mas", "own_mas") for d in sorted((HERE / folder).iterdir()) if d.is_dir()),
+    *(f"{folder}/{d.parent.name}" for folder in ("mas", "own_mas") for d in sorted((HERE / folder).glob("*/mas.txt"))),
 ]
 
 
