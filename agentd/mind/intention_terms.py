@@ -5,11 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language import syntax
+from agentd.language.instantiate import instantiate
 from agentd.language.signatures import signature
-from agentd.language.terms import Code, Literal, atom, make_list
+from agentd.language.syntax import Operator
+from agentd.language.terms import Code, Literal, atom, deref, make_list
 from agentd.mind.frames import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Frame, Step
 from agentd.mind.intentions import Intention, values_of
 from agentd.mind.resolving import resolve, resolve_all
+from agentd.mind.unifier import undo, unify
 
 _IM, _MAP, _WAITING, _SUSPENDED = (
     signature("im", 4),
@@ -17,6 +20,11 @@ _IM, _MAP, _WAITING, _SUSPENDED = (
     signature("waiting", 1),
     signature("suspended", 1),
 )
+
+_CALLS = frozenset(
+    {Operator.ACHIEVE, Operator.TEST, Operator.ADD, Operator.ADD_FIRST, Operator.ADD_LAST, Operator.UPDATE}
+)
+"""The operators whose events are plans of the same intention."""
 
 
 def state_of(mind: Any, intention: Intention) -> Literal:
@@ -30,17 +38,51 @@ def state_of(mind: Any, intention: Intention) -> Literal:
     return atom("running")
 
 
-def stack_of(intention: Intention) -> Any:
-    """``[im(Label, {Trigger}, {Body ahead}, [map(Name, Value), ...]), ...]``."""
-    return make_list([_means(frame) for frame in reversed(intention.stack)])
+def stack_of(mind: Any, intention: Intention) -> Any:
+    """``[im(Label, {Trigger}, {Body}, [map(Name, Value), ...]), ...]``, innermost plan first.
+
+    A body begins with the formula that the plan is at: one that has begun (``!g`` until g is achieved) is part of it.
+    """
+    stack = intention.stack
+    means = []
+    for place, frame in enumerate(stack):
+        if place + 1 < len(stack):
+            begun = _caller(frame, stack[place + 1])
+        else:
+            begun = None if intention in mind.running else intention.last
+            if begun is not None and (begun.plan is not frame[PLAN] or intention.id in mind.suspended):
+                begun = None
+        means.append(_means(frame, begun))
+    return make_list(reversed(means))
 
 
-def _means(frame: Frame) -> Literal:
+def _caller(frame: Frame, above: Frame) -> Step | None:
+    """The formula of a frame's plan that raised the event of the frame above it."""
+    called = Literal(above[RELEVANT].sig, above[ARGS])
+    values = values_of(frame)
+    found = []
+    for step in frame[PLAN].steps:
+        if step is None or step.next is not frame[STEP] or not isinstance(step.syntax, syntax.Step):
+            continue
+        term = deref(instantiate(step.syntax.term, dict(values)))
+        if step.syntax.operator in _CALLS and type(term) is Literal and term.sig is called.sig:
+            found.append((step, term))
+    for step, term in found[:-1]:
+        trail: list[Any] = []
+        fits = unify(term, called, trail)
+        undo(trail, 0)
+        if fits:
+            return step
+    return found[-1][0] if found else None
+
+
+def _means(frame: Frame, begun: Step | None) -> Literal:
     relevant, plan = frame[RELEVANT], frame[PLAN]
     values = {name: resolve(value) for name, value in values_of(frame).items()}
     trigger = syntax.Trigger(relevant.operator, relevant.goal, syntax.Variable("Goal"))
     goal = Literal(relevant.sig, resolve_all(frame[ARGS]), resolve_all(frame[ANNOTS]))
-    body = Code(syntax.Body(tuple(s.syntax for s in ahead(frame[STEP]))), values)
+    steps = ahead(frame[STEP]) if begun is None else [begun, *ahead(frame[STEP])]
+    body = Code(syntax.Body(tuple(s.syntax for s in steps)), values)
     bindings = make_list([Literal(_MAP, (name, value)) for name, value in values.items()])
     return Literal(_IM, (plan.label, Code(trigger, {"Goal": goal}), body, bindings))
 

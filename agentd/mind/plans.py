@@ -17,6 +17,7 @@ from agentd.language.term_text import code_text
 from agentd.language.terms import Code, Literal, atom
 from agentd.mind.frames import Frame, Step
 from agentd.mind.nested import select_nested
+from agentd.mind.taken import asks_for_intention, select_noted
 
 _ATOMIC = signature("atomic")
 
@@ -66,6 +67,7 @@ class Plan:
         "slots",
         "source",
         "special",
+        "steps",
         "subplans",
         "syntax",
         "trace",
@@ -92,6 +94,8 @@ class Plan:
         """Who the plan comes from: the agent itself, or the one who told it."""
         self.tried: list[tuple[Any, tuple[str, ...]]] = []
         """The literals of the context in order, as `trace` numbers them, with their variables that have values then."""
+        self.steps: list[Step | None] = []
+        """The formulas of its body, once loaded."""
         self._size = FRAME_HEADER
         self.unload()
 
@@ -130,7 +134,7 @@ class Plan:
         form = library.compiler.form
         code = compile_plan(self.syntax, library.compiler, self.values, self.around, form)
         self.slots, self._size, self.tried = code.slots, code.size, code.tried
-        namespace, _ = self._load(code)
+        namespace, self.steps = self._load(code)
         if form == "select":
             self.select = namespace["select"]
         else:
@@ -145,10 +149,10 @@ class Plan:
         """The first step of a body held by a variable, to run in a frame of this plan and lead on to ``following``."""
         code = compile_fragment(body, self._library.compiler, values, self.slots, self._size)
         self.slots, self._size = code.slots, code.size
-        _, first = self._load(code, following)
-        return first
+        _, steps = self._load(code, following)
+        return None if code.first is None else steps[code.first]
 
-    def _load(self, code: PlanCode, following: Step | None = None) -> tuple[dict[str, Any], Step | None]:
+    def _load(self, code: PlanCode, following: Step | None = None) -> tuple[dict[str, Any], list[Any]]:
         steps: list[Any] = [Step(s.syntax, self) if s.function else following for s in code.steps]
         first = None if code.first is None else steps[code.first]
         library = self._library
@@ -170,7 +174,7 @@ class Plan:
                 continue
             step.run = namespace[written.function]
             step.next = None if written.next is None else steps[written.next]
-        return namespace, first
+        return namespace, steps
 
     @property
     def size(self) -> int:
@@ -194,6 +198,8 @@ class PlanLibrary:
         self.select: Callable[[Any, Any, Any], Frame | None] | None = None
         """Finds the plan for an event in another way than by trying the relevant ones in order: called with the mind,
         the trail and the event, it returns the new frame with its bindings on the trail, or None."""
+        self.taken: Any = None
+        """The event that is being given a plan, where contexts ask for it (`agentd.mind.taken`)."""
         self.has_meta = False
         self.has_nested = False
         self.kqml = self.relevant("+", "!", signature("kqml_received", 4))
@@ -288,6 +294,13 @@ class PlanLibrary:
             self.has_nested = True
             if self.select is None:
                 self.select = select_nested
+        if plan.syntax.context is not None:
+            self.note_formula(plan.syntax.context)
+
+    def note_formula(self, formula: Any) -> None:
+        """Remember that a context, or a rule that contexts may use, asks for the intention in hand."""
+        if self.select in (None, select_nested) and asks_for_intention(formula):
+            self.select = select_noted
 
     def remove(self, plan: Plan) -> None:
         """Take a plan out; instances of it that run go on."""

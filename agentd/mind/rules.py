@@ -15,6 +15,7 @@ def add_rule(mind: Any, rule: syntax.Rule, values: dict[str, Any], last: bool = 
     """Believe a rule, before the other clauses of its predicate or after them."""
     clause = RuleClause(rule, partial(_compile_rule, mind), values)
     mind.beliefs.predicate(signature_of(rule.head)).add_rule(clause, last)
+    mind.plans.note_formula(rule.body)
     mind.changes += 1
 
 

@@ -10,6 +10,7 @@ from agentd.mind import dropping
 from agentd.mind.dropping import drop
 from agentd.mind.failed import wrong_arguments
 from agentd.mind.intention_terms import stack_of, state_of
+from agentd.mind.taken import intention_in_hand
 from agentd.mind.unifier import Trail, undo, unify
 from agentd.mind.waiting import resume_waiting
 from agentd.stdlib.registry import internal_action
@@ -133,9 +134,10 @@ def drop_future_intention(mind: Any, trail: Trail, goal: Any) -> bool | None:
 def intention(mind: Any, trail: Trail, number: Any, state: Any, stack: Any = None, own: Any = None) -> Iterator[None]:
     """``.intention(Id, State[, Stack[, current]])``: each intention (or the own one), innermost plan first."""
     mark = len(trail)
-    for each in [mind.current] if own is not None else mind.all_intentions():
+    mine = [each for each in [intention_in_hand(mind)] if each is not None]
+    for each in mine if own is not None else mind.all_intentions():
         fits = unify(number, float(each.id), trail) and unify(state, state_of(mind, each), trail)
-        if fits and (stack is None or unify(stack, stack_of(each), trail)):
+        if fits and (stack is None or unify(stack, stack_of(mind, each), trail)):
             yield None
         undo(trail, mark)
 

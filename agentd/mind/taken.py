@@ -1,0 +1,41 @@
+"""Contexts that ask for the intention they are evaluated for: the event in hand is noted for them alone."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from agentd.language import syntax
+from agentd.mind.frames import Frame
+from agentd.mind.intentions import Intention
+from agentd.mind.nested import select_nested
+from agentd.mind.unifier import Trail
+
+_ASKING: Final = frozenset({".intention", ".current_intention"})
+
+
+def asks_for_intention(formula: Any) -> bool:
+    """Whether a formula looks at intentions."""
+    match formula:
+        case syntax.InternalAction(name=name, args=args):
+            return name in _ASKING or any(map(asks_for_intention, args))
+        case syntax.And(left=left, right=right) | syntax.Or(left=left, right=right):
+            return asks_for_intention(left) or asks_for_intention(right)
+        case syntax.Not(operand=operand):
+            return asks_for_intention(operand)
+    return False
+
+
+def select_noted(mind: Any, trail: Trail, event: Any) -> Frame | None:
+    """The frame of the first applicable plan, with the event known to its context as the one in hand."""
+    mind.plans.taken = event
+    try:
+        return select_nested(mind, trail, event)
+    finally:
+        mind.plans.taken = None
+
+
+def intention_in_hand(mind: Any) -> Intention | None:
+    """The intention that is running, or whose event is being given a plan."""
+    taken = mind.plans.taken
+    found: Intention | None = mind.current if taken is None else taken[3]
+    return found
