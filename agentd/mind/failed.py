@@ -17,6 +17,14 @@ class Failed(Exception):
         self.error, self.message, self.annots, self.code = error, message, annots, code
 
 
+class InContext(Exception):
+    """The context of a plan could not be computed."""
+
+    def __init__(self, plan: Any, error: Exception) -> None:
+        super().__init__(str(error))
+        self.plan, self.error = plan, error
+
+
 def wrong_arguments(message: str) -> NoReturn:
     """An internal action got arguments of a wrong number or kind."""
     raise Failed("wrong_arguments", message)

@@ -19,6 +19,8 @@ from agentd.mind.annotations import with_source
 from agentd.mind.beliefs import BeliefBase
 from agentd.mind.changes import believe
 from agentd.mind.cycle import atomic_can_run, run_cycles
+from agentd.mind.decision_views import DecisionView, FailureView, view_of, views_of
+from agentd.mind.decisions import Decisions
 from agentd.mind.effects import Effect, Log
 from agentd.mind.failed import Failed
 from agentd.mind.frames import PLAN, Frame
@@ -55,7 +57,8 @@ class Mind:
     it: fed again in the same cycles they lead to the same effects. ``agents`` tells who can be sent to (None: nobody
     asks). ``has_team`` says that somebody answers each `TeamRequest`. ``ask_timeout`` in seconds bounds synchronous
     asks without a limit of their own. ``epoch`` is the Unix time of mission time 0, and ``zone`` where it is told, for
-    ``.date`` and ``.time``.
+    ``.date`` and ``.time``. ``decisions`` is how many of the last decisions and failures are remembered
+    (`decision_views`); 0: none, which costs nothing. ``on_decision`` is told each of them as it is made.
     """
 
     def __init__(
@@ -73,6 +76,8 @@ class Mind:
         ask_timeout: float | None = None,
         epoch: float = 0.0,
         zone: tzinfo = UTC,
+        decisions: int = 0,
+        on_decision: Callable[[DecisionView | FailureView], None] | None = None,
     ) -> None:
         self.name, self.program = name, program
         self.actions = None if actions is None else frozenset(actions)
@@ -207,6 +212,10 @@ class Mind:
         """The beliefs as they stand, for people."""
         return views_of_beliefs(self)
 
+    def decision_views(self, last: int | None = None) -> list[DecisionView | FailureView]:
+        """The last decisions and failures, oldest first, for people; none unless the mind was made to remember any."""
+        return [] if self.recorder is None else views_of(self, self.recorder.records(), last)
+
     def post(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
         """Queue an event that starts an intention of its own."""
         if len(self.events) + len(self.running) + len(self.waiting) >= MOST_FOCUSES:
@@ -236,8 +245,8 @@ class Mind:
 
     def new_intention(self) -> Intention:
         """An intention with the next id, not yet running."""
-        self._intention_count += 1
-        return Intention(self._intention_count)
+        self.intention_count += 1
+        return Intention(self.intention_count)
 
     def all_intentions(self) -> list[Intention]:
         """Every intention once: the current one, running, in events, waiting, suspended; by id."""

@@ -28,6 +28,7 @@ from agentd.mind.forks import fork, join
 from agentd.mind.functions import call
 from agentd.mind.goal_states import pending
 from agentd.mind.goals import achieve_term, perform, qualify, run_term, test_event, test_failed, test_term
+from agentd.mind.holding import held
 from agentd.mind.loops import begin_rounds, free_again, next_round, present
 from agentd.mind.relations import arithmetic, order, same, univ
 from agentd.mind.resolving import detach, resolve
@@ -63,6 +64,7 @@ RUNTIME: Final[dict[str, Any]] = {
     "distinct": distinct,
     "elements": elements,
     "fork": fork,
+    "held": held,
     "free_again": free_again,
     "join": join,
     "make_list": make_list,

@@ -8,7 +8,7 @@ from agentd.language.terms import Literal
 from agentd.mind import failure
 from agentd.mind.effects import Log
 from agentd.mind.execution import condition_holds, end_frames
-from agentd.mind.failed import Failed
+from agentd.mind.failed import Failed, InContext
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame
 from agentd.mind.goal_states import raise_state
 from agentd.mind.intentions import Intention
@@ -26,7 +26,7 @@ def take_event(mind: Any, event: Event) -> bool:
     relevant, args, annots, intention = event
     trail: list[Any] = [] if intention is None else intention.trail
     mark = len(trail)
-    frame = None
+    frame = plan = None
     if mind.listeners and relevant.goal:
         hear(mind, relevant, args, annots)
     select = mind.plans.select
@@ -40,8 +40,12 @@ def take_event(mind: Any, event: Event) -> bool:
                     break
                 if len(trail) > mark:
                     undo(trail, mark)
+    except InContext as trouble:
+        _context_failed(mind, relevant, trouble.plan, trouble.error)
+        undo(trail, mark)
+        frame = None
     except Exception as error:  # an internal action may raise anything; it must not end the mind
-        _context_failed(mind, relevant, error)
+        _context_failed(mind, relevant, plan, error)
         undo(trail, mark)
         frame = None
     if frame is None:
@@ -90,10 +94,10 @@ def _entered(mind: Any, intention: Intention, frame: Frame) -> None:
             mind.goal_conditions.append((intention, frame))
 
 
-def _context_failed(mind: Any, relevant: Any, error: Exception) -> None:
+def _context_failed(mind: Any, relevant: Any, plan: Plan | None, error: Exception) -> None:
     what = "it is too deep" if isinstance(error, RecursionError) else str(error) or type(error).__name__
-    plans = ", ".join(f"{plan.syntax.position}" for plan in relevant.plans[:3])
-    mind.effects.append(Log("warning", f"{plans}: the context of a plan for {relevant!r} cannot be computed: {what}"))
+    where = "" if plan is None else f"{plan.syntax.position}: "
+    mind.effects.append(Log("warning", f"{where}the context of a plan for {relevant!r} cannot be computed: {what}"))
 
 
 def _no_plan(

@@ -1,0 +1,279 @@
+"""What a mind shows of its decisions: plain facts as text, made from the records when somebody asks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.instantiate import instantiate
+from agentd.language.numbers import UndefinedNumber
+from agentd.language.printer import source_text
+from agentd.language.sources import SELF, is_source
+from agentd.language.terms import Literal, Var, deref
+from agentd.mind.decisions import Decision, Failure
+from agentd.mind.failed import Failed
+from agentd.mind.frames import ARGS, PLAN, RELEVANT, STEP, VARIABLES, Frame, Step
+from agentd.mind.holding import short_text
+from agentd.mind.inputs import Mail
+from agentd.mind.plans import Plan
+
+
+@dataclass(frozen=True, slots=True)
+class PlanView:
+    """A plan: its label as written (empty if it has none), its trigger, ``file:line``, and variables with values."""
+
+    label: str
+    trigger: str
+    position: str
+    bindings: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class RejectedView:
+    """A plan that was tried in vain.
+
+    ``why`` is ``trigger`` (it does not unify with the event), ``context`` or ``error`` (the context could not be
+    computed). For ``context``, ``literal`` is the part that failed as written and ``filled`` the same with the values
+    that its variables had; these are the plan's ``bindings``. ``message`` says it in words.
+    """
+
+    plan: PlanView
+    why: str
+    literal: str
+    filled: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class FailureView:
+    """A formula that failed, or a goal without a plan.
+
+    ``formula`` has its values put in; ``error`` is what ``error(E)`` shows and ``reason`` why, in words. ``given_up``
+    are the goals that ended with it, innermost first; ``handled_by`` is the event ``-!g`` that goes on from here, empty
+    if nothing does.
+    """
+
+    cycle: int
+    time: float
+    intention: int
+    formula: str
+    position: str
+    error: str
+    reason: str
+    given_up: tuple[str, ...]
+    handled_by: str
+
+
+@dataclass(frozen=True, slots=True)
+class DecisionView:
+    """An event and the plan that was chosen for it.
+
+    ``kind`` is the operator and kind of the event, such as ``+!``, ``name`` its functor and arity. ``goal`` is the
+    event of the plan that raised it and waits for it, if any. ``cause`` tells in words where the event comes from;
+    ``asked_at`` is the ``file:line`` of the formula that raised it. ``rejected`` are the plans tried before the chosen
+    one, ``untried`` those after it. ``outcome`` says what became of the chosen plan so far: ``running``, ``ended``,
+    ``failed``, ``dropped``, or ``none`` where no plan was chosen; ``failure`` what failed in it.
+    """
+
+    cycle: int
+    time: float
+    event: str
+    kind: str
+    name: str
+    source: str
+    intention: int
+    goal: str
+    cause: str
+    asked_at: str
+    rejected: tuple[RejectedView, ...]
+    chosen: PlanView | None
+    untried: tuple[PlanView, ...]
+    outcome: str
+    failure: FailureView | None
+
+
+def views_of(mind: Any, records: Sequence[Decision | Failure], last: int | None) -> list[DecisionView | FailureView]:
+    """Views of records; of a long list only the last so many."""
+    failures = {id(frame): record for record in records if type(record) is Failure for frame in record.frames}
+    args = {id(r.frame): r.args for r in records if isinstance(r, Decision) and r.frame is not None}
+    alive = {id(frame) for intention in mind.all_intentions() for frame in intention.stack}
+    views = _Views(mind, failures, args, alive)
+    return [views.of(record) for record in (records if last is None else records[max(0, len(records) - last) :])]
+
+
+def view_of(mind: Any, record: Decision | Failure) -> DecisionView | FailureView:
+    """The view of a record that has just been made."""
+    alive = {id(record.frame)} if isinstance(record, Decision) else set()
+    return _Views(mind, {}, {}, alive).of(record)
+
+
+class _Views:
+    """Makes views; knows what became of frames."""
+
+    def __init__(
+        self, mind: Any, failures: dict[int, Failure], args: dict[int, tuple[Any, ...]], alive: set[int]
+    ) -> None:
+        self._mind, self._failures, self._args, self._alive = mind, failures, args, alive
+
+    def of(self, record: Decision | Failure) -> DecisionView | FailureView:
+        return self._decision(record) if isinstance(record, Decision) else self._failure(record)
+
+    def _decision(self, made: Decision) -> DecisionView:
+        relevant, frame = made.relevant, made.frame
+        outcome, failure = self._outcome(frame)
+        plans: list[Plan] = relevant.plans
+        chosen = None if frame is None else frame[PLAN]
+        after = plans[plans.index(chosen) + 1 :] if chosen in plans else []
+        return DecisionView(
+            cycle=made.cycle,
+            time=made.time,
+            event=event_text(relevant, made.args, made.annots),
+            kind=relevant.text,
+            name=relevant.sig.indicator,
+            source=", ".join(short_text(a.args[0]) for a in made.annots if is_source(a)),
+            intention=made.intention,
+            goal="" if made.below is None else self._goal(made.below),
+            cause=self._cause(made),
+            asked_at=_place(made.asked or (made.origin.step if made.origin is not None else None)),
+            rejected=tuple(rejected_view(plan, reason) for plan, reason in made.rejected),
+            chosen=None if frame is None else plan_view(frame[PLAN], _values(frame[PLAN], made.values)),
+            untried=tuple(plan_view(plan) for plan in after),
+            outcome=outcome,
+            failure=None if failure is None else self._failure(failure),
+        )
+
+    def _outcome(self, frame: Frame | None) -> tuple[str, Failure | None]:
+        if frame is None:
+            return "none", None
+        failure = self._failures.get(id(frame))
+        if failure is not None:
+            return "failed", failure
+        if id(frame) in self._alive:
+            return "running", None
+        return ("ended" if frame[STEP] is None else "dropped"), None
+
+    def _goal(self, frame: Frame) -> str:
+        """The event that a frame is for, as it was when its plan was chosen."""
+        return event_text(frame[RELEVANT], self._args.get(id(frame)) or frame[ARGS])
+
+    def _cause(self, made: Decision) -> str:
+        if made.below is not None:
+            return f"{_raised_by(made.relevant)} {self._goal(made.below)} in intention {made.intention}"
+        origin = made.origin
+        if made.asked is not None:
+            return f"intention {made.intention}"
+        if origin is not None and isinstance(origin.cause, Mail):
+            mail = origin.cause
+            return f"message {mail.performative} from {mail.sender}" + (f" ({mail.msg_id})" if mail.msg_id else "")
+        sources = [a.args[0] for a in made.annots if is_source(a)]
+        if (origin is not None and made.annots is SELF) or not sources:
+            if origin is None:
+                return ""
+            if origin.cause is not None:
+                return "given from outside"
+            return f"intention {origin.intention}" if origin.intention else "the program"
+        names = ", ".join(map(short_text, sources))
+        if names == "percept":
+            return "a percept"
+        return f"told by {names}" if names != "self" else ""
+
+    def _failure(self, record: Failure) -> FailureView:
+        handler = record.handler
+        given_up = tuple(self._goal(frame) for frame in record.frames)
+        return FailureView(
+            cycle=record.cycle,
+            time=record.time,
+            intention=record.intention,
+            formula=failed_text(record.step, record.code),
+            position=_place(record.step),
+            error=record.failed.error,
+            reason=reason_of(record.failed),
+            given_up=given_up,
+            handled_by="" if handler is None else repr(handler),
+        )
+
+
+def _raised_by(relevant: Any) -> str:
+    return "the failure of" if relevant.operator == "-" and relevant.goal else "the plan for"
+
+
+def event_text(relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...] = ()) -> str:
+    """An event as people write it, ``+!g(1)``; the source ``self`` goes without saying."""
+    shown = () if annots is SELF else annots
+    return f"{relevant.text}" + short_text(Literal(relevant.sig, args, shown))
+
+
+def rejected_view(plan: Plan, reason: Any) -> RejectedView:
+    """Why a plan was not applicable, from what the function that selects it returned (or raised)."""
+    if reason is None:
+        return RejectedView(plan_view(plan), "trigger", "", "", "its trigger does not match")
+    if isinstance(reason, Exception):
+        what = "it is too deep" if isinstance(reason, RecursionError) else str(reason) or type(reason).__name__
+        return RejectedView(plan_view(plan), "error", "", "", f"its context cannot be computed: {what}")
+    number, values = reason
+    node, names = plan.tried[number]
+    bindings = dict(zip(names, values, strict=True))
+    literal, filled = written(source_text(node)), filled_text(node, bindings)
+    shown = {name: short_text(value) for name, value in bindings.items() if type(deref(value)) is not Var}
+    message = f"{filled} does not hold" if shown else f"{literal} does not hold"
+    return RejectedView(plan_view(plan, shown), "context", literal, filled, message)
+
+
+def filled_text(node: syntax.Term, bindings: dict[str, Any]) -> str:
+    """A formula with the values of its variables put in."""
+    try:
+        return written(short_text(instantiate(node, dict(bindings))))
+    except (UndefinedNumber, RecursionError):
+        return written(source_text(node))
+
+
+def written(text: str) -> str:
+    """A formula as people write it: without brackets around all of it, or around what ``not`` is for."""
+    if text.startswith("not ("):
+        return f"not {_unbracketed(text[4:])}"
+    return _unbracketed(text)
+
+
+def _unbracketed(text: str) -> str:
+    if not (text.startswith("(") and text.endswith(")")):
+        return text
+    depth = 0
+    for place, character in enumerate(text):
+        depth += (character == "(") - (character == ")")
+        if depth == 0:
+            return text[1:-1] if place == len(text) - 1 else text
+    return text
+
+
+def plan_view(plan: Any, bindings: dict[str, str] | None = None) -> PlanView:
+    node = plan.syntax
+    label = source_text(node.label) if node.label is not None else ""
+    trigger = source_text(node.trigger)
+    return PlanView(label, trigger, f"{node.position.file}:{node.position.line}", bindings or {})
+
+
+def _values(plan: Any, values: tuple[Any, ...]) -> dict[str, str]:
+    """The variables of a plan that have a value."""
+    found = {}
+    for name, place in plan.slots.items():
+        number = place - VARIABLES
+        if number < len(values) and values[number] is not None and type(deref(values[number])) is not Var:
+            found[name] = short_text(values[number])
+    return found
+
+
+def _place(step: Step | None) -> str:
+    return "" if step is None else f"{step.syntax.position.file}:{step.syntax.position.line}"
+
+
+def failed_text(step: Step | None, code: Any) -> str:
+    """A formula that failed, as written but with its values."""
+    operator = step.syntax.operator.value if step is not None and isinstance(step.syntax, syntax.Step) else ""
+    return operator + written(short_text(code))
+
+
+def reason_of(failed: Failed) -> str:
+    """Why something failed, in words; empty where there is no more to say than the name of the error."""
+    return str(failed) if str(failed) != failed.error else ""
