@@ -130,8 +130,13 @@ class Mind:
         self.failed_handlers: dict[int, int] = {}
         """How often the failure plan of an intention has failed itself and was tried again, by the intention's id."""
         self._warned: dict[str, None] = {}
-        self._intention_count = 0
+        self.intention_count = 0
+        """How many intentions there have been; the id of the last one."""
         self._queries: dict[int, tuple[Any, Any]] = {}
+        self.recorder: Decisions | None = None
+        if decisions or on_decision is not None:
+            tell = None if on_decision is None else (lambda record: on_decision(view_of(self, record)))
+            self.recorder = Decisions(self, decisions, tell)
         load_program(self, program)
 
     def _provide(self, ref: Ref) -> Any:
