@@ -6,6 +6,7 @@ Jason's programs name files of Jason itself as ``$jasonJar/...``; a map says whi
 from __future__ import annotations
 
 import errno
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -66,6 +67,24 @@ class SourcePaths:
             hint = f"nothing says which folder ${name} is; give --map '${name}=FOLDER'"
             raise FileNotFoundError(errno.ENOENT, hint, path)
         return folder / rest
+
+    def files_below(self, folder: str, beside: str, pattern: str) -> list[str]:
+        """The files in a folder and below, sorted, whose path or name is of the form of a regular expression.
+
+        The folder is looked up from the project, then from where the file ``beside`` stands. Raises OSError, and
+        ValueError for an expression that is none.
+        """
+        try:
+            form = re.compile(pattern)
+        except re.error as error:
+            raise ValueError(f"{pattern} is no regular expression: {error}") from error
+        top = self.expand(folder)
+        candidates = [self.project / top, Path(beside).parent / top]
+        chosen = next((candidate for candidate in candidates if candidate.is_dir()), None)
+        if chosen is None:
+            raise FileNotFoundError(errno.ENOENT, "there is no such folder", folder)
+        files = [f"{path}" for path in sorted(chosen.rglob("*")) if path.is_file()]
+        return [file for file in files if form.fullmatch(file) or form.fullmatch(Path(file).name)]
 
     def compiled(self, path: str, beside: str = "") -> CompiledProgram:
         """Read and compile the program that ``path`` names. Raises OSError, `SyntaxErrors` and `DirectiveError`."""

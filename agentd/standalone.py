@@ -168,8 +168,8 @@ class Team:
 
     def _carry_out(self, mind: Mind, effect: Effect) -> None:
         match effect:
-            case Print(text=text):
-                self._write(f"[{mind.name}] {text}\n")
+            case Print(text=text, plain=plain):
+                self._write(f"{text}\n" if plain else f"[{mind.name}] {text}\n")
             case Log(level=level, text=text):
                 if level != "debug":
                     print(f"[{mind.name}] {level}: {text}", file=sys.stderr)
@@ -292,6 +292,12 @@ class Team:
         except OSError as error:
             raise _No("unknown", f"cannot write {path}: {error.strerror or error}") from error
         return EMPTY
+
+    def _do_list_files(self, mind: Mind, folder: str, pattern: str) -> Any:
+        try:
+            return make_list(self._paths.files_below(folder, mind.program.file, pattern))
+        except (OSError, ValueError) as error:
+            raise _No("unknown", f"cannot list the files of {folder}: {error}") from error
 
     def _do_include(self, mind: Mind, path: str, namespace: str) -> CompiledProgram | None:
         try:

@@ -68,6 +68,15 @@ def df_subscribe(mind: Any, trail: Trail, service: Any, kind: Any = None) -> boo
     return request(mind, "df_subscribe", (plain_text(service),))
 
 
+@internal_action(".list_files", 3, suspends=True)
+def list_files(mind: Any, trail: Trail, folder: Any, pattern: Any, found: Any) -> bool:
+    """``.list_files(Folder, Regex, List)``: the files below a folder whose path or name is of this form, as strings."""
+    where, form = deref(folder), deref(pattern)
+    if type(where) is not str or type(form) is not str:
+        wrong_arguments(".list_files takes the folder and the regular expression as strings")
+    return request(mind, "list_files", (where, form), found)
+
+
 @internal_action(".save_agent", (1, 2), suspends=True)
 def save_agent(mind: Any, trail: Trail, file: Any, goals: Any = None) -> bool:
     """``.save_agent(File[, Goals])``: beliefs, rules, these goals and the plans as source text."""
