@@ -81,5 +81,5 @@ def test_a_context_sees_the_intention_it_is_evaluated_for_each_body_from_the_for
         "[bob] outer_plan { +!outer[source(self)] } { !middle(5) } { .print(never) }",
         "[bob] []",
         '[bob] 1 running [map("N",5)]',
-        "[bob] asked_plan { .intention(Id,_,[im(L3,_,{ F3; _ },_)|_],current) }",
+        "[bob] asked_plan { .intention(1,_,[im(L3,_,{ F3; _ },_)|_],current) }",
     ]
