@@ -34,7 +34,8 @@ BEGIN_TERM: Final = frozenset(
 
 
 def shown(text: str) -> str:
-    """A token as a message shows it."""
+    """A token as a message shows it: in one line, and not all of a very long one."""
+    text = text.replace("\n", "\\n")
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 

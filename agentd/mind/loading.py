@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from agentd.language import syntax
@@ -28,11 +29,11 @@ def load_program(mind: Any, program: CompiledProgram) -> None:
         if isinstance(item, syntax.Rule):
             add_rule(mind, item, {})
             continue
-        literal = Instantiation({}, functions).term(item.literal)
-        assert isinstance(literal, Literal)
-        mind.add_belief(literal)
+        with _too_deep(mind, item):
+            mind.add_belief(Instantiation({}, functions).term(item.literal))
     for goal in program.goals:
-        mind.add_goal(Instantiation({}, functions).term(goal.literal), goal.operator)
+        with _too_deep(mind, goal):
+            mind.add_goal(Instantiation({}, functions).term(goal.literal), goal.operator)
     for warning in program.warnings:
         mind.effects.append(Log("warning", warning))
 
@@ -51,10 +52,22 @@ def include_program(mind: Any, program: CompiledProgram | None) -> None:
     for item in reversed(program.beliefs):
         if isinstance(item, syntax.Rule):
             add_rule(mind, item, {})
-        else:
+            continue
+        with _too_deep(mind, item):
             mind.add_belief(Instantiation({}, {}).term(item.literal))
     for goal in program.goals:
-        mind.add_goal(Instantiation({}, {}).term(goal.literal), goal.operator)
+        with _too_deep(mind, goal):
+            mind.add_goal(Instantiation({}, {}).term(goal.literal), goal.operator)
+
+
+@contextmanager
+def _too_deep(mind: Any, item: syntax.Belief | syntax.Goal) -> Iterator[None]:
+    """Leave out a belief or goal that is nested deeper than terms may be, and say so."""
+    try:
+        yield
+    except RecursionError:
+        message = f"{item.position}: {item.literal.functor}/{len(item.literal.args)} is nested too deep; it is left out"
+        mind.effects.append(Log("error", message))
 
 
 def program_text(mind: Any, goals: list[Any]) -> str:

@@ -92,3 +92,13 @@ def test_a_cyclic_term_fails_the_plan_that_stores_it_and_hangs_nobody(monkeypatc
         monkeypatch.setattr(f"{module}.MOST_NODES", 10_000)
     world = run("!s. +!s <- X = f(X); .print(cyclic); +b(X). -!s <- .print(handled).")
     assert world.prints == ["cyclic", "handled"]
+
+
+def test_an_initial_belief_or_goal_that_is_nested_too_deep_is_left_out_and_told() -> None:
+    deep = "f(" * 100_000 + "1" + ")" * 100_000
+    world = run(f"b({deep}). b(1).\n!g({deep}). !h. +!h : b(X) <- .print(X).")
+    assert world.prints == ["1"]
+    assert [text[:60] for text in world.logs] == [
+        "test.asl:1:1: b/1 is nested too deep; it is left out",
+        "test.asl:2:1: g/1 is nested too deep; it is left out",
+    ]
