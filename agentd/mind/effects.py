@@ -39,9 +39,10 @@ class SendMail:
 
 @dataclass(slots=True)
 class Print:
-    """A line of output of the program."""
+    """A line of output of the program; ``plain``: without the agent's name before it (``.verbose(0)``)."""
 
     text: str
+    plain: bool = False
 
 
 @dataclass(slots=True)
@@ -65,7 +66,7 @@ class TeamRequest:
     """Something that only the one who runs the team can do; the answer is a `TeamReply` with this id.
 
     ``what`` is ``create``, ``kill``, ``clone``, ``df_register``, ``df_deregister``, ``df_search``, ``df_subscribe``,
-    ``save`` or ``include``; ``arguments`` are strings and numbers as each needs.
+    ``save``, ``list_files`` or ``include``; ``arguments`` are strings and numbers as each needs.
     """
 
     id: int
