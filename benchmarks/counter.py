@@ -1,40 +1,39 @@
-"""The percept row on agentd: one percept ``counter(N)`` replaced per cycle, the action ``next`` answered at once.
+"""The environment of the percept row: one percept ``counter(N)`` replaced per cycle, ``next`` answered at once.
 
-python -m benchmarks.counter ROUNDS,CYCLES FILE.asl
+agentd run --env benchmarks.counter:Counter --env-arg 10 --env-arg 20000 ag=benchmarks/programs/h_percept.asl
 """
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 
-from agentd.language.compile import compile_program
-from agentd.language.parser import parse_file
-from agentd.language.signatures import signature
-from agentd.language.terms import Literal
-from agentd.mind import Mind
-from agentd.mind.effects import PerformAction
-from agentd.mind.inputs import ActionDone, PerceptReplaced
-
-_COUNTER = signature("counter", 1)
+from agentd.environment import Environment, Literal, literal
 
 
-def main() -> None:
-    rounds, cycles = map(int, sys.argv[1].split(","))
-    mind = Mind("ag", compile_program(parse_file(sys.argv[2])))
-    number = 0.0
-    for round_number in range(1, rounds + 1):
-        begun = time.perf_counter_ns()
-        done = 0
-        while done < cycles:
-            number += 1.0
-            mind.feed(PerceptReplaced(Literal(_COUNTER, (number,))))
-            for effect in mind.run(0.0, 100):
-                assert isinstance(effect, PerformAction)
-                done += 1
-                mind.feed(ActionDone(effect.id, True))
-        print(f"BENCH h_percept round {round_number} ops {cycles} ns {time.perf_counter_ns() - begun}", flush=True)
+class Counter(Environment):
+    """Moves the counter at each ``next``, prints how long each round took, and ends the process after the last.
 
+    The arguments are the number of rounds and of cycles in each.
+    """
 
-if __name__ == "__main__":
-    main()
+    def init(self, arguments: list[str]) -> None:
+        self._rounds, self._cycles = map(int, arguments)
+        self._count, self._round, self._begun = 0, 1, time.perf_counter_ns()
+        self.replace_percept(literal("counter", self._count))
+
+    def execute(self, agent: str, action: Literal) -> bool:
+        self._count += 1
+        if self._count % self._cycles == 0:
+            self._end_round()
+        self.replace_percept(literal("counter", self._count))
+        return True
+
+    def _end_round(self) -> None:
+        spent = time.perf_counter_ns() - self._begun
+        print(f"BENCH h_percept round {self._round} ops {self._cycles} ns {spent}", flush=True)
+        if self._round == self._rounds:
+            sys.stdout.flush()
+            os._exit(0)
+        self._round, self._begun = self._round + 1, time.perf_counter_ns()

@@ -47,7 +47,7 @@ class Row:
     """How many times python-agentspeak's warm speed is asked for."""
     jason: Jason | None = None
     environment: str = ""
-    """The module that feeds percepts to agentd, if any."""
+    """``module:Class`` of the environment that agentd needs for it, if any."""
 
     def paths(self) -> list[tuple[str, Path]]:
         return [(name, PROGRAMS / file) for name, file in self.agents]
@@ -90,6 +90,6 @@ ROWS: Final = (
         _alone("h_percept.asl"),
         4,
         Jason(143_009, 29_763, 32_280, 305),
-        "benchmarks.counter",
+        "benchmarks.counter:Counter",
     ),
 )

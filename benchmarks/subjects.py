@@ -46,9 +46,9 @@ class Agentd(Subject):
         self._options = ["--why"] if records else []
 
     def command(self, agents: Agents, environment: str = "") -> list[str]:
-        if environment:
-            return [sys.executable, "-m", environment, f"{PERCEPT_ROUNDS},{PERCEPT_CYCLES}", str(agents[0][1])]
-        return [sys.executable, "-m", "agentd", "run", *self._options, *(f"{name}={path}" for name, path in agents)]
+        named = [f"{name}={path}" for name, path in agents]
+        env = ["--env", environment, "--env-arg", str(PERCEPT_ROUNDS), "--env-arg", str(PERCEPT_CYCLES)]
+        return [sys.executable, "-m", "agentd", "run", *self._options, *(env if environment else []), *named]
 
 
 class AgentSpeak(Subject):

@@ -22,6 +22,7 @@ from agentd.mind.solve import solve
 from agentd.mind.unifier import undo, unify
 from agentd.mind.waiting import hear
 
+
 def receive(mind: Any, mail: Mail) -> None:
     """Handle one message."""
     if mail.in_reply_to:
@@ -102,6 +103,11 @@ def _untell(mind: Any, mail: Mail) -> None:
 
 
 def _achieve(mind: Any, mail: Mail) -> None:
+    content = mail.content
+    if type(content) is Literal:
+        relevant = mind.plans.relevant("+", "!", content.sig)
+        mind.new_goal(relevant, content.args, told_annots(mind, content, mail.sender))
+        return
     for content in _each(mail.content):
         content = deref(content)
         if type(content) is Literal:

@@ -15,7 +15,7 @@ from agentd.mind.resolving import Copier
 def send(
     mind: Any, receiver: str | None, performative: str, content: Any, in_reply_to: str = "", kind: str = "mid"
 ) -> str:
-    """Hand a message out; returns its id, which begins with its ``kind``: ``sync`` if the sender waits for an answer."""
+    """Hand a message out; returns its id, which begins with ``kind``: ``sync`` if the sender waits for an answer."""
     mind.message_count += 1
     msg_id = f"{kind}{mind.message_count}.{mind.name}"
     mind.effects.append(SendMail(receiver, performative, content, msg_id, in_reply_to))

@@ -29,20 +29,20 @@ def name_of(term: Any) -> str:
 
 def _receivers(mind: Any, term: Any) -> list[str]:
     """The names of those to send to, given as one or as a list."""
-    term = deref(term)
-    if type(term) is List:
-        return [_receiver(mind, member) for member in proper(term) or []]
-    return [_receiver(mind, term)]
+    if type(term) is Var:
+        term = deref(term)
+    if type(term) is not List:
+        return [name_of(term)]
+    return [name_of(member) for member in proper(term) or []]
 
 
-def _receiver(mind: Any, term: Any) -> str:
-    name = name_of(term)
-    return mind.name if name == "self" else name
-
-
-def _check(mind: Any, name: str) -> None:
+def _present(mind: Any, name: str) -> str:
+    """The name of an agent to send to; ``self`` is the sender. Fails if there is no such agent."""
+    if name == "self":
+        return str(mind.name)
     if mind.agents is not None and name not in mind.agents():
         raise Failed("receiver_not_found", f"there is no agent '{name}' to send to")
+    return name
 
 
 @internal_action(".send", (3, 5), suspends=True)
@@ -57,8 +57,7 @@ def send_message(
         return _ask(mind, receivers, type(deref(to)) is List, force, content, (answer, limit))
     reply_to = deref(answer) if answer is not None else ""
     for receiver in receivers:
-        _check(mind, receiver)
-        send(mind, receiver, force, content, reply_to if type(reply_to) is str else "")
+        send(mind, _present(mind, receiver), force, content, reply_to if type(reply_to) is str else "")
     return None
 
 
@@ -69,7 +68,7 @@ def _ask(mind: Any, receivers: list[str], many: bool, force: str, content: Any, 
     mind.await_something(intention, f"answer of {', '.join(receivers)}", question)
     for receiver in receivers:
         try:
-            _check(mind, receiver)
+            receiver = _present(mind, receiver)
         except Failed:
             mind.waiting.pop(intention.id, None)
             intention.waiting = None
