@@ -144,9 +144,9 @@ class Host:
 
     def _carry_out(self, effect: Effect) -> None:
         match effect:
-            case Print(text=text):
+            case Print(text=text, plain=plain):
                 self._prints.append(text)
-                stdout().write(f"[{self.part.name}] {text}")
+                stdout().write(text if plain else f"[{self.part.name}] {text}")
             case Log(level=level, text=text):
                 log.log(_LEVELS.get(level, logging.INFO), "agent=%s %s", self.part.name, text)
             case PerformAction():

@@ -80,7 +80,7 @@ class Team:
             seed=self._seed + len(self.minds),
             start=self.clock.now(),
             clock=self.clock.now,
-            agents=self.minds.keys,
+            agents=lambda: tuple(self.minds),
             has_team=True,
             epoch=self._epoch,
             zone=zone,
@@ -136,24 +136,19 @@ class Team:
         busy = False
         if self._world is not None:
             self._world.deliver()
-        for mind in tuple(self.minds.values()):
-            if not mind.ready:
-                due = mind.wake_at
-                if due is None or due > self.clock.now():
-                    continue
+        for mind in list(self.minds.values()):
+            due = mind.wake_at
+            if not mind.ready and (due is None or due > self.clock.now()):
+                continue
             busy = True
             for effect in mind.run(self.clock.now(), CYCLES_A_TURN):
                 self._carry_out(mind, effect)
                 if self._stop is not None and self._stop[0] <= self.clock.now():
                     return True
-        if self._kills:
-            self._kill_those_due()
-        return busy
-
-    def _kill_those_due(self) -> None:
         for due, name in [k for k in self._kills if k[0] <= self.clock.now()]:
             self._kills.remove((due, name))
             self._kill(name)
+        return busy
 
     def _due(self, timeout: float | None) -> Iterator[float]:
         """The times at which something has to happen."""
@@ -173,13 +168,13 @@ class Team:
 
     def _carry_out(self, mind: Mind, effect: Effect) -> None:
         match effect:
-            case SendMail():
-                self._send(mind, effect)
             case Print(text=text, plain=plain):
                 self._write(f"{text}\n" if plain else f"[{mind.name}] {text}\n")
             case Log(level=level, text=text):
                 if level != "debug":
                     print(f"[{mind.name}] {level}: {text}", file=sys.stderr)
+            case SendMail():
+                self._send(mind, effect)
             case PerformAction(id=number, name=name):
                 if self._world is not None:
                     self._world.perform(mind, effect)

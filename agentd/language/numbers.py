@@ -59,7 +59,8 @@ def divide(a: float, b: float) -> float:
     return math.copysign(math.inf, a) * math.copysign(1.0, b)
 
 
-def _to_int(value: float) -> int:
+def java_int(value: float) -> int:
+    """Java's cast to 32 bits: truncating, clipped, NaN is 0."""
     if value != value:
         return 0
     if value >= _INT_MAX:
@@ -72,7 +73,7 @@ def integer_divide(a: float, b: float) -> float:
 
     Raises `UndefinedNumber` when the divisor is 0 after the cast.
     """
-    dividend, divisor = _to_int(a), _to_int(b)
+    dividend, divisor = java_int(a), java_int(b)
     if divisor == 0:
         raise UndefinedNumber("division by zero in 'div'")
     quotient = abs(dividend) // abs(divisor)

@@ -6,6 +6,7 @@ functor, positive before negated, arguments from the left, arity, annotations.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterable
 from functools import cmp_to_key
 from typing import Any
@@ -106,6 +107,17 @@ def distinct(terms: Iterable[Any]) -> list[Any]:
         if not found or compare(found[-1], term) != 0:
             found.append(term)
     return found
+
+
+def place_in(members: list[Any], term: Any) -> int:
+    """Where in terms of standard order a term stands, or would have to."""
+    return bisect_left(members, key(term), key=key)
+
+
+def is_in(members: list[Any], term: Any) -> bool:
+    """Whether terms in standard order hold one that is equal to a term."""
+    place = place_in(members, term)
+    return place < len(members) and compare(members[place], term) == 0
 
 
 def sorted_annots(terms: Iterable[Any]) -> tuple[Any, ...]:

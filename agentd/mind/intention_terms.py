@@ -11,14 +11,18 @@ from agentd.language.syntax import Operator
 from agentd.language.terms import Code, Literal, atom, deref, make_list
 from agentd.mind.frames import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Frame, Step
 from agentd.mind.intentions import Intention, values_of
+from agentd.mind.questions import Question
 from agentd.mind.resolving import resolve, resolve_all
+from agentd.mind.timers import Timer
 from agentd.mind.unifier import undo, unify
+from agentd.mind.waiting import Wait
 
-_IM, _MAP, _WAITING, _SUSPENDED = (
+_IM, _MAP, _WAITING, _SUSPENDED, _WAIT = (
     signature("im", 4),
     signature("map", 2),
     signature("waiting", 1),
     signature("suspended", 1),
+    signature("wait", 1),
 )
 
 _CALLS = frozenset(
@@ -38,6 +42,34 @@ def state_of(mind: Any, intention: Intention) -> Literal:
     return atom("running")
 
 
+def reason_of(mind: Any, intention: Intention) -> Literal | None:
+    """Why an intention does not run, for ``.suspended``; None for one that does.
+
+    ``suspend_ia``, ``wait(What)`` as it was asked for, ``waiting_ask``, ``act`` (an action), ``fork``, ``team`` (a
+    request such as ``.create_agent``) or ``goal_condition``.
+    """
+    if intention.suspended is not None:
+        return atom("suspend_ia")
+    if intention.waiting is None:
+        return None
+    if intention.action is not None:
+        return atom("act")
+    token = mind.waiting[intention.id][1]
+    if isinstance(token, Wait | Timer):
+        return Literal(_WAIT, (_waited_for(intention),))
+    if isinstance(token, Question):
+        return atom("waiting_ask")
+    return atom("team" if isinstance(token, int) else "goal_condition" if token is None else "fork")
+
+
+def _waited_for(intention: Intention) -> Any:
+    """The first argument of the ``.wait`` that an intention is in."""
+    step = None if intention.last is None else intention.last.syntax
+    if isinstance(step, syntax.Step) and isinstance(step.term, syntax.InternalAction):
+        return resolve(instantiate(step.term.args[0], values_of(intention.stack[-1])))
+    return intention.waiting
+
+
 def stack_of(mind: Any, intention: Intention) -> Any:
     """``[im(Label, {Trigger}, {Body}, [map(Name, Value), ...]), ...]``, innermost plan first.
 
@@ -47,7 +79,7 @@ def stack_of(mind: Any, intention: Intention) -> Any:
     means = []
     for place, frame in enumerate(stack):
         if place + 1 < len(stack):
-            begun = _caller(frame, stack[place + 1])
+            begun = calling_step(frame, stack[place + 1])
         else:
             begun = None if intention in mind.running else intention.last
             if begun is not None and (begun.plan is not frame[PLAN] or intention.id in mind.suspended):
@@ -56,7 +88,7 @@ def stack_of(mind: Any, intention: Intention) -> Any:
     return make_list(reversed(means))
 
 
-def _caller(frame: Frame, above: Frame) -> Step | None:
+def calling_step(frame: Frame, above: Frame) -> Step | None:
     """The formula of a frame's plan that raised the event of the frame above it."""
     called = Literal(above[RELEVANT].sig, above[ARGS])
     values = values_of(frame)

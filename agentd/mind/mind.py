@@ -129,6 +129,8 @@ class Mind:
         self.epoch, self.zone = epoch, zone
         self.failed_handlers: dict[int, int] = {}
         """How often the failure plan of an intention has failed itself and was tried again, by the intention's id."""
+        self.verbose = 1
+        """What ``.verbose`` set: 0 prints without the agent's name, 2 shows debugging."""
         self._warned: dict[str, None] = {}
         self.intention_count = 0
         """How many intentions there have been; the id of the last one."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from agentd.language.order import compare, distinct, ordered
-from agentd.language.terms import Collection, Var, deref, make_list, proper
+from agentd.language.order import compare, distinct, is_in, ordered, place_in
+from agentd.language.terms import Collection, Var, atom, deref, make_list, proper
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.resolving import resolve
 from agentd.mind.unifier import Trail, undo, unify
@@ -14,9 +14,9 @@ from agentd.stdlib.registry import internal_action
 
 
 def _held(term: Any, kinds: tuple[str, ...], trail: Trail) -> Any:
-    """The content of a collection; a free variable becomes an empty one of the first kind."""
+    """The collection that an argument holds; a free variable becomes an empty map or set where that is needed."""
     collection = deref(term)
-    if type(collection) is Var:
+    if type(collection) is Var and kinds is not _QUEUE:
         made = Collection(kinds[0], {} if kinds[0] == "map" else [])
         unify(collection, made, trail)
         collection = made
@@ -34,6 +34,34 @@ def _create(kind: str, term: Any, trail: Trail) -> bool:
 _MAP = ("map",)
 _SET = ("set",)
 _QUEUE = ("queue", "priority")
+_PRIORITY = atom("priority")
+
+
+def _for_all_kinds(name: str, kinds: tuple[str, ...]) -> None:
+    """Register what maps, sets and queues have in common."""
+
+    @internal_action(f".{name}.clear", 1)
+    def clear(mind: Any, trail: Trail, term: Any) -> bool:
+        _held(term, kinds, trail).content.clear()
+        return True
+
+    @internal_action(f".{name}.copy", 2)
+    def copy(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+        """The outer container only."""
+        held = _held(term, kinds, trail)
+        return unify(result, Collection(held.kind, held.content.copy()), trail)
+
+    if kinds is _MAP:
+        return
+
+    @internal_action(f".{name}.to_list", 2)
+    def to_list(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+        return unify(result, make_list(list(_held(term, kinds, trail).content)), trail)
+
+
+_for_all_kinds("map", _MAP)
+_for_all_kinds("set", _SET)
+_for_all_kinds("queue", _QUEUE)
 
 
 @internal_action(".map.create", 1)
@@ -77,28 +105,6 @@ def map_value(mind: Any, trail: Trail, term: Any, value: Any) -> Iterator[None]:
     yield from _one_by_one(list(_held(term, _MAP, trail).content.values()), value, trail)
 
 
-@internal_action(".map.clear", 1)
-@internal_action(".set.clear", 1)
-@internal_action(".queue.clear", 1)
-def clear(mind: Any, trail: Trail, term: Any) -> bool:
-    collection = deref(term)
-    if type(collection) is not Collection:
-        raise Failed("unknown", "a map, set or queue is needed")
-    collection.content.clear()
-    return True
-
-
-@internal_action(".map.copy", 2)
-@internal_action(".set.copy", 2)
-@internal_action(".queue.copy", 2)
-def copy(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
-    """The outer container only."""
-    collection = deref(term)
-    if type(collection) is not Collection:
-        raise Failed("unknown", "a map, set or queue is needed")
-    return unify(result, Collection(collection.kind, collection.content.copy()), trail)
-
-
 @internal_action(".set.create", 1)
 def set_create(mind: Any, trail: Trail, term: Any) -> bool:
     return _create("set", term, trail)
@@ -106,8 +112,10 @@ def set_create(mind: Any, trail: Trail, term: Any) -> bool:
 
 @internal_action(".set.add", 2)
 def set_add(mind: Any, trail: Trail, term: Any, item: Any) -> bool:
-    held = _held(term, _SET, trail)
-    held.content[:] = distinct([*held.content, resolve(item)])
+    content, new = _held(term, _SET, trail).content, resolve(item)
+    place = place_in(content, new)
+    if place == len(content) or compare(content[place], new):
+        content.insert(place, new)
     return True
 
 
@@ -131,37 +139,33 @@ def set_add_all(mind: Any, trail: Trail, term: Any, items: Any) -> bool:
 
 @internal_action(".set.remove", 2)
 def set_remove(mind: Any, trail: Trail, term: Any, item: Any) -> bool:
-    held, gone = _held(term, _SET, trail), resolve(item)
-    held.content[:] = [m for m in held.content if compare(m, gone) != 0]
+    content, gone = _held(term, _SET, trail).content, resolve(item)
+    if is_in(content, gone):
+        del content[place_in(content, gone)]
     return True
 
 
 @internal_action(".set.intersection", 2)
 def set_intersection(mind: Any, trail: Trail, term: Any, items: Any) -> bool:
-    held, others = _held(term, _SET, trail), _members(items)
-    held.content[:] = [m for m in held.content if any(compare(m, o) == 0 for o in others)]
+    held, others = _held(term, _SET, trail), distinct(_members(items))
+    held.content[:] = [m for m in held.content if is_in(others, m)]
     return True
 
 
 @internal_action(".set.difference", 2)
 def set_difference(mind: Any, trail: Trail, term: Any, items: Any) -> bool:
-    held, others = _held(term, _SET, trail), _members(items)
-    held.content[:] = [m for m in held.content if not any(compare(m, o) == 0 for o in others)]
+    held, others = _held(term, _SET, trail), distinct(_members(items))
+    held.content[:] = [m for m in held.content if not is_in(others, m)]
     return True
-
-
-@internal_action(".set.to_list", 2)
-@internal_action(".queue.to_list", 2)
-def to_list(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
-    return unify(result, make_list(_members(term)), trail)
 
 
 @internal_action(".queue.create", (1, 2))
 def queue_create(mind: Any, trail: Trail, term: Any, kind: Any = None) -> bool:
-    return _create("queue" if kind is None else "priority", term, trail)
+    return _create("priority" if kind is not None and deref(kind) == _PRIORITY else "queue", term, trail)
 
 
 def _enqueue(held: Collection, items: list[Any]) -> None:
+    """Equal terms of a priority queue keep their order."""
     held.content.extend(items)
     if held.kind == "priority":
         held.content[:] = ordered(held.content)

@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from agentd.language.terms import Literal, atom, deref
+from agentd.language.signatures import signature
+from agentd.language.terms import Literal, deref
 from agentd.mind import dropping
 from agentd.mind.dropping import drop
 from agentd.mind.failed import wrong_arguments
-from agentd.mind.intention_terms import stack_of, state_of
+from agentd.mind.intention_terms import reason_of, stack_of, state_of
 from agentd.mind.taken import intention_in_hand
 from agentd.mind.unifier import Trail, undo, unify
 from agentd.mind.waiting import resume_waiting
 from agentd.stdlib.registry import internal_action
+
+_INTENTION = signature("intention", 2)
 
 
 def _goal(term: Any) -> Literal:
@@ -129,8 +132,19 @@ def drop_future_intention(mind: Any, trail: Trail, goal: Any) -> bool | None:
     return _own_end(mind, own)
 
 
+@internal_action(".current_intention", (1, 2))
+def current_intention(mind: Any, trail: Trail, first: Any, stack: Any = None) -> bool:
+    """``.current_intention(intention(Id, Stack))`` or ``(Id, Stack)``: the old form of asking for the own one."""
+    own = mind.current
+    if own is None:
+        return False
+    number, means = float(own.id), stack_of(mind, own)
+    if stack is None:
+        return unify(first, Literal(_INTENTION, (number, means)), trail)
+    return unify(first, number, trail) and unify(stack, means, trail)
+
+
 @internal_action(".intention", (2, 4), backtracks=True)
-@internal_action(".current_intention", (2, 4), backtracks=True)
 def intention(mind: Any, trail: Trail, number: Any, state: Any, stack: Any = None, own: Any = None) -> Iterator[None]:
     """``.intention(Id, State[, Stack[, current]])``: each intention (or the own one), innermost plan first."""
     mark = len(trail)
@@ -197,11 +211,11 @@ def resume(mind: Any, trail: Trail, goal: Any) -> bool:
 
 @internal_action(".suspended", 2, backtracks=True)
 def suspended(mind: Any, trail: Trail, goal: Any, reason: Any) -> Iterator[None]:
+    """``.suspended(G, R)``: the intentions with G that do not run, and why."""
     pattern = _goal(goal)
     mark = len(trail)
     for intention in mind.all_intentions():
-        why = "suspend_ia" if intention.suspended is not None else intention.waiting
-        fits = why and dropping.find_goal(intention, pattern, trail) is not None
-        if fits and unify(reason, atom(why.partition(" ")[0]), trail):
+        why = reason_of(mind, intention)
+        if why is not None and dropping.find_goal(intention, pattern, trail) is not None and unify(reason, why, trail):
             yield None
         undo(trail, mark)

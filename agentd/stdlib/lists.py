@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Iterator
 from typing import Any
 
-from agentd.language.order import compare, distinct, ordered
+from agentd.language.numbers import java_int
+from agentd.language.order import distinct, is_in, ordered
 from agentd.language.term_text import text
 from agentd.language.terms import (
     Collection,
@@ -21,6 +20,7 @@ from agentd.language.terms import (
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.resolving import resolve
 from agentd.mind.unifier import Trail, undo, unify
+from agentd.stdlib.java_regex import replace_all
 from agentd.stdlib.registry import internal_action
 
 
@@ -64,7 +64,7 @@ def nth(mind: Any, trail: Trail, position: Any, collection: Any, item: Any) -> I
         return
     if type(position) is not float:
         wrong_arguments("the position for .nth is a number")
-    at = int(position)
+    at = java_int(position)
     if not 0 <= at < len(members):
         raise Failed("internal_action", f"position {at} is out of range: there are {len(members)} elements")
     if unify(item, members[at], trail):
@@ -80,10 +80,10 @@ def delete(mind: Any, trail: Trail, *args: Any) -> bool:
     if type(first) is float:
         return _delete_positions([deref(w) for w in what], collection, result, trail)
     if len(what) > 1:
-        wrong_arguments(".delete of a range takes two numbers")
+        raise Failed("internal_action", ".delete of a range takes two numbers")
     if type(first) is str:
         whole = collection if type(collection) is str else text(resolve(collection))
-        return unify(result, re.sub(first, "", whole), trail)
+        return unify(result, replace_all(first, "", whole), trail)
     members = proper(collection)
     if members is None:
         raise Failed("internal_action", ".delete takes a list or string to delete from")
@@ -98,15 +98,16 @@ def delete(mind: Any, trail: Trail, *args: Any) -> bool:
 
 def _delete_positions(what: list[Any], collection: Any, result: Any, trail: Trail) -> bool:
     if any(type(w) is not float for w in what):
-        wrong_arguments("positions for .delete are numbers")
-    start = int(what[0])
-    end = int(what[1]) if len(what) > 1 else start + 1
+        raise Failed("internal_action", "positions for .delete are numbers")
+    start = java_int(what[0])
+    end = java_int(what[1]) if len(what) > 1 else start + 1
+    first, after = max(start, 0), max(end, start, 0)
     if type(collection) is str:
-        return unify(result, collection[:start] + collection[max(end, start) :], trail)
+        return unify(result, collection[:first] + collection[after:], trail)
     members = proper(collection)
     if members is None:
         raise Failed("internal_action", ".delete takes a list or string to delete from")
-    return unify(result, make_list(members[:start] + members[max(end, start) :]), trail)
+    return unify(result, make_list(members[:first] + members[after:]), trail)
 
 
 @internal_action(".sort", 2)
@@ -133,10 +134,6 @@ def _sets(what: str, left: Any, right: Any, result: Any) -> tuple[list[Any], lis
     return distinct(members_of(left, what)), distinct(members_of(right, what))
 
 
-def _in(item: Any, members: list[Any]) -> bool:
-    return any(compare(item, m) == 0 for m in members)
-
-
 @internal_action(".union", 3)
 def union(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
     a, b = _sets(".union", left, right, result)
@@ -146,13 +143,13 @@ def union(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
 @internal_action(".intersection", 3)
 def intersection(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
     a, b = _sets(".intersection", left, right, result)
-    return unify(result, make_list([x for x in a if _in(x, b)]), trail)
+    return unify(result, make_list([x for x in a if is_in(b, x)]), trail)
 
 
 @internal_action(".difference", 3)
 def difference(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
     a, b = _sets(".difference", left, right, result)
-    return unify(result, make_list([x for x in a if not _in(x, b)]), trail)
+    return unify(result, make_list([x for x in a if not is_in(b, x)]), trail)
 
 
 def _parts(what: str, pattern: Any, whole: Any, cuts: Any, trail: Trail) -> Iterator[None]:
@@ -195,14 +192,16 @@ def number_range(mind: Any, trail: Trail, item: Any, first: Any, last: Any, step
     bounds = [deref(first), deref(last), deref(step)]
     if any(type(b) is not float for b in bounds):
         wrong_arguments(".range takes numbers as bounds")
-    start, end, pace = (math.trunc(b) for b in bounds)
+    start, end, pace = map(java_int, bounds)
     given = deref(item)
     if type(given) is float:
         if start <= given <= end:
             yield None
         return
+    if type(given) is not Var:
+        raise Failed("unknown", "what .range counts with is a variable or a number")
     if pace == 0:
-        return
+        raise Failed("unknown", "a .range in steps of 0 has no end")
     mark = len(trail)
     at = start
     while at <= end if pace > 0 else at >= end:

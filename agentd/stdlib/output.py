@@ -5,25 +5,33 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from agentd.language.numbers import double_text, number_text
-from agentd.language.term_text import printed, text
-from agentd.language.terms import List, Literal, Var, deref, split
+from agentd.language.numbers import java_int
+from agentd.language.term_text import code_text, printed, text
+from agentd.language.terms import Code, Literal, Var, deref
+from agentd.mind.beliefs import RuleClause
 from agentd.mind.effects import Log, Print
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.intentions import values_of
+from agentd.mind.plan_terms import plans_for, read_trigger, term_of
 from agentd.mind.resolving import resolve
 from agentd.mind.unifier import Trail, unify
 from agentd.stdlib.registry import internal_action
+
+
+def _line(mind: Any, shown: str) -> Print:
+    return Print(shown) if mind.verbose else Print(shown, plain=True)
 
 
 @internal_action(".print", (0, None))
 @internal_action(".println", (0, None))
 def print_terms(mind: Any, trail: Trail, *args: Any) -> bool:
     """``.print(T, ...)``: the texts of the terms, joined, as one line."""
-    mind.effects.append(Print("".join([printed(resolve(a)) for a in args])))
+    mind.effects.append(_line(mind, "".join([printed(resolve(a)) for a in args])))
     return True
 
 
+DEBUGGING = 2
+"""The level of ``.verbose`` from which all logging is shown."""
 _LEVELS = {"severe": "error", "warning": "warning", "info": "info"}
 
 
@@ -35,11 +43,18 @@ def log(mind: Any, trail: Trail, level: Any, *args: Any) -> bool:
         raise Failed("unknown", ".log takes a level first")
     shown = _LEVELS.get(name.sig.functor, "debug" if name.sig.functor in ("fine", "finer", "finest") else "info")
     line = "".join([printed(resolve(a)) for a in args])
-    mind.effects.append(Log(shown, line) if shown == "debug" else Print(line))
+    mind.effects.append(Log(shown, line) if shown == "debug" and mind.verbose < DEBUGGING else _line(mind, line))
     return True
 
 
-_FORMAT = re.compile(r"%(-?0?\d*)(?:\.(\d+))?([sdfn%])")
+@internal_action(".verbose", 1)
+def verbose(mind: Any, trail: Trail, level: Any) -> bool:
+    """``.verbose(N)``: 0 prints without the agent's name, 1 is normal, 2 shows what is logged below info too."""
+    number = deref(level)
+    if type(number) is not float:
+        raise Failed("unknown", ".verbose takes a number")
+    mind.verbose = java_int(number)
+    return True
 
 
 @internal_action(".printf", (1, None))
@@ -48,52 +63,10 @@ def printf(mind: Any, trail: Trail, pattern: Any, *args: Any) -> bool:
     form = deref(pattern)
     if type(form) is not str:
         wrong_arguments(".printf takes a format string first")
-    values = [deref(resolve(a)) for a in args]
+    from agentd.stdlib.java_format import java_format  # it needs `decimal`, which costs every other program memory
 
-    def piece(match: re.Match[str]) -> str:
-        width, digits, kind = match.groups()
-        if kind == "n":
-            return "\n"
-        if kind == "%":
-            return "%"
-        if not values:
-            raise Failed("unknown", "more places than values in the format")
-        return _padded(_formatted(values.pop(0), kind, digits), width)
-
-    mind.effects.append(Print(_FORMAT.sub(piece, form)))
+    mind.effects.append(_line(mind, java_format(form, [deref(resolve(a)) for a in args])))
     return True
-
-
-def _formatted(value: Any, kind: str, digits: str | None) -> str:
-    if kind == "d":
-        raise Failed("unknown", "%d needs an integer; every number is a floating point number")
-    if kind == "f":
-        if type(value) is not float:
-            raise Failed("unknown", "%f needs a number")
-        from decimal import ROUND_HALF_UP, Decimal
-
-        places = Decimal(1).scaleb(-(int(digits) if digits else 6))
-        return str(Decimal(repr(value)).quantize(places, ROUND_HALF_UP))
-    return double_text(value) if type(value) is float else _java_text(value)
-
-
-def _java_text(value: Any) -> str:
-    if type(value) is float:
-        return number_text(value)
-    if type(value) is List:
-        members, _ = split(value)
-        return f"[{', '.join(_java_text(deref(m)) for m in members)}]"
-    return value if type(value) is str else text(value)
-
-
-def _padded(piece: str, width: str) -> str:
-    if not width:
-        return piece
-    if width.startswith("-"):
-        return piece.ljust(int(width[1:] or 0))
-    if width.startswith("0") and len(width) > 1:
-        return piece.zfill(int(width))
-    return piece.rjust(int(width))
 
 
 _PLACE = re.compile(r"#\{([A-Za-z_]\w*)\}")
@@ -113,6 +86,36 @@ def puts(mind: Any, trail: Trail, pattern: Any, result: Any = None) -> bool:
 
     line = _PLACE.sub(piece, form)
     if result is None:
-        mind.effects.append(Print(line))
+        mind.effects.append(_line(mind, line))
         return True
     return type(deref(result)) is Var and unify(result, line, trail)
+
+
+@internal_action(".print_unifier", 0)
+def print_unifier(mind: Any, trail: Trail) -> bool:
+    """``.print_unifier``: a line per variable of the plan that has a value, then ``done``."""
+    found = values_of(mind.current.stack[-1]) if mind.current is not None and mind.current.stack else {}
+    for name, term in found.items():
+        mind.effects.append(_line(mind, f"{name}={text(resolve(term))}"))
+    mind.effects.append(_line(mind, "done"))
+    return True
+
+
+@internal_action(".list_plans", (0, 1))
+def list_plans(mind: Any, trail: Trail, trigger: Any = None) -> bool:
+    """``.list_plans[(Trigger)]``: the plan library, or the plans for an event, as source text."""
+    plans = list(mind.plans) if trigger is None else plans_for(mind, read_trigger(trigger))
+    for plan in plans:
+        term = term_of(plan)
+        mind.effects.append(_line(mind, f"{code_text(Code(term.syntax, term.values, bare=True))}."))
+    return True
+
+
+@internal_action(".list_rules", 0)
+def list_rules(mind: Any, trail: Trail) -> bool:
+    """``.list_rules``: the rules as source text."""
+    for predicate in mind.beliefs.predicates():
+        for entry in reversed(predicate.entries.values()):
+            if type(entry) is RuleClause:
+                mind.effects.append(_line(mind, f"{code_text(Code(entry.syntax, entry.values, bare=True))}."))
+    return True

@@ -10,6 +10,7 @@ from agentd.language.sources import SELF
 from agentd.language.terms import Code, Literal, Var, deref, make_list
 from agentd.mind.annotations import with_source
 from agentd.mind.code_terms import parts_of, trigger_literal
+from agentd.mind.failed import Failed
 from agentd.mind.plan_terms import add_plans, is_label, plans_for, read_trigger, relevant_plans, remove_plans, term_of
 from agentd.mind.resolving import detach, resolve, resolve_all
 from agentd.mind.unifier import Trail, undo, unify
@@ -77,6 +78,8 @@ def plan_label(mind: Any, trail: Trail, plan: Any, label: Any) -> Iterator[None]
 @internal_action(".signal", (1, 2))
 def signal(mind: Any, trail: Trail, trigger: Any, kind: Any = None) -> bool:
     """``.signal({+e})``: the event at once, with source(self); no belief is added."""
+    if type(deref(trigger)) not in (Code, str):
+        raise Failed("unknown", ".signal takes an event in braces, such as { +alarm(1) }")
     code = read_trigger(trigger)
     literal = trigger_literal(code)
     event = mind.plans.relevant(code.syntax.operator, code.syntax.goal, literal.sig)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from agentd.language.numbers import java_int
 from agentd.language.terms import List, Var, deref, make_list
 from agentd.mind.failed import wrong_arguments
 from agentd.mind.unifier import Trail, undo, unify
@@ -50,7 +51,7 @@ def _times(term: Any) -> int:
     number = deref(term)
     if type(number) is not float:
         wrong_arguments(".random takes a number of times")
-    return int(number)
+    return java_int(number)
 
 
 @internal_action(".set_random_seed", 1)
@@ -58,5 +59,5 @@ def set_random_seed(mind: Any, trail: Trail, seed: Any) -> bool:
     number = deref(seed)
     if type(number) is not float:
         wrong_arguments("a random seed is a number")
-    mind.random.seed(int(number))
+    mind.random.seed(java_int(number))
     return True

@@ -44,8 +44,10 @@ def _guard_test(function: Callable[..., Any]) -> Callable[..., bool]:
             return bool(function(mind, trail, *args))
         except (Failed, UndefinedNumber):
             return False
-        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-            mind.warn_once(f"an internal action in a condition went wrong: {type(error).__name__}: {error}")
+        except RecursionError:
+            raise
+        except Exception as error:  # an action may raise anything; its error makes the condition false
+            mind.warn_once(_went_wrong(error))
             return False
 
     return guarded
@@ -57,8 +59,16 @@ def _guard_generator(function: Callable[..., Any]) -> Callable[..., Iterator[Any
             yield from function(mind, trail, *args)
         except (Failed, UndefinedNumber):
             return
+        except RecursionError:
+            raise
+        except Exception as error:  # as above
+            mind.warn_once(_went_wrong(error))
 
     return guarded
+
+
+def _went_wrong(error: Exception) -> str:
+    return f"an internal action in a condition went wrong: {type(error).__name__}: {error}"
 
 
 ACTIONS: Final[dict[str, list[InternalAction]]] = {}

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from typing import Any
 
 from agentd.language.errors import SyntaxErrors
 from agentd.language.instantiate import instantiate
+from agentd.language.numbers import java_int
 from agentd.language.parser import parse_term
 from agentd.language.term_text import text
 from agentd.language.terms import EMPTY, Collection, List, Literal, Var, atom, deref, make_list, proper, split
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.resolving import resolve
 from agentd.mind.unifier import Trail, undo, unify
+from agentd.stdlib.java_regex import replace_all
 from agentd.stdlib.registry import function, internal_action
 
 
@@ -105,10 +106,7 @@ def _position(term: Any) -> int:
     number = deref(term)
     if type(number) is not float:
         raise Failed("unknown", "a position in a string is a number")
-    return int(number)
-
-
-_JAVA_GROUP = re.compile(r"\$(\d)")
+    return java_int(number)
 
 
 @internal_action(".replace", 4)
@@ -117,11 +115,7 @@ def replace(mind: Any, trail: Trail, term: Any, pattern: Any, new: Any, result: 
     pattern, new = deref(pattern), deref(new)
     if type(pattern) is not str or type(new) is not str:
         raise Failed("unknown", ".replace takes a pattern and a text as strings")
-    try:
-        replaced = re.sub(pattern, _JAVA_GROUP.sub(r"\\g<\1>", new.replace("\\", "\\\\")), plain_text(term))
-    except re.error as error:
-        raise Failed("unknown", f"bad pattern: {error}") from error
-    return unify(result, replaced, trail)
+    return unify(result, replace_all(pattern, new, plain_text(term)), trail)
 
 
 @internal_action(".lower_case", 2)

@@ -53,8 +53,7 @@ def version(mind: Any, trail: Trail, result: Any) -> bool:
     return unify(result, "argosy", trail)
 
 
-@internal_action(".verbose", 1)
-def verbose(mind: Any, trail: Trail, level: Any) -> bool:
-    if type(deref(level)) is not float:
-        raise Failed("unknown", ".verbose takes a number")
-    return True
+@internal_action(".join", (0, None))
+def join(mind: Any, trail: Trail, *args: Any) -> bool:
+    """What Jason puts at the end of the branches of a ``.fork``; it is not for programs."""
+    return wrong_arguments(".join ends the branches of .fork by itself and is not to be called")

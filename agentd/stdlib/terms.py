@@ -8,7 +8,20 @@ from typing import Any
 from agentd.language import syntax
 from agentd.language.order import sorted_annots
 from agentd.language.sources import is_source, source
-from agentd.language.terms import EMPTY, Code, Collection, List, Literal, Var, atom, deref, make_list, proper
+from agentd.language.terms import (
+    ARITHMETIC,
+    EMPTY,
+    Code,
+    Collection,
+    Expression,
+    List,
+    Literal,
+    Var,
+    atom,
+    deref,
+    make_list,
+    proper,
+)
 from agentd.mind.failed import Failed
 from agentd.mind.resolving import Copier, is_ground, resolve
 from agentd.mind.unifier import Trail, undo, unify, value
@@ -19,23 +32,34 @@ def _is_atom(term: Any) -> bool:
     return type(term) is Literal and not term.args and not term.annots and not term.sig.negated
 
 
-def _is_structure(term: Any) -> bool:
+def _is_structure(mind: Any, term: Any) -> bool:
     if type(term) is Literal:
-        return bool(term.args or term.annots or term.sig.negated)
-    return type(term) is List
+        return bool(term.args or term.annots or term.sig.negated) and not _is_number(mind, term)
+    return type(term) is List or _is_literal(mind, term)
 
 
 @internal_action(".atom", 1)
 def is_atom(mind: Any, trail: Trail, term: Any) -> bool:
-    return _is_atom(value(term))
+    found = value(term)
+    return _is_atom(found) and not _is_number(mind, found)
+
+
+def _is_number(mind: Any, term: Any) -> bool:
+    """Whether a term is a number, or arithmetic or a function that could not be computed: these count as one."""
+    if type(term) is Literal:
+        return bool(mind.compiler.is_function(term.sig.functor, term.sig.arity))
+    return type(term) is float or (type(term) is Expression and term.operator in ARITHMETIC)
+
+
+def _is_literal(mind: Any, term: Any) -> bool:
+    if type(term) is Literal:
+        return not _is_number(mind, term)
+    return type(term) is Expression and term.operator not in ARITHMETIC
 
 
 @internal_action(".number", 1)
 def is_number(mind: Any, trail: Trail, term: Any) -> bool:
-    found = value(term)
-    if type(found) is Literal:  # a function that could not be computed still counts as a number
-        return bool(mind.compiler.is_function(found.sig.functor, found.sig.arity))
-    return type(found) is float
+    return _is_number(mind, value(term))
 
 
 @internal_action(".string", 1)
@@ -50,12 +74,12 @@ def is_list(mind: Any, trail: Trail, term: Any) -> bool:
 
 @internal_action(".literal", 1)
 def is_literal(mind: Any, trail: Trail, term: Any) -> bool:
-    return type(value(term)) is Literal
+    return _is_literal(mind, value(term))
 
 
 @internal_action(".structure", 1)
 def is_structure(mind: Any, trail: Trail, term: Any) -> bool:
-    return _is_structure(value(term))
+    return _is_structure(mind, value(term))
 
 
 @internal_action(".ground", 1)
@@ -69,16 +93,16 @@ def is_internal_action(mind: Any, trail: Trail, term: Any) -> bool:
     return type(term) is Literal and (term.sig.functor in ACTIONS or term.sig.functor.startswith("."))
 
 
-def _kinds(term: Any) -> list[str]:
+def _kinds(mind: Any, term: Any) -> list[str]:
     kinds = {
-        "number": type(term) is float,
-        "atom": _is_atom(term),
-        "literal": type(term) is Literal,
+        "number": _is_number(mind, term),
+        "atom": _is_atom(term) and not _is_number(mind, term),
+        "literal": _is_literal(mind, term),
         "string": type(term) is str,
         "list": type(term) is List,
         "set": type(term) is Collection and term.kind == "set",
         "map": type(term) is Collection and term.kind == "map",
-        "structure": _is_structure(term),
+        "structure": _is_structure(mind, term),
         "rule": type(term) is Code and isinstance(term.syntax, syntax.Rule),
         "plan": type(term) is Code and isinstance(term.syntax, syntax.Plan),
         "queue": type(term) is Collection and term.kind in ("queue", "priority"),
@@ -92,7 +116,7 @@ def _kinds(term: Any) -> list[str]:
 def kind_of(mind: Any, trail: Trail, term: Any, kind: Any) -> Iterator[None]:
     """``.type(T, K)``: each kind of the term."""
     mark = len(trail)
-    for name in _kinds(value(term)):
+    for name in _kinds(mind, value(term)):
         if unify(kind, atom(name), trail):
             yield None
         undo(trail, mark)
