@@ -32,10 +32,16 @@ class InternalAction:
         self._guarded: Callable[..., Any] | None = None
 
     def guarded(self) -> Callable[..., Any]:
-        """For contexts and rules, where an error only makes the condition false."""
-        if self._guarded is None:
+        """For contexts and rules, where an error only makes the condition false, and nothing can wait."""
+        if self._guarded is None and self.suspends:
+            self._guarded = _guard_test(self._refuse_to_wait)
+        elif self._guarded is None:
             self._guarded = _guard_generator(self.function) if self.backtracks else _guard_test(self.function)
         return self._guarded
+
+    def _refuse_to_wait(self, mind: Any, trail: Any, *args: Any) -> bool:
+        mind.warn_once(f"{self.name} may have to wait, so it is false in a condition: use it as a step of a plan")
+        return False
 
 
 def _guard_test(function: Callable[..., Any]) -> Callable[..., bool]:

@@ -85,3 +85,9 @@ def test_a_division_by_zero_in_a_context_is_told() -> None:
     world = run("!g. +!g : X = 1 div 0 <- .print(never). -!g[error(E)] <- .print(E).")
     assert world.prints == ["no_applicable"]
     assert any("div" in line for line in world.logs)
+
+
+def test_an_action_that_has_to_wait_makes_a_condition_false_and_says_so() -> None:
+    world = run("!g. +!g <- if (.df_register(x)) { .print(yes) } else { .print(no) }; .wait(.df_register(y), 10).")
+    assert world.prints == ["no"]
+    assert any(".df_register may have to wait" in text for text in world.logs)
