@@ -15,6 +15,7 @@ test: $(VENV)/test.stamp  ## run all tests
 
 soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/soak.md
 	$(BIN)/python -m tests.soak
+	nice $(BIN)/python -m tests.soak_parser
 
 bench-reasoner: $(VENV)/bench.stamp  ## the reasoner beside python-agentspeak, about 12 minutes; writes docs/reasoner.md
 	$(BIN)/python -m benchmarks.reasoner --out docs/reasoner.md $(ARGS)

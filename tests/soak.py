@@ -1,24 +1,20 @@
 """What takes too long for CI: `make soak` flies the first mission ten times in a row at 20 times real time.
 
-Writes its report to docs/soak.md and exits with 0 only if all flights were done.
+Writes its section of docs/soak.md and exits with 0 only if all flights were done.
 """
 
 from __future__ import annotations
 
-import os
-import platform
 import re
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
-REPORT = ROOT / "docs" / "soak.md"
+from tests.soak_report import ROOT, write_section
+
 FLIGHTS = 10
 SPEED = 20
 PATIENCE = 120.0
@@ -54,11 +50,6 @@ def main() -> int:
         rows.append((took, figures))
         print(f"flight {number}: {'done' if code == 0 else f'exit {code}'} in {took:.1f} s {figures}", flush=True)
     lines = [
-        "# Soak",
-        "",
-        f"`make soak` on {datetime.now(UTC):%Y-%m-%d}: Python {platform.python_version()}, {platform.machine()}, "
-        f"{os.cpu_count()} cores, eclipse-zenoh {version('eclipse-zenoh')}, pymavlink {version('pymavlink')}.",
-        "",
         f"The first mission flown {FLIGHTS} times in a row at {SPEED} times real time: "
         f"**{FLIGHTS - failed} of {FLIGHTS} done**.",
         "",
@@ -70,7 +61,7 @@ def main() -> int:
         values = [figures[name] for _, figures in rows if name in figures]
         if values:
             lines.append(f"| {name} (commd + bridged + agentd) | {statistics.median(values):.1f} | {max(values):.1f} |")
-    REPORT.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_section("Flights", lines)
     return 1 if failed else 0
 
 

@@ -1,4 +1,4 @@
-"""Random syntax trees that the parser can make, and random texts that it may meet."""
+"""Random syntax trees that the parser can make, the programs of the corpus, and pieces of such."""
 
 from __future__ import annotations
 
@@ -238,7 +238,7 @@ programs = st.lists(_items, max_size=4).map(lambda items: Program("a.asl", tuple
 
 # --- texts -----------------------------------------------------------------------------------------------------------
 
-_FRAGMENTS = (
+FRAGMENTS = (
     *"+-!?@^~.;:,|&<>=(){}[]\"'\\/*#$_ \n\t0a",
     *("+!", "-!", "<-", ":-", "<:", "|&|", "|||", "**", "=..", "\\==", "!=", "::", "-+", "++", "//", "/*", "*/", ".\n"),
     *("if", "elif", "else", "while", "for", "not", "div", "mod", "true", "begin", "end", "{ begin n }", "{ end }"),
@@ -261,24 +261,8 @@ _FRAGMENTS = (
         "\0",
     ),
 )
-soup = st.lists(st.sampled_from(_FRAGMENTS), max_size=40).map("".join)
 
 
 @lru_cache(maxsize=1)
 def corpus() -> tuple[str, ...]:
     return tuple(path.read_text(encoding="utf-8") for path in sorted(CORPUS.rglob("*.asl")))
-
-
-@st.composite
-def mutated(draw: st.DrawFn) -> str:
-    """A program of the corpus with a few pieces put in, taken out or moved."""
-    text = draw(st.sampled_from(corpus()))
-    for _ in range(draw(st.integers(1, 4))):
-        at = draw(st.integers(0, len(text)))
-        to = min(len(text), at + draw(st.integers(0, 12)))
-        piece = draw(st.sampled_from(_FRAGMENTS) | st.just("") | st.just(text[at:to] * 2))
-        text = text[:at] + piece + text[to:]
-    return text
-
-
-anything = soup | mutated() | st.text(max_size=60)

@@ -1,0 +1,33 @@
+"""The report of the soak tests, docs/soak.md: a section per test, each written by the test when it has run."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+REPORT = ROOT / "docs" / "soak.md"
+
+
+def write_section(title: str, lines: list[str], report: Path = REPORT) -> None:
+    """Put a section in place of the one with this title, or at the end; the other sections stay as they are."""
+    sections = _sections(report.read_text(encoding="utf-8")) if report.exists() else {}
+    sections[title] = "\n".join([f"On {_here()}.", "", *lines])
+    body = "\n\n".join(f"## {name}\n\n{text}" for name, text in sections.items())
+    report.write_text(f"# Soak\n\nWhat `make soak` found: tests that take longer than CI may.\n\n{body}\n", "utf-8")
+
+
+def _sections(text: str) -> dict[str, str]:
+    parts = re.split(r"^## (.*)\n", text, flags=re.MULTILINE)[1:]
+    return {title: body.strip() for title, body in zip(parts[::2], parts[1::2], strict=True)}
+
+
+def _here() -> str:
+    return (
+        f"{datetime.now(UTC):%Y-%m-%d}: Python {platform.python_version()}, {platform.machine()}, "
+        f"{os.cpu_count()} cores, eclipse-zenoh {version('eclipse-zenoh')}, pymavlink {version('pymavlink')}"
+    )
