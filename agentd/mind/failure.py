@@ -11,6 +11,7 @@ from agentd.language.order import sorted_annots
 from agentd.language.signatures import signature
 from agentd.language.term_text import text
 from agentd.language.terms import Code, Literal, atom
+from agentd.mind.communication import communication_error
 from agentd.mind.effects import Log
 from agentd.mind.failed import Failed
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, Frame, Step
@@ -159,6 +160,10 @@ def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, fa
                 annots = sorted_annots((*top[ANNOTS], *extra))
                 mind.events.append((handler, top[ARGS], annots, intention))
                 return
+            if relevant is mind.plans.kqml:
+                communication_error(mind, failure.error, str(failure))
+                _go_on(mind, intention)
+                return
     mind.gone(intention)
     if intention.branch is not None:
         intention.branch.failed(mind, intention, extra, where, failure)
@@ -167,6 +172,13 @@ def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, fa
     why = f": {failure}" if str(failure) != failure.error else ""
     stacked = f" (goals: {', '.join(heads)})" if len(heads) > 1 else ""
     mind.effects.append(Log("warning", f"{where}: {failure.error}{why}{head}, {because}{stacked}"))
+
+
+def _go_on(mind: Any, intention: Intention) -> None:
+    """A built-in failure plan has ended: the plans below go on."""
+    from agentd.mind.waiting import resume_waiting  # it fails intentions itself
+
+    resume_waiting(mind, intention)
 
 
 def _handled_again(mind: Any, intention: Intention, handler: Frame, extra: tuple[Any, ...]) -> bool:
@@ -194,6 +206,12 @@ def _contexts(mind: Any, relevant: Any) -> str:
         return ""
     places = ", ".join(f"{p.head} (line {p.syntax.position.line})" for p in relevant.plans[:3])
     return f"; relevant were {places}"
+
+
+def facts_of(annots: tuple[Any, ...]) -> tuple[str, str]:
+    """The error and the message among the annotations of a failure event."""
+    facts = {a.sig: a.args[0] for a in resolve_all(annots) if type(a) is Literal and len(a.args) == 1}
+    return text(facts.get(_ERROR, atom("unknown"))), str(facts.get(_MESSAGE, ""))
 
 
 def unhandled(relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> str:

@@ -6,21 +6,22 @@ from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 from agentd.language.order import sorted_annots
-from agentd.language.sources import SOURCE_SELF, is_source, source, told_by
+from agentd.language.sources import SELF, SOURCE_SELF, is_source, source, told_by
+from agentd.language.term_text import text
 from agentd.language.terms import FALSE, Literal, Var, atom, deref, make_list, proper
-from agentd.mind.annotations import with_source
 from agentd.mind.answering import answer_by_plan
 from agentd.mind.changes import believe, disbelieve
+from agentd.mind.communication import communication_error
 from agentd.mind.dropping import drop_desire
-from agentd.mind.effects import Log
-from agentd.mind.failed import Failed
+from agentd.mind.failed import Failed, wrong_arguments
+from agentd.mind.failure import error_annots
 from agentd.mind.inputs import Mail
 from agentd.mind.plan_terms import add_plans, relevant_plans, remove_plans
 from agentd.mind.resolving import Copier, detach, resolve, resolve_all
 from agentd.mind.sending import answer_text, reply, send
 from agentd.mind.solve import solve
 from agentd.mind.unifier import undo, unify
-from agentd.mind.waiting import hear
+from agentd.mind.waiting import hear, resume_waiting
 
 
 def receive(mind: Any, mail: Mail) -> None:
@@ -35,38 +36,58 @@ def receive(mind: Any, mail: Mail) -> None:
     custom = mind.plans.kqml
     if custom.plans:
         args = (atom(mail.sender), atom(mail.performative), mail.content, mail.msg_id)
-        if _has_plan(mind, custom, args):
-            mind.post(custom, detach(args), ())
-            return
-    handler = _HANDLERS.get(mail.performative)
-    if handler is None:
-        text = f"nobody handles the performative {mail.performative} of a message from {mail.sender}"
-        mind.effects.append(Log("warning", text))
+        mind.post(custom, detach(args), ())
         return
     try:
-        handler(mind, mail)
+        handle(mind, mail)
     except Failed as failed:
-        text = f"the message {mail.performative} from {mail.sender} cannot be handled: {failed}"
-        mind.effects.append(Log("warning", text))
+        _not_handled(mind, mail, failed)
 
 
-def _has_plan(mind: Any, relevant: Any, args: tuple[Any, ...]) -> bool:
-    """Whether one of the program's own plans for messages is applicable to this one."""
-    for plan in relevant.plans:
-        trail: list[Var] = []
-        frame = plan.select(mind, trail, relevant, args, ())
-        undo(trail, 0)
-        if frame is not None:
-            return True
-    return False
+def handle(mind: Any, mail: Mail) -> None:
+    """Do what a message asks for, as the built-in plans for ``+!kqml_received``. Raises `Failed` where these fail."""
+    handler = _HANDLERS.get(mail.performative)
+    if handler is None:
+        raise Failed("no_applicable", f"nobody handles the performative {mail.performative}")
+    handler(mind, mail)
+
+
+def handle_event(mind: Any, args: tuple[Any, ...], intention: Any) -> None:
+    """``+!kqml_received(Sender, Performative, Content, Id)`` that no plan of the program is applicable to."""
+    sender, performative, content, msg_id = (deref(resolve(a)) for a in args)
+    mail = Mail(plain(sender), plain(performative), content, plain(msg_id))
+    try:
+        handle(mind, mail)
+    except Failed as failed:
+        _not_handled(mind, mail, failed)
+    if intention is not None:
+        resume_waiting(mind, intention)
+
+
+def plain(term: Any) -> str:
+    """A name or id as the plans for messages get it: an atom or a string."""
+    return term if type(term) is str else text(term)
+
+
+def _not_handled(mind: Any, mail: Mail, failed: Failed) -> None:
+    """A message that cannot be handled: the program's own ``-!kqml_received`` is asked, else it is told."""
+    event = Literal(mind.plans.kqml.sig, (atom(mail.sender), atom(mail.performative), mail.content, mail.msg_id))
+    handler = mind.plans.kqml.counterpart("-")
+    if handler.plans:
+        mind.post(handler, detach(event.args), error_annots(failed, event, 0, ""))
+        return
+    what = str(failed)
+    if failed.error == "no_applicable":
+        what = f"Found a goal for which there is no applicable plan: +!{text(event)} ({what})"
+    communication_error(mind, failed.error, what)
 
 
 def told_annots(mind: Any, literal: Literal, sender: str) -> tuple[Any, ...]:
     """The annotations of a literal as told by somebody: its former sources stand inside the new one."""
     if sender == mind.name:
-        return with_source(literal.annots)
+        sender = "self"
     if not literal.annots:
-        return told_by(sender)
+        return SELF if sender == "self" else told_by(sender)
     others = [a for a in literal.annots if not is_source(a)]
     inner = tuple(a for a in literal.annots if is_source(a) and a != SOURCE_SELF)
     who = source(atom(sender))
@@ -113,22 +134,26 @@ def _achieve(mind: Any, mail: Mail) -> None:
         if type(content) is Literal:
             relevant = mind.plans.relevant("+", "!", content.sig)
             mind.new_goal(relevant, content.args, told_annots(mind, content, mail.sender))
+        elif content is mail.content:
+            raise Failed("body_var_not_literal", f"{text(content)} is no goal to achieve")
 
 
 def _unachieve(mind: Any, mail: Mail) -> None:
     content = deref(mail.content)
-    if type(content) is Literal:
-        drop_desire(mind, content, [])
+    if type(content) is not Literal:
+        wrong_arguments(f"{text(content)} is no goal to drop")
+    drop_desire(mind, content, [])
 
 
 def _signal(mind: Any, mail: Mail) -> None:
     content = deref(mail.content)
-    if type(content) is Literal:
-        annots = told_annots(mind, content, mail.sender)
-        relevant = mind.plans.relevant("+", "", content.sig)
-        if mind.listeners:
-            hear(mind, relevant, content.args, annots)
-        mind.post(relevant, content.args, annots)
+    if type(content) is not Literal:
+        raise Failed("unknown", f"{text(content)} is no event to signal")
+    annots = told_annots(mind, content, mail.sender)
+    relevant = mind.plans.relevant("+", "", content.sig)
+    if mind.listeners:
+        hear(mind, relevant, content.args, annots)
+    mind.post(relevant, content.args, annots)
 
 
 def answers(mind: Any, question: Any) -> list[Any]:

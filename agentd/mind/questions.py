@@ -12,6 +12,11 @@ from agentd.mind.unifier import undo, unify
 from agentd.mind.waiting import fail_waiting, resume_waiting
 
 
+def wrong_answer() -> Failed:
+    """The answer is not of the form that the fourth argument of ``.send`` asks for."""
+    return Failed("ask_failed", "the answer does not unify with what was expected")
+
+
 class Question:
     """A synchronous ask: the intention that waits, and for whose answers."""
 
@@ -47,4 +52,4 @@ class Question:
             resume_waiting(mind, self.intention)
         else:
             undo(trail, mark)
-            fail_waiting(mind, self.intention, Failed("ask_failed", "the answer does not unify with what was expected"))
+            fail_waiting(mind, self.intention, wrong_answer())

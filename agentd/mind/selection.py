@@ -6,12 +6,14 @@ from typing import Any
 
 from agentd.language.terms import Literal
 from agentd.mind import failure
+from agentd.mind.communication import communication_error
 from agentd.mind.effects import Log
 from agentd.mind.execution import condition_holds, end_frames
 from agentd.mind.failed import Failed, InContext
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame
 from agentd.mind.goal_states import raise_state
 from agentd.mind.intentions import Intention
+from agentd.mind.messages import handle_event
 from agentd.mind.plans import Plan
 from agentd.mind.resolving import resolve_all
 from agentd.mind.unifier import undo
@@ -109,6 +111,8 @@ def _no_plan(
             return False
         resume_waiting(mind, intention)
         return True
+    if relevant.sig is mind.plans.kqml.sig and relevant.goal == "!":
+        return _built_in(mind, relevant, args, annots, intention)
     if relevant.operator == "+":
         failure.goal_failed(mind, relevant, args, annots, intention)
         return True
@@ -119,4 +123,15 @@ def _no_plan(
         if intention.branch is not None:
             reason = Failed("no_applicable", f"no applicable plan handles {event}")
             intention.branch.failed(mind, intention, annots, event, reason)
+    return True
+
+
+def _built_in(mind: Any, relevant: Any, args: Any, annots: Any, intention: Intention | None) -> bool:
+    """A message, or a failure to handle one, that no plan of the program is applicable to."""
+    if relevant.operator == "+":
+        handle_event(mind, args, intention)
+        return True
+    communication_error(mind, *failure.facts_of(annots))
+    if intention is not None:
+        resume_waiting(mind, intention)
     return True

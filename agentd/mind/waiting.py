@@ -64,7 +64,7 @@ def milliseconds(term: Any) -> float:
     """A time in milliseconds as a term, in seconds."""
     term = deref(term)
     if type(term) is not float:
-        wrong_arguments(".wait takes a number of milliseconds")
+        wrong_arguments("a time is a number of milliseconds")
     return max(0.0, term / 1000.0)
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.language.terms import List, Literal, Var, atom, deref, make_list, proper
+from agentd.language.terms import EMPTY, List, Literal, Var, atom, deref, make_list, proper
 from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.questions import Question
+from agentd.mind.questions import Question, wrong_answer
 from agentd.mind.resolving import detached
 from agentd.mind.sending import send
 from agentd.mind.unifier import Trail, unify
@@ -63,6 +63,11 @@ def send_message(
 
 def _ask(mind: Any, receivers: list[str], many: bool, force: str, content: Any, rest: tuple[Any, Any]) -> bool | None:
     answer, limit = rest
+    seconds = mind.ask_timeout if limit is None else milliseconds(limit)
+    if not receivers:
+        if not unify(answer, EMPTY, mind.current.trail):
+            raise wrong_answer()
+        return None
     intention = mind.current
     question = Question(intention, answer, many, len(receivers))
     mind.await_something(intention, f"answer of {', '.join(receivers)}", question)
@@ -70,13 +75,13 @@ def _ask(mind: Any, receivers: list[str], many: bool, force: str, content: Any, 
         try:
             receiver = _present(mind, receiver)
         except Failed:
+            question.forget(mind)
             mind.waiting.pop(intention.id, None)
             intention.waiting = None
             raise
         msg_id = send(mind, receiver, force, content, kind="sync")
         question.ids.append(msg_id)
         mind.questions[msg_id] = question
-    seconds = mind.ask_timeout if limit is None else milliseconds(limit)
     if seconds is not None:
         question.timer = mind.timers.at(mind.now + seconds, lambda: question.timed_out(mind))
     return True
