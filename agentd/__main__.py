@@ -1,4 +1,4 @@
-"""The ``agentd`` command: ``run``, ``serve`` and ``check``; each is imported only when it is asked for."""
+"""The ``agentd`` command: ``run``, ``serve``, ``test`` and ``check``; each is imported only when it is asked for."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import sys
 _COMMANDS = {
     "run": ("agentd.run", "run agents in this process, without any bus"),
     "serve": ("agentd.daemon", "be the daemon of a mission's agents"),
+    "test": ("agentd.testing.command", "run the test plans of programs"),
     "check": ("agentd.check", "look for mistakes in programs and start nothing"),
 }
 

@@ -80,7 +80,7 @@ class Team:
             seed=self._seed + len(self.minds),
             start=self.clock.now(),
             clock=self.clock.now,
-            agents=lambda: tuple(self.minds),
+            agents=self.minds.keys,
             has_team=True,
             epoch=self._epoch,
             zone=zone,
@@ -102,7 +102,7 @@ class Team:
 
     def _run(self, timeout: float | None, exit_when_idle: bool) -> int:
         while True:
-            busy = self._turns()
+            busy = self.turns()
             now = self.clock.now()
             if self._stop is not None and self._stop[0] <= now:
                 return self._stop[1]
@@ -114,7 +114,7 @@ class Team:
             sys.stdout.flush()
             if exit_when_idle and self.idle:
                 return 0
-            wake = min(self._due(timeout), default=now + SLEEP)
+            wake = min(self.due(timeout), default=now + SLEEP)
             self.pass_time(wake - now)
 
     @property
@@ -122,7 +122,7 @@ class Team:
         """Whether nothing can happen any more of itself: nothing is due and no action of the environment runs."""
         if self._world is not None and (self._world.waited_for or self._world.stirred):
             return False
-        return not list(self._due(None))
+        return not list(self.due(None))
 
     def pass_time(self, seconds: float) -> None:
         """Wait so long, or until the environment stirs."""
@@ -131,26 +131,31 @@ class Team:
         else:
             self.clock.pass_time(seconds, self._world.sleep)
 
-    def _turns(self) -> bool:
+    def turns(self) -> bool:
         """Let each mind that has something to do run for a while; whether there was one."""
         busy = False
         if self._world is not None:
             self._world.deliver()
-        for mind in list(self.minds.values()):
-            due = mind.wake_at
-            if not mind.ready and (due is None or due > self.clock.now()):
-                continue
+        for mind in tuple(self.minds.values()):
+            if not mind.ready:
+                due = mind.wake_at
+                if due is None or due > self.clock.now():
+                    continue
             busy = True
             for effect in mind.run(self.clock.now(), CYCLES_A_TURN):
                 self._carry_out(mind, effect)
                 if self._stop is not None and self._stop[0] <= self.clock.now():
                     return True
+        if self._kills:
+            self._kill_those_due()
+        return busy
+
+    def _kill_those_due(self) -> None:
         for due, name in [k for k in self._kills if k[0] <= self.clock.now()]:
             self._kills.remove((due, name))
             self._kill(name)
-        return busy
 
-    def _due(self, timeout: float | None) -> Iterator[float]:
+    def due(self, timeout: float | None) -> Iterator[float]:
         """The times at which something has to happen."""
         if timeout is not None:
             yield timeout
@@ -168,13 +173,13 @@ class Team:
 
     def _carry_out(self, mind: Mind, effect: Effect) -> None:
         match effect:
+            case SendMail():
+                self._send(mind, effect)
             case Print(text=text, plain=plain):
                 self._write(f"{text}\n" if plain else f"[{mind.name}] {text}\n")
             case Log(level=level, text=text):
                 if level != "debug":
                     print(f"[{mind.name}] {level}: {text}", file=sys.stderr)
-            case SendMail():
-                self._send(mind, effect)
             case PerformAction(id=number, name=name):
                 if self._world is not None:
                     self._world.perform(mind, effect)

@@ -92,7 +92,7 @@ def calling_step(frame: Frame, above: Frame) -> Step | None:
     """The formula of a frame's plan that raised the event of the frame above it."""
     called = Literal(above[RELEVANT].sig, above[ARGS])
     values = values_of(frame)
-    found = []
+    found: list[tuple[Step, Literal]] = []
     for step in frame[PLAN].steps:
         if step is None or step.next is not frame[STEP] or not isinstance(step.syntax, syntax.Step):
             continue

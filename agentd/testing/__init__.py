@@ -1,0 +1,1 @@
+"""``agentd test``: runs the plans of programs that are marked as tests."""

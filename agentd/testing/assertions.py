@@ -1,0 +1,160 @@
+"""The internal actions behind the assertions of ``assertions.asl``; imported by ``agentd test`` alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language import syntax
+from agentd.language.instantiate import instantiate
+from agentd.language.term_text import text
+from agentd.language.terms import Collection, Literal, deref, elements, proper
+from agentd.mind.failed import Failed, wrong_arguments
+from agentd.mind.frames import ARGS, PLAN, RELEVANT
+from agentd.mind.intention_terms import calling_step
+from agentd.mind.intentions import Intention, values_of
+from agentd.mind.relations import same
+from agentd.mind.resolving import resolve, resolve_all
+from agentd.mind.solve import solve
+from agentd.mind.unifier import Trail, undo, unify
+from agentd.stdlib.registry import internal_action
+from agentd.testing.outcomes import Asserted, TestEnded
+
+FAILED = "assertion_failed"
+"""What ``error(E)`` shows of an assertion that does not hold."""
+
+
+def _assert(mind: Any, held: bool, message: str) -> bool:
+    """Tell an assertion; one that does not hold fails the plan that made it."""
+    asserted = _asserted(mind.current, "" if held else message)
+    mind.effects.append(asserted)
+    if not held:
+        raise Failed(FAILED, message)
+    return True
+
+
+def _asserted(intention: Intention, message: str) -> Asserted:
+    stack = intention.stack
+    own = stack[-1]
+    goals = tuple(_goal(frame) for frame in reversed(stack[:-1]) if frame[RELEVANT].sig.functor != "agentd_run_test")
+    step = calling_step(stack[-2], own) if len(stack) > 1 else None
+    if step is None:
+        return Asserted(message, f"!{text(Literal(own[RELEVANT].sig, resolve_all(own[ARGS])))}", "", 0, goals)
+    assert isinstance(step.syntax, syntax.Step)
+    formula = text(resolve(instantiate(step.syntax.term, dict(values_of(stack[-2])))))
+    position = step.syntax.position
+    return Asserted(message, f"{step.syntax.operator.value}{formula}", position.file, position.line, goals)
+
+
+def _goal(frame: Any) -> str:
+    relevant = frame[RELEVANT]
+    goal = f"{relevant.text}{text(Literal(relevant.sig, resolve_all(frame[ARGS])))}"
+    return f"{goal} ({frame[PLAN].syntax.position.file}:{frame[PLAN].syntax.position.line})"
+
+
+def _shown(term: Any) -> str:
+    return text(resolve(term))
+
+
+@internal_action("agentd.test.equals", 2)
+def equals(mind: Any, trail: Trail, expected: Any, actual: Any) -> bool:
+    """Equal as by ``==``: numbers by value, structures with their annotations; nothing is bound."""
+    return _assert(mind, same(expected, actual), f"expected {_shown(expected)}, got {_shown(actual)}")
+
+
+@internal_action("agentd.test.differs", 2)
+def differs(mind: Any, trail: Trail, unwanted: Any, actual: Any) -> bool:
+    return _assert(mind, not same(unwanted, actual), f"expected anything but {_shown(unwanted)}")
+
+
+@internal_action("agentd.test.close", 3)
+def close(mind: Any, trail: Trail, expected: Any, actual: Any, tolerance: Any) -> bool:
+    """Two numbers that differ by no more than the tolerance."""
+    values = [deref(term) for term in (expected, actual, tolerance)]
+    shown = f"expected {_shown(expected)} within {_shown(tolerance)}, got {_shown(actual)}"
+    if any(type(value) is not float for value in values):
+        return _assert(mind, False, f"{shown}: only numbers have a distance")
+    distance = abs(values[0] - values[1])
+    held = values[0] == values[1] or distance <= values[2]
+    return _assert(mind, held, f"{shown}, which is {_shown(distance)} away")
+
+
+@internal_action("agentd.test.holds", 1)
+def holds(mind: Any, trail: Trail, formula: Any) -> bool:
+    return _assert(mind, _follows(mind, formula, trail), f"expected that {_shown(formula)} holds; it does not")
+
+
+@internal_action("agentd.test.fails", 1)
+def fails(mind: Any, trail: Trail, formula: Any) -> bool:
+    return _assert(mind, not _follows(mind, formula, trail), f"expected that {_shown(formula)} does not hold; it does")
+
+
+def _follows(mind: Any, formula: Any, trail: Trail) -> bool:
+    """Whether a formula has a solution now: ``true``, a belief, a comparison, an internal action, several of these."""
+    mark = len(trail)
+    found = any(True for _ in solve(mind, deref(formula), trail))
+    undo(trail, mark)
+    return found
+
+
+@internal_action("agentd.test.contains", 2)
+def contains(mind: Any, trail: Trail, whole: Any, part: Any) -> bool:
+    """A list, set or queue with a member that unifies, a map with a key, a string with a part."""
+    held = _has(whole, part, trail)
+    return _assert(mind, held, f"expected {_shown(part)} in {_shown(whole)}; it is not there")
+
+
+@internal_action("agentd.test.lacks", 2)
+def lacks(mind: Any, trail: Trail, whole: Any, part: Any) -> bool:
+    held = not _has(whole, part, trail)
+    return _assert(mind, held, f"expected no {_shown(part)} in {_shown(whole)}; it is there")
+
+
+def _has(whole: Any, part: Any, trail: Trail) -> bool:
+    container, member = deref(whole), deref(part)
+    if type(container) is str:
+        return (member if type(member) is str else text(resolve(member))) in container
+    if type(container) is Collection:
+        members = list(container.content)
+    elif proper(container) is not None:
+        members = list(elements(container))
+    else:
+        wrong_arguments("what contains something is a list, set, queue, map or string")
+    mark = len(trail)
+    for each in members:
+        fits = unify(member, each, trail)
+        undo(trail, mark)
+        if fits:
+            return True
+    return False
+
+
+@internal_action("agentd.test.pass", 0)
+def force_pass(mind: Any, trail: Trail) -> bool:
+    return _assert(mind, True, "")
+
+
+@internal_action("agentd.test.fail", 1)
+def force_failure(mind: Any, trail: Trail, why: Any) -> bool:
+    reason = deref(why)
+    return _assert(mind, False, reason if type(reason) is str else _shown(reason))
+
+
+@internal_action("agentd.test.ended", 0)
+def ended(mind: Any, trail: Trail) -> bool:
+    mind.effects.append(TestEnded())
+    return True
+
+
+@internal_action("agentd.test.failed", 5)
+def failed(mind: Any, trail: Trail, error: Any, why: Any, formula: Any, line: Any, file: Any) -> bool:
+    said, number, source = deref(why), deref(line), deref(file)
+    mind.effects.append(
+        TestEnded(
+            _shown(error),
+            said if type(said) is str else _shown(said),
+            _shown(formula),
+            source if type(source) is str else _shown(source),
+            int(number) if type(number) is float else 0,
+        )
+    )
+    return True

@@ -1,0 +1,154 @@
+"""Finding the test plans: in the files named, and in the folders named those files that have some."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from functools import lru_cache
+from pathlib import Path
+
+from agentd.language import syntax
+from agentd.language.compile import CompiledProgram, DirectiveError, in_namespace
+from agentd.language.errors import SyntaxErrors
+from agentd.language.instantiate import instantiate
+from agentd.language.parser import parse_file
+from agentd.language.printer import source_text
+from agentd.language.signatures import DEFAULT
+from agentd.language.terms import Literal
+from agentd.paths import SourcePaths
+from agentd.testing.outcomes import Unread
+
+_MARKED = re.compile(r"@[^\n]*\[[^\]\n]*\btest\b")
+"""What a line with the label of a test plan looks like; only files that have one are read in a folder."""
+
+LIBRARY = Path(__file__).parent / "assertions.asl"
+"""The plans that every test program gets."""
+_NOTHING = Path(__file__).parent / "of_jason.asl"
+_HARNESS = frozenset({"tester_agent.asl", "test_assert.asl", "test_manager.asl"})
+"""The files of Jason's own harness, which `agentd test` takes the place of."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A test plan and the program that it runs in: the file's, without other test plans for the same goal."""
+
+    name: str
+    file: str
+    """The file that was asked for; the plan may stand in one that it includes."""
+    plan: syntax.Plan
+    goal: Literal
+    program: CompiledProgram
+    own_assertions: bool
+
+
+class TestPaths(SourcePaths):
+    """Where the files of test programs are. Jason's harness is not needed: what it does is done here."""
+
+    __test__ = False  # no test of pytest's
+
+    def find(self, path: str, beside: str) -> str:
+        if path.startswith("$jasonJar/") and Path(path).name in _HARNESS:
+            return str(_NOTHING)
+        return super().find(path, beside)
+
+
+def find_cases(places: Iterable[str], paths: TestPaths, wanted: str | None) -> Iterator[Case | Unread]:
+    """The test plans of files and folders, in order, and what could not be read."""
+    files: list[str] = []
+    for place in places:
+        path = Path(place)
+        if path.is_dir():
+            files += [str(file) for file in sorted(path.rglob("*.asl")) if _has_marks(file)]
+        else:
+            files.append(place)
+    files = list(dict.fromkeys(files))
+    several = frozenset(str(Path(file).resolve()) for file in files)
+    for file in files:
+        yield from _of_file(file, paths, wanted, several)
+
+
+def _has_marks(file: Path) -> bool:
+    try:
+        return _MARKED.search(file.read_text(encoding="utf-8", errors="replace")) is not None
+    except OSError:
+        return True  # what cannot be read is told when it is read
+
+
+def _of_file(file: str, paths: TestPaths, wanted: str | None, several: frozenset[str]) -> Iterator[Case | Unread]:
+    try:
+        program = paths.compiled(file)
+    except OSError as error:
+        yield Unread(file, f"{file}: error: cannot read the program: {error.strerror or error}")
+        return
+    except (SyntaxErrors, DirectiveError) as error:
+        yield Unread(file, str(error))
+        return
+    here = str(Path(file).resolve())
+    found = False
+    for plan in program.plans:
+        if not is_test(plan):
+            continue
+        found = True
+        standing = str(Path(plan.position.file).resolve())
+        if standing != here and standing in several:
+            continue  # it is run with the file that it stands in
+        case = _case(file, plan, program)
+        if isinstance(case, Unread) or wanted is None or _fits(case, wanted):
+            yield case
+    if not found:
+        yield Unread(file, f"{file}: error: there is no test plan; mark one as @name[test] +!goal <- ...")
+
+
+def is_test(plan: syntax.Plan) -> bool:
+    """Whether a plan's label has the annotation ``test`` (or ``test(...)``)."""
+    label = plan.label
+    if not isinstance(label, syntax.Structure) or label.annotations is None:
+        return False
+    return any(isinstance(a, syntax.Structure) and a.functor == "test" for a in label.annotations.items)
+
+
+def _fits(case: Case, wanted: str) -> bool:
+    return wanted in case.name or fnmatchcase(case.name, wanted)
+
+
+def _case(file: str, plan: syntax.Plan, program: CompiledProgram) -> Case | Unread:
+    trigger = plan.trigger
+    if trigger.operator != "+" or trigger.goal != "!" or not isinstance(trigger.literal, syntax.Structure):
+        written = f"{trigger.operator}{trigger.goal}{source_text(trigger.literal)}"
+        return Unread(file, f"{plan.position}: error: a test is a plan for a goal, +!goal; this one is for {written}")
+    bare = replace(trigger.literal, annotations=None)
+    goal = instantiate(bare)
+    assert isinstance(goal, Literal)
+    label = plan.label
+    named = isinstance(label, syntax.Structure) and bool(label.functor)
+    name = label.functor if named and isinstance(label, syntax.Structure) else source_text(bare)
+    key = _key(plan)
+    others = [p for p in program.plans if p is plan or not (is_test(p) and _key(p) == key)]
+    theirs = {_key(p) for p in others}
+    spaces = {space for p in program.plans if (space := _namespace(p)) is not None} | {DEFAULT}
+    assertions = [p for space in sorted(spaces) for p in _library(space).plans]
+    library = [p for p in assertions if _key(p) not in theirs]
+    own_goals = tuple(g for g in program.goals if g.position.file == program.file)
+    whole = replace(program, plans=(*library, *others), goals=own_goals)
+    return Case(name, file, plan, goal, whole, len(library) < len(assertions))
+
+
+def _key(plan: syntax.Plan) -> tuple[str, str, str, int]:
+    """What plans for the same goal have in common."""
+    literal = plan.trigger.literal
+    if not isinstance(literal, syntax.Structure):
+        return plan.trigger.operator, plan.trigger.goal, "", -1
+    return plan.trigger.operator, plan.trigger.goal, f"{_namespace(plan)}::{literal.functor}", len(literal.args)
+
+
+def _namespace(plan: syntax.Plan) -> str | None:
+    namespace = plan.trigger.literal.namespace
+    return DEFAULT if namespace is None else namespace if isinstance(namespace, str) else None
+
+
+@lru_cache(maxsize=100)
+def _library(namespace: str) -> CompiledProgram:
+    """The assertions, for the plans of a namespace."""
+    return in_namespace(parse_file(LIBRARY), namespace)

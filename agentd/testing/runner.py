@@ -1,0 +1,209 @@
+"""Running one test plan: a fresh mind in a team of its own, on virtual time, until its goal has come to an end."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from agentd.clocks import VirtualClock
+from agentd.language.signatures import signature
+from agentd.language.source import read_source
+from agentd.language.terms import Literal
+from agentd.mind import Mind
+from agentd.mind.effects import Log, Print, StopTeam
+from agentd.mind.inputs import GoalAdded
+from agentd.standalone import Team
+from agentd.testing.assertions import FAILED
+from agentd.testing.cases import LIBRARY, Case, TestPaths
+from agentd.testing.outcomes import Asserted, Outcome, TestEnded, Verdict
+
+if TYPE_CHECKING:
+    from agentd.environment import Environment
+
+_RUN = signature("agentd_run_test", 1)
+MOST_SETTLING = 1000
+"""Turns of the team that initial beliefs and goals get before the test begins, and other intentions after it."""
+
+MOST_LINES = 1000
+"""Lines of a test's output that are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How tests are run; each is bounded in seconds of its own time, and in real ones."""
+
+    paths: TestPaths
+    own_seconds: float = 3600.0
+    real_seconds: float = 30.0
+    seed: int = 0
+    environment: Callable[[], Environment | None] = field(default=lambda: None)
+    environment_arguments: tuple[str, ...] = ()
+
+
+class _OutOfTime(BaseException):
+    """A test has used up its real time; no plan or internal action may catch this."""
+
+
+def run_case(case: Case, settings: Settings) -> Outcome:
+    """Run one test plan."""
+    position = case.plan.position
+    outcome = Outcome(case.name, position.file, position.line, own_assertions=case.own_assertions)
+    begun = time.monotonic()
+    team = _TestTeam(case, settings, outcome)
+    try:
+        with _alarm(settings.real_seconds):
+            team.run_test(settings.own_seconds)
+    except _OutOfTime:
+        team.give_up(f"not done after {settings.real_seconds:g} s of real time")
+    finally:
+        team.close()
+    outcome.seconds = time.monotonic() - begun
+    outcome.excerpt = _line_at(outcome.place)
+    return outcome
+
+
+class _TestTeam(Team):
+    """The agent that runs the test, and those it creates; what they say is kept, not shown."""
+
+    def __init__(self, case: Case, settings: Settings, outcome: Outcome) -> None:
+        self._outcome, self._goal = outcome, case.goal
+        self._ended: TestEnded | None = None
+        self._first_failure: Asserted | None = None
+        self._stopped = 0
+        name = Path(case.file).stem
+        super().__init__(
+            [(name, case.program)],
+            settings.seed,
+            paths=settings.paths,
+            clock=VirtualClock(),
+            environment=settings.environment(),
+            environment_arguments=settings.environment_arguments,
+        )
+        self._mind = self.minds[name]
+
+    def run_test(self, seconds: float) -> None:
+        """Bring the agent to rest, pursue the goal of the test, and judge what has come of it."""
+        self._settle()
+        self._mind.feed(GoalAdded(Literal(_RUN, (self._goal,))))
+        late = self.clock.now() + seconds
+        while self._ended is None:
+            if self.turns():
+                continue
+            if self.idle:
+                self._at_rest()
+                return
+            now = self.clock.now()
+            wake = min(self.due(None), default=late)
+            if wake > late:
+                self.give_up(f"not done after {seconds:g} s of its own time")
+                return
+            self.pass_time(wake - now)
+        self._settle()
+        self._judge(self._ended)
+
+    def _settle(self) -> None:
+        for _ in range(MOST_SETTLING):
+            if not self.turns():
+                return
+
+    def _judge(self, ended: TestEnded) -> None:
+        outcome, failure = self._outcome, self._first_failure
+        if failure is not None:
+            outcome.verdict, outcome.message = Verdict.FAILED, failure.message
+            outcome.formula, outcome.goals = failure.formula, failure.goals
+            outcome.place = f"{failure.file}:{failure.line}" if failure.line else ""
+        elif ended.error:
+            outcome.verdict = Verdict.FAILED if ended.error == FAILED else Verdict.ERROR
+            outcome.message = f"{ended.error}: {ended.message}" if ended.message else ended.error
+            outcome.formula = ended.formula
+            if ended.file == str(LIBRARY):
+                outcome.message, outcome.formula = f"{ended.error}: the context of the test plan does not hold", ""
+            else:
+                outcome.place = f"{ended.file}:{ended.line}" if ended.line else ""
+        elif self._stopped:
+            outcome.verdict, outcome.message = Verdict.ERROR, f".stopMAS ended the team with exit code {self._stopped}"
+
+    def _at_rest(self) -> None:
+        """Nothing can happen any more, and the goal of the test has not come to an end."""
+        if any(frame for intention in self._mind.all_intentions() for frame in intention.stack):
+            self.give_up("it waits for what cannot come any more")
+            return
+        self._judge(TestEnded("dropped", "the intention of the test was dropped before it ended"))
+
+    def give_up(self, why: str) -> None:
+        """The test is not done, and will not be."""
+        outcome = self._outcome
+        if self._first_failure is not None:
+            self._judge(TestEnded())
+            outcome.message += f"; and then {why}"
+            return
+        outcome.verdict, outcome.message = Verdict.TIMED_OUT, why
+        for intention in self._mind.all_intentions():
+            tested = any(frame[2].sig is _RUN for frame in intention.stack)
+            if tested and intention.last is not None:
+                position = intention.last.syntax.position
+                outcome.place = f"{position.file}:{position.line}"
+
+    def close(self) -> None:
+        """Let the environment end."""
+        if self._world is not None:
+            self._world.stop()
+
+    def _write_line(self, line: str) -> None:
+        if len(self._outcome.output) < MOST_LINES:
+            self._outcome.output.append(line)
+
+    def _carry_out(self, mind: Mind, effect: Any) -> None:
+        match effect:
+            case Asserted():
+                self._outcome.assertions += 1
+                if effect.message and self._first_failure is None:
+                    self._first_failure = effect
+            case TestEnded():
+                self._ended = self._ended or effect
+            case Print(text=text):
+                self._write_line(f"[{mind.name}] {text}")
+            case Log(level=level, text=text):
+                if level != "debug":
+                    self._write_line(f"[{mind.name}] {level}: {text}")
+            case StopTeam(exit_code=code):
+                self._stopped = self._stopped or code
+            case _:
+                super()._carry_out(mind, effect)
+
+
+@contextmanager
+def _alarm(seconds: float) -> Iterator[None]:
+    """End what takes more real seconds than this with `_OutOfTime`, also in the middle of a computation."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread can be interrupted; the bound on the test's own time remains
+        return
+
+    def ring(number: int, frame: FrameType | None) -> None:
+        raise _OutOfTime
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def _line_at(place: str) -> str:
+    """The line of source at ``file:line``, stripped; empty where there is none."""
+    file, _, line = place.rpartition(":")
+    if not file or not line.isdigit():
+        return ""
+    try:
+        return read_source(file).line(int(line)).strip()
+    except (OSError, UnicodeDecodeError):
+        return ""

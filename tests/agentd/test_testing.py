@@ -1,0 +1,433 @@
+"""``agentd test``: which plans are tests, how they are run, what is told of them."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from agentd.__main__ import main
+
+REPOSITORY = Path(__file__).parents[2]
+
+
+class Told:
+    """What the command said."""
+
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+        self.lines = [line for line in out.splitlines() if re.match(r"(ok|FAIL|ERROR|TIMEOUT) +\S+:\d+ ", line)]
+        self.summary = out.strip().splitlines()[-1] if out.strip() else ""
+
+    def verdict(self, name: str) -> str:
+        (line,) = [line for line in self.lines if line.split()[2].rstrip(":") == name]
+        return line.split()[0]
+
+    def details(self, name: str) -> list[str]:
+        """The indented lines about a test that did not pass."""
+        lines = self.out.splitlines()
+        (head,) = [n for n, line in enumerate(lines) if re.fullmatch(rf"[A-Z]+ \S+:\d+: {re.escape(name)}", line)]
+        found = []
+        for line in lines[head + 1 :]:
+            if not line.startswith("    "):
+                break
+            found.append(line.strip())
+        return found
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    monkeypatch.chdir(tmp_path)
+
+    def run(program: str | None, *arguments: str, name: str = "some_test.asl") -> Told:
+        if program is not None:
+            file = tmp_path / name
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(program)
+            arguments = (name, *arguments)
+        capsys.readouterr()
+        code = main(["test", *arguments])
+        told = capsys.readouterr()
+        return Told(code, told.out, told.err)
+
+    return run
+
+
+def test_plans_with_the_annotation_test_are_run_and_only_they(run) -> None:
+    told = run(
+        """
+        double(X, Y) :- Y = 2 * X.
+        @doubles[test] +!doubles <- ?double(2, Y); !assert_equals(4, Y).
+        @[test] +!nameless(X) : double(1, 2) <- !force_pass.
+        @[slow, test(integration)] +!with_more(X) <- !force_pass.
+        @fly +!fly <- .fail.
+        +!plain <- .fail.
+        """
+    )
+    assert told.lines == [
+        "ok      some_test.asl:3 doubles",
+        "ok      some_test.asl:4 nameless(X)",
+        "ok      some_test.asl:5 with_more(X)",
+    ]
+    assert told.code == 0
+    assert re.fullmatch(r"3 tests: 3 passed \(\d+\.\d s\)", told.summary)
+
+
+ASSERTIONS = [
+    ("!assert_equals(3, 1 + 2)", None),
+    ("!assert_equals(f(X, [a]), f(X, [a]))", None),
+    ('!assert_equals("a", a)', 'expected "a", got a'),
+    ("!assert_equals(p[x], p)", "expected p[x], got p"),
+    ("!assert_equals(3, 3.05, 0.1)", None),
+    ("!assert_equals(3, 3.5, 0.1)", "expected 3 within 0.1, got 3.5, which is 0.5 away"),
+    ("!assert_equals(a, 3, 0.1)", "expected a within 0.1, got 3: only numbers have a distance"),
+    ("!assert_not_equals(a, b)", None),
+    ("!assert_not_equals(a, a)", "expected anything but a"),
+    ("!assert_true(known(1))", None),
+    ("!assert_true(known(2))", "expected that known(2) holds; it does not"),
+    ("!assert_true(1 < 2 & not known(2))", None),
+    ("!assert_true(.member(2, [1,2]))", None),
+    ("!assert_true(derived(1))", None),
+    ("!assert_true(true)", None),
+    ("!assert_true(false)", "expected that false holds; it does not"),
+    ("!assert_false(known(2))", None),
+    ("!assert_false(known(_))", "expected that known(_) does not hold; it does"),
+    ("!assert_contains([a, b(1)], b(_))", None),
+    ('!assert_contains("hello", "ell")', None),
+    ("!assert_contains([a], c)", "expected c in [a]; it is not there"),
+    ("!assert_not_contains([a], c)", None),
+    ("!assert_not_contains([a], a)", "expected no a in [a]; it is there"),
+    (".set.create(S); .set.add(S, a); !assert_contains(S, a)", None),
+    ("!force_pass", None),
+    ("!force_failure", "the test plan forces a failure"),
+    ('!force_failure("not yet")', "not yet"),
+]
+
+
+@pytest.mark.parametrize(("body", "message"), ASSERTIONS)
+def test_an_assertion_holds_or_says_what_was_expected_and_what_was_there(run, body: str, message: str | None) -> None:
+    told = run(f"known(1). derived(X) :- known(X).\n@t[test] +!t <- {body}.\n")
+    if message is None:
+        assert (told.code, told.verdict("t")) == (0, "ok"), told.out
+    else:
+        assert told.code == 1
+        assert told.lines == [f"FAIL    some_test.asl:2 t: {message}"]
+
+
+def test_a_failed_assertion_names_its_line_its_formula_its_values_and_the_goals_that_led_to_it(run) -> None:
+    told = run(
+        """@outer[test] +!outer
+  <- X = 3;
+     .print("X is ", X);
+     !inner(X).
++!inner(N)
+  <- !assert_equals(4, N).
+"""
+    )
+    assert told.details("outer") == [
+        "expected 4, got 3",
+        "at some_test.asl:6: <- !assert_equals(4, N).",
+        "that is: !assert_equals(4,3)",
+        "for +!inner(3) (some_test.asl:5)",
+        "for +!outer (some_test.asl:1)",
+        "its output:",
+        "[some_test] X is 3",
+    ]
+
+
+def test_a_failed_assertion_fails_the_test_even_where_the_program_handles_the_failure(run) -> None:
+    told = run(
+        """
+        @t[test] +!t <- !risky; !force_pass.
+        +!risky <- !assert_true(false).
+        -!risky <- .print(handled).
+        """
+    )
+    assert (told.code, told.verdict("t")) == (1, "FAIL")
+    assert "[some_test] handled" in told.details("t")
+
+
+def test_a_test_that_fails_otherwise_is_in_error_with_the_reason_and_the_formula(run) -> None:
+    told = run(
+        """
+        @no_plan[test] +!a <- !nowhere(1).
+        @action[test] +!b <- fly(3).
+        @own_reason[test] +!c <- .fail(error_msg("too windy")).
+        @context[test] +!d : windy <- !force_pass.
+        @dropped[test] +!e <- .drop_intention(e).
+        @stopped[test] +!f <- .stopMAS(0, 3).
+        @relation[test] +!g <- X = 1;
+            X > 3.
+        """
+    )
+    assert told.code == 1
+    assert {line.split()[0] for line in told.lines} == {"ERROR"}
+    assert told.details("no_plan")[1:] == [
+        "at some_test.asl:2: @no_plan[test] +!a <- !nowhere(1).",
+        "that is: nowhere(1)[source(self)]",
+    ]
+    assert told.details("action")[0] == "action_failed: there is no environment that could perform fly"
+    assert told.details("own_reason")[0] == "internal_action: too windy"
+    assert told.details("context") == ["no_applicable: the context of the test plan does not hold"]
+    assert told.details("dropped")[0] == "dropped: the intention of the test was dropped before it ended"
+    assert told.details("stopped") == [".stopMAS ended the team with exit code 3"]
+    assert told.details("relation")[1:3] == ["at some_test.asl:9: X > 3.", "that is: (1 > 3)"]
+
+
+def test_a_test_without_an_assertion_passes_with_a_warning(run) -> None:
+    told = run("@t[test] +!t <- true.")
+    assert told.code == 0
+    assert told.lines == ["ok      some_test.asl:1 t  (warning: passed without an assertion)"]
+    assert "1 without an assertion" in told.summary
+
+
+def test_each_test_has_a_fresh_agent_with_the_beliefs_and_goals_of_its_file(run) -> None:
+    told = run(
+        """
+        count(0).
+        !set_up.
+        +!set_up <- +ready.
+        +count(N) <- +seen(N).
+        @one[test] +!t : ready & seen(0) <- -+count(7); !assert_true(count(7)).
+        @two[test] +!t : ready & seen(0) <- !assert_true(count(0)).
+        """
+    )
+    assert told.code == 0, told.out
+
+
+def test_the_initial_goals_of_an_included_program_are_not_pursued_but_its_plans_and_beliefs_are_there(
+    run, tmp_path: Path
+) -> None:
+    (tmp_path / "agent.asl").write_text("home(here). !begin. +!begin <- +begun. +!go(X) : home(X) <- +went.")
+    told = run('{ include("agent.asl") }\n@t[test] +!t <- !assert_false(begun); !go(here); !assert_true(went).')
+    assert told.code == 0, told.out
+
+
+def test_waiting_takes_no_time(run) -> None:
+    begun = time.monotonic()
+    told = run(
+        """
+        @t[test] +!t <- .nano_time(A); .wait(1800000); .nano_time(B); !assert_equals(1800, (B - A) / 1000000000, 1).
+        @u[test] +!u <- .at("now +5 m", {+!late}); .wait(late(_)); !force_pass.
+        +!late <- +late(now).
+        """
+    )
+    assert told.code == 0, told.out
+    assert time.monotonic() - begun < 60
+
+
+def test_a_test_that_waits_for_ever_is_told_at_once_and_one_that_takes_too_long_at_its_limit(run) -> None:
+    told = run(
+        """
+        @waits[test] +!a <- .wait({+never}).
+        @ticks[test] +!b <- !!tick; .wait(never).
+        +!tick <- .wait(100); !tick.
+        @long[test] +!c <- .wait(60000).
+        @spins[test] +!d <- !spin.
+        +!spin <- !spin.
+        @computes[test] +!e : endless(0) <- true.
+        endless(N) :- .range(I, 1, 1000000000) & I < 0.
+        """,
+        "--timeout",
+        "0.5",
+    )
+    assert told.code == 1
+    assert [line.partition(": ")[2] for line in told.lines] == [
+        "it waits for what cannot come any more",
+        "not done after 0.5 s of its own time",
+        "not done after 0.5 s of its own time",
+        "not done after 0.5 s of real time",
+        "not done after 0.5 s of real time",
+    ]
+    assert told.details("waits")[1] == "at some_test.asl:2: @waits[test] +!a <- .wait({+never})."
+    assert told.summary.startswith("5 tests: 0 passed, 5 timed out")
+
+
+def test_other_agents_of_a_test_live_and_end_with_it(run, tmp_path: Path) -> None:
+    (tmp_path / "echo.asl").write_text("+!say(X)[source(S)] <- .wait(1000); .print(X); .send(S, tell, said(X)).")
+    told = run(
+        """
+        @one[test] +!one
+          <- .create_agent(echo, "echo.asl"); .send(echo, achieve, say(hi)); .wait({+said(X)});
+             .all_names(L); .length(L, N); !assert_equals(2, N); .print(X).
+        @two[test] +!two <- .all_names(L); !assert_equals([some_test], L).
+        """,
+        "-v",
+    )
+    assert told.code == 0, told.out
+    assert "        [echo] hi\n        [some_test] hi\n" in told.out
+
+
+def test_what_runs_on_after_the_goal_of_a_test_may_still_fail_it(run) -> None:
+    told = run("@t[test] +!t <- !!later; !force_pass. +!later <- +x; +y; !assert_true(z).")
+    assert (told.code, told.verdict("t")) == (1, "FAIL")
+
+
+def test_a_program_keeps_the_assertions_that_it_brings(run) -> None:
+    told = run(
+        """
+        +!assert_equals(X, Y) <- .print("mine"); X = Y.
+        @t[test] +!t <- !assert_equals(f(Z), f(1)).
+        @u[test] +!u <- !assert_equals(1, 2).
+        """,
+        "-v",
+    )
+    assert told.lines[0] == "ok      some_test.asl:3 t"
+    assert told.verdict("u") == "ERROR"
+    assert "[some_test] mine" in told.out
+
+
+def test_a_program_that_catches_every_goal_gets_its_assertions_all_the_same(run) -> None:
+    told = run("@t[test] +!t <- !assert_true(false). +!G <- .print(caught, G).")
+    assert told.verdict("t") == "FAIL"
+
+
+def test_assertions_work_within_a_namespace(run) -> None:
+    told = run("{ begin namespace(lab) } @t[test] +!t <- !assert_equals(1, 2). { end }")
+    assert told.lines[0].startswith("FAIL")
+    assert told.lines[0].endswith("expected 1, got 2")
+
+
+@pytest.mark.parametrize("mapped", [False, True])
+def test_programs_for_the_harness_of_jason_run_without_it(run, tmp_path: Path, mapped: bool) -> None:
+    (tmp_path / "jason" / "test" / "inc").mkdir(parents=True)
+    (tmp_path / "jason" / "test" / "inc" / "tester_agent.asl").write_text("!run_all. +!run_all <- .fail.")
+    told = run(
+        '{ include("$jasonJar/test/inc/tester_agent.asl") }\n@t[test] +!t <- !assert_equals(1, 1).',
+        *(["--map", "$jasonJar=jason"] if mapped else []),
+    )
+    assert (told.code, told.lines) == (0, ["ok      some_test.asl:2 t"])
+
+
+def test_a_folder_is_searched_for_files_with_test_plans_and_each_plan_is_run_once(run, tmp_path: Path) -> None:
+    for name, text in {
+        "a/one.asl": "@t[test] +!t <- !force_pass.",
+        "b/deep/two.asl": '{ include("../../a/one.asl") } @u[test] +!u <- !force_pass.',
+        "b/agent.asl": "!work. +!work <- .fail.",
+        "b/broken.asl": "+!work <- ; .",
+        "b/notes.txt": "@t[test] +!t <- .fail.",
+    }.items():
+        file = tmp_path / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    told = run(None, ".")
+    assert told.lines == ["ok      a/one.asl:1 t", "ok      b/deep/two.asl:1 u"]
+    assert told.code == 0
+
+
+def test_a_filter_chooses_by_a_part_of_the_name_or_a_pattern(run) -> None:
+    program = "@walk[test] +!a <- !force_pass. @run_far[test] +!b <- !force_pass. @run_fast[test] +!c <- !force_pass."
+    assert [line.split()[2] for line in run(program, "--filter", "run").lines] == ["run_far", "run_fast"]
+    assert [line.split()[2] for line in run(program, "--filter", "*k").lines] == ["walk"]
+    told = run(program, "--filter", "swim")
+    assert told.code == 2
+    assert "there is no test whose name fits swim in some_test.asl" in told.err
+
+
+def test_nothing_to_run_is_no_success(run, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    told = run(None, "empty")
+    assert (told.code, told.err) == (2, "agentd test: error: there is no test in empty\n")
+    told = run("+!t <- true.")
+    assert told.code == 2
+    assert "some_test.asl: error: there is no test plan; mark one as @name[test] +!goal <- ..." in told.err
+
+
+def test_what_cannot_be_read_is_told_and_the_rest_is_run(run, tmp_path: Path) -> None:
+    (tmp_path / "good.asl").write_text("@t[test] +!t <- !force_pass.")
+    told = run("@t[test] +!t <- ; .", "good.asl", "gone.asl", name="bad.asl")
+    assert told.code == 2
+    assert told.lines == ["ok      good.asl:1 t"]
+    assert "bad.asl:1:17: error:" in told.err
+    assert "gone.asl: error: cannot read the program: No such file or directory" in told.err
+    assert "1 test: 1 passed, 2 unreadable" in told.summary
+
+
+def test_a_mark_on_a_plan_that_is_for_no_goal_is_told(run) -> None:
+    told = run("@t[test] +b(X) <- true.")
+    assert told.code == 2
+    assert "some_test.asl:1:1: error: a test is a plan for a goal, +!goal; this one is for +b(X)" in told.err
+
+
+def test_bad_options_are_told(run) -> None:
+    program = "@t[test] +!t <- !force_pass."
+    assert "a test needs more than no time" in run(program, "--timeout", "0").err
+    told = run(program, "--env", "nowhere:World")
+    assert told.code == 2
+    assert "there is no Python module nowhere" in told.err
+    told = run(program, "--junit", "no/such/folder.xml")
+    assert told.code == 2
+    assert "cannot write no/such/folder.xml: No such file or directory" in told.err
+
+
+def test_junit_xml_has_a_case_per_test_plan_and_reads_as_the_schema_of_junit_wants_it(run, tmp_path: Path) -> None:
+    (tmp_path / "bad.asl").write_text("@t[test] +!t <- ; .")
+    told = run(
+        """
+        @good[test] +!a <- !force_pass.
+        @differs[test] +!b <- .print("<&\x01>"); !assert_equals("<a>", "&").
+        @breaks[test] +!c <- !nowhere.
+        @waits[test] +!d <- .wait({+never}).
+        """,
+        "bad.asl",
+        "--junit",
+        "out.xml",
+    )
+    assert told.code == 2
+    root = ElementTree.parse(tmp_path / "out.xml").getroot()
+    _valid(root)
+    assert [(s.get("name"), s.get("tests"), s.get("failures"), s.get("errors")) for s in root] == [
+        ("some_test.asl", "4", "2", "1"),
+        ("bad.asl", "1", "0", "1"),
+    ]
+    good, differs, breaks, waits = root[0]
+    assert len(good) == 0
+    assert (good.get("classname"), good.get("file"), good.get("line")) == ("some_test", "some_test.asl", "2")
+    failure, output = differs
+    assert (failure.tag, failure.get("type"), failure.get("message")) == (
+        "failure",
+        "assertion",
+        'expected "<a>", got "&"',
+    )
+    assert "some_test.asl:3" in str(failure.text)
+    assert output.text == "[some_test] <&\N{REPLACEMENT CHARACTER}>"
+    assert (breaks[0].tag, breaks[0].get("type")) == ("error", "error")
+    assert (waits[0].tag, waits[0].get("type")) == ("failure", "timeout")
+
+
+def _valid(root: ElementTree.Element) -> None:
+    """The rules that the readers of JUnit XML share: which elements, in which order, with which attributes."""
+    allowed = {
+        "testsuites": {"name", "tests", "failures", "errors", "time"},
+        "testsuite": {"name", "tests", "failures", "errors", "skipped", "time"},
+        "testcase": {"name", "classname", "time", "file", "line"},
+        "failure": {"message", "type"},
+        "error": {"message", "type"},
+        "system-out": set(),
+    }
+    inside = {"testsuites": ["testsuite"], "testsuite": ["testcase"], "testcase": ["error", "failure", "system-out"]}
+    for element in root.iter():
+        assert set(element.attrib) <= allowed[element.tag]
+        for name in {"tests", "failures", "errors", "skipped"} & set(element.attrib):
+            assert element.attrib[name].isdigit()
+        if "time" in element.attrib:
+            assert re.fullmatch(r"\d+\.\d{3}", element.attrib["time"])
+        order = [inside.get(element.tag, []).index(child.tag) for child in element]
+        assert order == sorted(order)
+        if element.tag == "testsuite":
+            cases = list(element)
+            assert int(element.attrib["tests"]) == len(cases)
+            assert int(element.attrib["failures"]) == sum(c.find("failure") is not None for c in cases)
+            assert int(element.attrib["errors"]) == sum(c.find("error") is not None for c in cases)
+
+
+def test_the_tests_of_the_first_mission_pass_with_a_vehicle_that_pretends() -> None:
+    command = [sys.executable, "-m", "agentd", "test", "--env", "missions/single_uav/vehicle.py:Vehicle", "missions"]
+    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, timeout=120, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.count("ok ") == 5
