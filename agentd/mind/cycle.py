@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Any
 
 from agentd.mind.execution import run_intention
 from agentd.mind.goal_conditions import check_goal_conditions
 from agentd.mind.intake import take_inputs
+from agentd.mind.intentions import Intention
 from agentd.mind.messages import receive
 from agentd.mind.selection import take_event
 from agentd.mind.waiting import check_conditions
@@ -14,39 +16,38 @@ from agentd.mind.waiting import check_conditions
 
 def run_cycles(mind: Any, cycles: int) -> None:
     """Run up to so many cycles; the end of the first that has an effect, or leaves nothing to do, is the last."""
-    events, running, timers = mind.events, mind.running, mind.timers.heap
+    inputs, mailbox, events, running, effects = mind.inputs, mind.mailbox, mind.events, mind.running, mind.effects
+    timers, conditions, goal_conditions = mind.timers.heap, mind.conditions, mind.goal_conditions
     while cycles:
         cycles -= 1
         mind.cycle += 1
-        if mind.inputs:
+        if inputs:
             take_inputs(mind)
         if timers and timers[0].due <= mind.now:
             mind.timers.run(mind.now)
-        if mind.changes != mind.changes_seen:
+        if (conditions or goal_conditions) and mind.changes != mind.changes_seen:
             mind.changes_seen = mind.changes
-            if mind.conditions:
-                check_conditions(mind)
-            if mind.goal_conditions:
-                check_goal_conditions(mind)
+            check_conditions(mind)
+            check_goal_conditions(mind)
         if mind.atomic is not None:
             if not _atomic_cycle(mind):
                 return
-            if mind.effects:
+            if effects:
                 return
             continue
-        if mind.mailbox:
-            mail = mind.mailbox.popleft()
+        if mailbox:
+            mail = mailbox.popleft()
             if mind.on_input is not None:
                 mind.on_input(mind.cycle, mail)
             receive(mind, mail)
         while events:
             if take_event(mind, events.popleft()):
                 break
-        if mind.atomic is None and running:
+        if running and mind.atomic is None:
             run_intention(mind, running.popleft())
-        elif not events and not mind.inputs and not mind.mailbox:
+        elif not (events or inputs or mailbox):
             return
-        if mind.effects:
+        if effects:
             return
 
 
@@ -54,16 +55,29 @@ def _atomic_cycle(mind: Any) -> bool:
     """A cycle while an atomic plan runs: only its own events and formulas. False when it has to wait."""
     atomic = mind.atomic
     assert atomic is not None
-    for place, event in enumerate(mind.events):
-        if event[3] is atomic:
-            del mind.events[place]
-            take_event(mind, event)
-            break
-    if atomic in mind.running:
-        mind.running.remove(atomic)
-        run_intention(mind, atomic)
-        return True
-    return mind.atomic is not atomic or atomic_can_run(mind)
+    if not _take_out(mind.running, atomic):
+        events = mind.events
+        for place in range(len(events) - 1, -1, -1):  # the last one as a rule
+            event = events[place]
+            if event[3] is atomic:
+                del events[place]
+                take_event(mind, event)
+                break
+        if not _take_out(mind.running, atomic):
+            return mind.atomic is not atomic or atomic_can_run(mind)
+    run_intention(mind, atomic)
+    return True
+
+
+def _take_out(running: deque[Intention], intention: Intention) -> bool:
+    """Take an intention out of those that run, where the atomic one is the last as a rule; whether it was there."""
+    if running and running[-1] is intention:
+        running.pop()
+    elif intention in running:
+        running.remove(intention)
+    else:
+        return False
+    return True
 
 
 def atomic_can_run(mind: Any) -> bool:

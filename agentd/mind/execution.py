@@ -38,17 +38,10 @@ def run_intention(mind: Any, intention: Intention) -> None:
         except Exception as error:  # an internal action may raise anything; it must not end the mind
             _step_failed(mind, intention, step, frame, Failed("unknown", f"{type(error).__name__}: {error}"))
             return
-    stack = intention.stack
-    top = stack[-1]
-    if top[STEP] is None:
-        if len(stack) > 1 and stack[-2][STEP] is not None and not (top[PLAN].special or mind.plans.has_meta):
-            stack.pop()
-            if len(intention.trail) > top[MARK]:
-                intention.trim(top[MARK])
-        else:
-            end_frames(mind, intention)
-            if not stack or intention.waiting is not None:
-                return
+    if intention.stack[-1][STEP] is None:
+        end_frames(mind, intention)
+        if not intention.stack or intention.waiting is not None:
+            return
     mind.running.append(intention)
 
 
@@ -61,23 +54,23 @@ def _step_failed(mind: Any, intention: Intention, step: Any, frame: Frame, faile
 
 def end_frames(mind: Any, intention: Intention) -> None:
     """Take away the plans that have ended; the ones below go on."""
-    stack = intention.stack
+    stack, trail, has_meta = intention.stack, intention.trail, mind.plans.has_meta
     while stack:
         top = stack[-1]
         if top[STEP] is not None:
             return
-        if top[PLAN].special or mind.plans.has_meta:
+        if has_meta or top[PLAN].special:
             if top[PLAN].condition is not None and not condition_holds(mind, intention, top):
                 mind.await_something(intention, "goal condition")
                 return
             stack.pop()
             mind.left(intention, top)
-            if mind.plans.has_meta and top[RELEVANT].operator == "+" and top[RELEVANT].goal:
+            if has_meta and top[RELEVANT].operator == "+" and top[RELEVANT].goal:
                 raise_state(mind, top[RELEVANT], top[ARGS], top[ANNOTS], "achieved")
                 raise_state(mind, top[RELEVANT], top[ARGS], top[ANNOTS], "finished")
         else:
             stack.pop()
-        if len(intention.trail) > top[MARK]:
+        if trail and len(trail) > top[MARK]:
             intention.trim(top[MARK])
     mind.gone(intention)
 

@@ -13,6 +13,15 @@ class Intention:
 
     __slots__ = ("action", "branch", "id", "last", "stack", "suspended", "trail", "waiting")
 
+    waiting: str | None
+    """What it waits for, in words; None while it runs or waits for its own event."""
+    suspended: str | None
+    """Why it must not run although it could (``.suspend``)."""
+    action: int | None
+    """The id of the external action it waits for."""
+    branch: Any
+    """The `agentd.mind.forks.Fork` that it is a branch of."""
+
     def __init__(self, number: int) -> None:
         self.id = number
         self.stack: list[Frame] = []
@@ -20,14 +29,7 @@ class Intention:
         """The formula that was run last: the one that it waits in, while it waits."""
         self.trail: list[Var] = []
         """The variables bound so far that a failure may have to free again."""
-        self.waiting: str | None = None
-        """What it waits for, in words; None while it runs or waits for its own event."""
-        self.suspended: str | None = None
-        """Why it must not run although it could (``.suspend``)."""
-        self.action: int | None = None
-        """The id of the external action it waits for."""
-        self.branch: Any = None
-        """The `agentd.mind.forks.Fork` that it is a branch of."""
+        self.waiting = self.suspended = self.action = self.branch = None
 
     def goals(self) -> list[tuple[Any, Literal]]:
         """The goals and events that its plans answer, innermost first, with their `Relevant`."""

@@ -152,7 +152,7 @@ class Mind:
 
     def feed(self, item: Input) -> None:
         """Hand in an input; it is taken in the next cycle (mail: one message per cycle, at most `MOST_MAIL` wait)."""
-        if isinstance(item, Mail):
+        if type(item) is Mail:
             if len(self.mailbox) >= MOST_MAIL:
                 self.dropped_mail += 1
                 self.warn_once(f"more than {MOST_MAIL} messages wait; further ones are dropped")
@@ -181,7 +181,7 @@ class Mind:
         """Whether there is something to do now."""
         if self.inputs or self.effects:
             return True
-        if self.changes != self.changes_seen and (self.conditions or self.goal_conditions):
+        if (self.conditions or self.goal_conditions) and self.changes != self.changes_seen:
             return True
         if self.atomic is not None:
             return atomic_can_run(self)

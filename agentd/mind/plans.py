@@ -30,7 +30,7 @@ class Relevant:
     def __init__(self, library: PlanLibrary, operator: str, goal: str, sig: Signature) -> None:
         self.operator, self.goal, self.sig = operator, goal, sig
         self.plans: list[Plan] = []
-        self.tail = (goal, sig) if goal == "!" else None
+        self.tail = sig if goal == "!" else None
         """What a goal called last must share with the running one for its frame to be dropped."""
         self._library = library
         self._others: dict[str, Relevant] = {}

@@ -25,7 +25,7 @@ from agentd.language.terms import (
 def resolve(term: Any) -> Any:
     """A term without bound variables and without arithmetic that can be computed; free variables stay themselves."""
     kind = type(term)
-    if kind is float or kind is str or ((kind is Literal or kind is List) and (term.ground or _looks_ground(term))):
+    if kind is float or kind is str or (kind is Literal and (term.ground or _looks_ground(term))):
         return term
     return Copier(fresh=False).copy(term)
 
@@ -40,8 +40,13 @@ def resolve_all(terms: tuple[Any, ...]) -> tuple[Any, ...]:
 
 def resolve_annots(annots: tuple[Any, ...]) -> tuple[Any, ...]:
     """Annotations as a belief or event keeps them: resolved, with the elements of a bound tail, without a free one."""
+    for annot in annots:
+        if type(annot) is not Literal or not annot.ground:
+            break
+    else:
+        return annots
     found = resolve_all(annots)
-    if found and type(found[-1]) is Rest:
+    if type(found[-1]) is Rest:
         return sorted_annots((*found[:-1], *elements(found[-1].tail)))
     return found
 
@@ -59,7 +64,7 @@ def detach(terms: tuple[Any, ...]) -> tuple[Any, ...]:
 def detached(term: Any) -> Any:
     """As `detach`, for one term."""
     kind = type(term)
-    if kind is float or kind is str or (kind is Literal and (term.ground or _looks_ground(term))):
+    if (kind is Literal and (term.ground or _looks_ground(term))) or kind is float or kind is str:
         return term
     return Copier(fresh=True).copy(term)
 
@@ -93,10 +98,8 @@ def is_ground(term: Any) -> bool:
     return True
 
 
-def _looks_ground(term: Any) -> bool:
+def _looks_ground(term: Literal) -> bool:
     """Whether a flat literal is ground as it stands, found without a walk; notes it in the term."""
-    if type(term) is not Literal:
-        return False
     for part in (*term.args, *term.annots) if term.annots else term.args:
         kind = type(part)
         if kind is not float and kind is not str and not (kind is Literal and part.ground):
@@ -123,7 +126,7 @@ class Copier:
         kind = type(term)
         if kind is float or kind is str:
             return term
-        if (kind is Literal or kind is List) and (term.ground or _looks_ground(term)):
+        if (kind is Literal and (term.ground or _looks_ground(term))) or (kind is List and term.ground):
             return term
         return self._deep(term)
 

@@ -26,15 +26,15 @@ Event = tuple[Any, tuple[Any, ...], tuple[Any, ...], Intention | None]
 def take_event(mind: Any, event: Event) -> bool:
     """Find the plan for an event and put it on its intention. False: nothing happened, take the next event."""
     relevant, args, annots, intention = event
+    library = mind.plans
     trail: list[Any] = [] if intention is None else intention.trail
-    mark = len(trail)
+    mark = len(trail) if trail else 0
     frame = plan = None
     if mind.listeners and relevant.goal:
         hear(mind, relevant, args, annots)
-    select = mind.plans.select
     try:
-        if select is not None:
-            frame = select(mind, trail, event)
+        if library.select is not None:
+            frame = library.select(mind, trail, event)
         else:
             for plan in relevant.plans:
                 frame = plan.select(mind, trail, relevant, args, annots)
@@ -61,23 +61,20 @@ def take_event(mind: Any, event: Event) -> bool:
     stack = intention.stack
     if stack:
         top = stack[-1]
-        if top[STEP] is None and relevant.tail is not None and not top[PLAN].special:
-            below = top[RELEVANT].tail
-            if below is not None and below == relevant.tail:
-                stack.pop()
-                if len(trail) > top[MARK]:
-                    intention.trim(top[MARK])
-                    frame[MARK] = min(frame[MARK], len(trail))
+        if top[STEP] is None and top[RELEVANT].tail is relevant.tail is not None and not top[PLAN].special:
+            stack.pop()
+            if trail and len(trail) > top[MARK]:
+                intention.trim(top[MARK])
+                frame[MARK] = min(frame[MARK], len(trail))
     stack.append(frame)
-    plan = frame[PLAN]
-    if plan.special or mind.plans.has_meta:
+    if library.has_meta or frame[PLAN].special:
         _entered(mind, intention, frame)
         if not stack:
             return True
-    if intention.suspended is not None:
-        mind.suspended[intention.id] = intention
-    else:
+    if intention.suspended is None:
         mind.running.append(intention)
+    else:
+        mind.suspended[intention.id] = intention
     return True
 
 

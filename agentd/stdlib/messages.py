@@ -20,20 +20,11 @@ def name_of(term: Any) -> str:
     """An agent's name given as atom or string. Fails with ``wrong_arguments`` for anything else."""
     if type(term) is Var:
         term = deref(term)
-    if type(term) is Literal and not term.args:
-        return term.sig.functor
     if type(term) is str:
         return term
+    if type(term) is Literal and not term.args:
+        return term.sig.functor
     return wrong_arguments("the name of an agent is an atom or a string")
-
-
-def _receivers(mind: Any, term: Any) -> list[str]:
-    """The names of those to send to, given as one or as a list."""
-    if type(term) is Var:
-        term = deref(term)
-    if type(term) is not List:
-        return [name_of(term)]
-    return [name_of(member) for member in proper(term) or []]
 
 
 def _present(mind: Any, name: str) -> str:
@@ -50,12 +41,15 @@ def send_message(
     mind: Any, trail: Trail, to: Any, performative: Any, content: Any, answer: Any = None, limit: Any = None
 ) -> bool | None:
     """``.send(To, Performative, Content[, Answer[, TimeoutMs]])``; with an answer the intention waits for it."""
-    receivers = _receivers(mind, to)
-    force = name_of(performative)
-    content = detached(content)
+    to = deref(to)
+    force, content = name_of(performative), detached(content)
+    if answer is None and type(to) is not List:
+        send(mind, _present(mind, name_of(to)), force, content)
+        return None
+    receivers = [name_of(to)] if type(to) is not List else [name_of(member) for member in proper(to) or []]
     if answer is not None and force in _ASKS:
-        return _ask(mind, receivers, type(deref(to)) is List, force, content, (answer, limit))
-    reply_to = deref(answer) if answer is not None else ""
+        return _ask(mind, receivers, type(to) is List, force, content, (answer, limit))
+    reply_to = deref(answer)
     for receiver in receivers:
         send(mind, _present(mind, receiver), force, content, reply_to if type(reply_to) is str else "")
     return None
