@@ -63,7 +63,7 @@ class _Writer:
     def write(self, scope: Scope) -> list[str]:
         function = self.function
         if self.noted:
-            function.emit("w = [-1, ()]" if self.shared else "w, b = -1, ()")
+            function.emit("w = [-1, ()]" if self.shared else "w = -1")
         if self.form == "options":
             function.emit("mark = len(trail)")
         self._trigger(scope)
@@ -130,21 +130,20 @@ class _Writer:
             self._noted_literal(number, scope, compiler, then)
 
     def _noted_literal(self, number: int, scope: Scope, compiler: FormulaCompiler, then: Next) -> None:
+        """Write a literal, and after it what is noted when it has no (further) solution and nothing later failed.
+
+        So a context that holds pays nothing for its notes.
+        """
         part, function = self.parts[number], compiler.function
         names = tuple(name for name in variables(part) if name in scope)
         self.code.tried[number] = (part, names)
-        held = tuple_of([f"{scope[n]} if type({scope[n]}) is float else held({scope[n]})" for n in names])
-        if self.shared:
-            with function.block(f"if w[0] < {number}:"):
-                function.emit(f"w[:] = {number}, {held if names else '()'}")
-        elif function.loops:
-            with function.block(f"if w < {number}:"):
-                function.emit(f"w, b = {number}, {held if names else '()'}")
-        else:
-            function.emit(f"w, b = {number}, {held}" if names else f"w = {number}")
-            if not names and number:
-                function.emit("b = ()")
+        mark = function.assign("len(trail)", "t") if names and _may_leave_bindings(part) else ""
         compiler.formula(part, scope, lambda inner: self._literal(number + 1, inner, compiler, then))
+        held = tuple_of([f"{scope[n]} if type({scope[n]}) is float else held({scope[n]})" for n in names])
+        with function.block(f"if {'w[0]' if self.shared else 'w'} < {number}:"):
+            if mark:
+                function.emit(f"if len(trail) > {mark}: undo(trail, {mark})")
+            function.emit(f"{'w[:]' if self.shared else 'w, b'} = {number}, {held if names else '()'}")
 
     def _apart(self, number: int, scope: Scope, compiler: FormulaCompiler, then: Next) -> None:
         """Go on in a generator, which yields the values of the variables that the rest of the context binds."""
@@ -169,3 +168,13 @@ class _Writer:
         call = f"{name}({', '.join(['m', 'trail', 'w', *(scope[name] for name in known)])})"
         with compiler.function.block(f"for {targets_of(targets) if targets else '_'} in {call}:"):
             then({**scope, **dict(zip(new, targets, strict=True))})
+
+
+def _may_leave_bindings(part: syntax.Term) -> bool:
+    """Whether a literal that fails may have bound variables that its caller is to free."""
+    match part:
+        case syntax.Relation(operator=operator):
+            return operator in ("=", "=..", "\\==")
+        case syntax.Structure() | syntax.Not():
+            return False
+    return True

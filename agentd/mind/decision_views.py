@@ -97,7 +97,7 @@ class DecisionView:
 def views_of(mind: Any, records: Sequence[Decision | Failure], last: int | None) -> list[DecisionView | FailureView]:
     """Views of records; of a long list only the last so many."""
     failures = {id(frame): record for record in records if type(record) is Failure for frame in record.frames}
-    args = {id(r.frame): r.args for r in records if isinstance(r, Decision) and r.frame is not None}
+    args = {id(r.frame): r.shown_args for r in records if isinstance(r, Decision) and r.frame is not None}
     alive = {id(frame) for intention in mind.all_intentions() for frame in intention.stack}
     views = _Views(mind, failures, args, alive)
     return [views.of(record) for record in (records if last is None else records[max(0, len(records) - last) :])]
@@ -129,16 +129,16 @@ class _Views:
         return DecisionView(
             cycle=made.cycle,
             time=made.time,
-            event=event_text(relevant, made.args, made.annots),
+            event=event_text(relevant, made.shown_args, made.annots),
             kind=relevant.text,
             name=relevant.sig.indicator,
             source=", ".join(short_text(a.args[0]) for a in made.annots if is_source(a)),
             intention=made.intention,
             goal="" if made.below is None else self._goal(made.below),
             cause=self._cause(made),
-            asked_at=_place(made.asked or (made.origin.step if made.origin is not None else None)),
-            rejected=tuple(rejected_view(plan, reason) for plan, reason in made.rejected),
-            chosen=None if frame is None else plan_view(frame[PLAN], _values(frame[PLAN], made.values)),
+            asked_at=_place(made.asked or (made.origin[2] if made.origin is not None else None)),
+            rejected=tuple(rejected_view(plan, reason) for plan, reason in made.rejected or ()),
+            chosen=None if frame is None else plan_view(frame[PLAN], _values(frame, made.values)),
             untried=tuple(plan_view(plan) for plan in after),
             outcome=outcome,
             failure=None if failure is None else self._failure(failure),
@@ -164,16 +164,16 @@ class _Views:
         origin = made.origin
         if made.asked is not None:
             return f"intention {made.intention}"
-        if origin is not None and isinstance(origin.cause, Mail):
-            mail = origin.cause
+        if origin is not None and isinstance(origin[0], Mail):
+            mail = origin[0]
             return f"message {mail.performative} from {mail.sender}" + (f" ({mail.msg_id})" if mail.msg_id else "")
         sources = [a.args[0] for a in made.annots if is_source(a)]
         if (origin is not None and made.annots is SELF) or not sources:
             if origin is None:
                 return ""
-            if origin.cause is not None:
+            if origin[0] is not None:
                 return "given from outside"
-            return f"intention {origin.intention}" if origin.intention else "the program"
+            return f"intention {origin[1]}" if origin[1] else "the program"
         names = ", ".join(map(short_text, sources))
         if names == "percept":
             return "a percept"
@@ -254,14 +254,12 @@ def plan_view(plan: Any, bindings: dict[str, str] | None = None) -> PlanView:
     return PlanView(label, trigger, f"{node.position.file}:{node.position.line}", bindings or {})
 
 
-def _values(plan: Any, values: tuple[Any, ...]) -> dict[str, str]:
-    """The variables of a plan that have a value."""
-    found = {}
-    for name, place in plan.slots.items():
-        number = place - VARIABLES
-        if number < len(values) and values[number] is not None and type(deref(values[number])) is not Var:
-            found[name] = short_text(values[number])
-    return found
+def _values(frame: Frame, values: tuple[Any, ...] | None) -> dict[str, str]:
+    """The variables that had a value when a plan was chosen."""
+    plan: Plan = frame[PLAN]
+    places = frame[VARIABLES:] if values is None else values
+    found = {name: places[plan.slots[name] - VARIABLES] for name in plan.bound}
+    return {name: short_text(value) for name, value in found.items() if type(deref(value)) is not Var}
 
 
 def _place(step: Step | None) -> str:

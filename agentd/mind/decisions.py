@@ -14,9 +14,9 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
-from agentd.language.signatures import signature
-from agentd.language.sources import SELF, SOURCE_SELF
-from agentd.language.terms import Literal, Var, deref, proper
+from agentd.language.signatures import Signature, signature
+from agentd.language.sources import PERCEPT, SELF, SOURCE_SELF
+from agentd.language.terms import Literal, deref, elements
 from agentd.mind.failed import Failed, InContext
 from agentd.mind.frames import VARIABLES, Frame, Step
 from agentd.mind.holding import held, held_all
@@ -31,24 +31,42 @@ class Decision(NamedTuple):
     cycle: int
     time: float
     """Mission time in seconds."""
-    relevant: Any
-    args: tuple[Any, ...]
-    annots: tuple[Any, ...]
-    """The event as it was before any plan was tried."""
-    intention: int
-    """The id of the intention that the plan is for; 0 if there is none."""
+    event: Any
+    """What was taken from the queue; its arguments and annotations may have changed since."""
     below: Frame | None
     """The frame of the plan that raised the event and waits for it."""
     asked: Step | None
     """The formula that raised the event; None if none waits for it."""
-    origin: Origin | None
-    """Where an event that starts an intention comes from."""
-    rejected: Sequence[tuple[Any, Any]]
-    """Each plan that was tried in vain, and why: see `compile_select`; an exception for a context that has none."""
+    rejected: Sequence[tuple[Any, Any]] | None
+    """Each plan that was tried in vain, and why: see `compile_select`; an exception for a context that has no value."""
     frame: Frame | None
-    """The frame of the chosen plan."""
-    values: tuple[Any, ...]
-    """The variables of that frame as they were then."""
+    """The frame of the chosen plan. What selection put into its places stays there."""
+    annots: tuple[Any, ...]
+    """The annotations of the event as they were."""
+    begun: int = 0
+    """The id of the intention that the chosen plan begins; 0 if it is for one that there was."""
+    origin: Origin | None = None
+    """Where an event that starts an intention comes from."""
+    args: tuple[Any, ...] | None = None
+    """The arguments of the event as they were, before any plan was tried; None if they cannot have changed."""
+    values: tuple[Any, ...] | None = None
+    """The variables of the frame as they were then; None if the event has no variables and selection bound none: then
+    those that are cells in the frame were free."""
+
+    @property
+    def relevant(self) -> Any:
+        return self.event[0]
+
+    @property
+    def shown_args(self) -> tuple[Any, ...]:
+        """The arguments as they were."""
+        found: tuple[Any, ...] = self.event[1] if self.args is None else self.args
+        return found
+
+    @property
+    def intention(self) -> int:
+        """The id of the intention that the plan is for; 0 if there is none."""
+        return self.begun if self.event[3] is None else int(self.event[3].id)
 
 
 class Failure(NamedTuple):
@@ -67,14 +85,9 @@ class Failure(NamedTuple):
     """The `Relevant` of the event ``-!g`` that goes on from here; None if nothing handles the failure."""
 
 
-class Origin(NamedTuple):
-    """Where an event that starts an intention comes from."""
-
-    cause: Input | None
-    """The input that raised it."""
-    intention: int
-    step: Step | None
-    """The intention and formula that raised it."""
+Origin = tuple[Input | None, int, Step | None]
+"""Where an event that starts an intention comes from: an input, or the id of an intention and its formula that raised
+it; none of them for what the program starts with."""
 
 
 class Posted(tuple[Any, ...]):
@@ -100,81 +113,101 @@ class Decisions:
         self._last: deque[Any] = deque(maxlen=most)
         self._note: Callable[[Any], None] = self._last.append if tell is None else self._append
         self._post, self._on_input = mind.post, mind.on_input
-        self._causes: dict[Any, Input] = {}
-        self._cycle = 0
-        self.rejected: list[tuple[Any, Any]] = []
-        """The plans that were tried in vain for the event that was taken last."""
+        self._given: list[Any] = []
+        self._given_in = 0
+        """The inputs that may raise events, and the cycle in which they came."""
         mind.compiler.form = "trace"
-        mind.plans.select = self.select
+        mind.plans.select, mind.plans.select_nested = self.select, self.select_nested
         mind.post, mind.on_input = self.post, self.on_input
 
     def records(self) -> list[Decision | Failure]:
         """What is remembered, oldest first."""
-        return [entry if type(entry) is Failure else Decision._make(entry) for entry in self._last]
+        return [entry if type(entry) is Failure else Decision(*entry) for entry in self._last]
 
-    def select(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
-        """Find the plan for an event as a mind without records does, and note how."""
+    def select(
+        self, mind: Any, trail: Trail, event: Any, rejected: list[tuple[Any, Any]] | None = None
+    ) -> Frame | None:
+        """Find the plan for an event as a mind without records does, and note how; ``rejected`` were tried before.
+
+        This is on the path of every event: what is seldom needed stands in the methods below.
+        """
         relevant, args, annots, intention = event
         shown = args
         for term in args:
-            kind = type(term)
-            if kind is not float and kind is not str and not (kind is Literal and term.ground):
+            if type(term) is not float and type(term) is not str and not (type(term) is Literal and term.ground):
                 shown = held_all(args)
                 break
-        shown_annots = annots if annots is SELF else held_all(annots)
-        rejected = self.rejected = []
-        frame: Frame | None = None
-        values: tuple[Any, ...] = ()
-        plan = trouble = None
+        frame = None
         mark = len(trail)
-        mind.plans.taken = event
         try:
-            if mind.plans.has_nested:
-                frame = self._nested(trail, event)
-            for plan in relevant.plans if frame is None else ():
+            for plan in relevant.plans:
                 found = plan.trace(mind, trail, relevant, args, annots)
                 if type(found) is list:
                     frame = found
                     break
                 if len(trail) > mark:
                     undo(trail, mark)
-                rejected.append((plan, found))
+                if rejected is None:
+                    rejected = [(plan, found)]
+                else:
+                    rejected.append((plan, found))
         except Exception as error:
-            rejected.append((plan, error))
-            trouble = InContext(plan, error)
-        mind.plans.taken = None
-        if frame is not None:
-            values = tuple(frame[VARIABLES:])
-            for value in values:
-                if type(value) is Var:
-                    values = held_all(values)
-                    break
-        elif not (rejected or relevant.goal):
-            return None
+            self._decided(event, shown, [*(rejected or ()), (plan, error)], None, None)
+            raise InContext(plan, error) from error
+        if frame is None or shown is not args or len(trail) > mark:
+            self._decided(event, shown, rejected, frame, None if frame is None else frame[VARIABLES:])
+            return frame
+        if annots is not SELF and annots is not PERCEPT:
+            annots = held_all(annots)
         if intention is not None:
             stack = intention.stack
             below = stack[-1] if stack else None
-            number, asked, origin = intention.id, intention.last, None
+            self._note((mind.cycle, mind.now, event, below, intention.last, rejected, frame, annots))
         else:
-            below = asked = None
-            number = mind.intention_count + 1 if frame is not None else 0
             origin = event.origin if type(event) is Posted else None
-        event = (relevant, shown, shown_annots)
-        self._note((mind.cycle, mind.now, *event, number, below, asked, origin, rejected, frame, values))
-        if trouble is not None:
-            raise trouble
+            begun = mind.intention_count + 1
+            self._note((mind.cycle, mind.now, event, None, None, rejected, frame, annots, begun, origin))
         return frame
 
-    def _nested(self, trail: Trail, event: Any) -> Frame | None:
+    def select_nested(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
+        """As `select`, for programs with nested plans: those in sight come first."""
         relevant, args, annots, intention = event
+        shown = held_all(args)
+        rejected: list[tuple[Any, Any]] = []
         mark = len(trail)
-        for plan, around in nested_plans(self._mind, relevant, intention):
-            found = plan.trace(self._mind, trail, relevant, args, annots, around)
+        for plan, around in nested_plans(mind, relevant, intention):
+            try:
+                found = plan.trace(mind, trail, relevant, args, annots, around)
+            except Exception as error:
+                self._decided(event, shown, [*rejected, (plan, error)], None, None)
+                raise InContext(plan, error) from error
             if type(found) is list:
+                self._decided(event, shown, rejected, found, found[VARIABLES:])
                 return found
             undo(trail, mark)
-            self.rejected.append((plan, found))
-        return None
+            rejected.append((plan, found))
+        return self.select(mind, trail, event, rejected or None)
+
+    def _decided(self, event: Any, args: Any, rejected: Any, frame: Frame | None, values: list[Any] | None) -> None:
+        """Note a decision in full."""
+        mind = self._mind
+        relevant, _, annots, intention = event
+        below = asked = origin = None
+        begun = 0
+        if intention is not None:
+            asked = intention.last
+            if intention.stack:
+                below = intention.stack[-1]
+        else:
+            if frame is not None:
+                begun = mind.intention_count + 1
+            elif rejected is None and not relevant.goal:
+                return  # a belief that no plan is for
+            if type(event) is Posted:
+                origin = event.origin
+        held = None if values is None else held_all(tuple(values))
+        start = (mind.cycle, mind.now, event, below, asked, rejected, frame)
+        self._note((*start, held_all(annots), begun, origin, args, held))
 
     def failed(self, intention: Any, step: Step | None, code: Any, failed: Failed, frames: Any, handler: Any) -> None:
         """Note a failure: see `Failure`."""
@@ -187,41 +220,49 @@ class Decisions:
         """Note a record and tell it."""
         self._last.append(entry)
         if self._tell is not None:
-            self._tell(entry if type(entry) is Failure else Decision._make(entry))
+            self._tell(entry if type(entry) is Failure else Decision(*entry))
 
     def post(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
         """Queue an event that starts an intention of its own, with where it comes from."""
+        origin = self._origin(relevant, annots)
         events = self._mind.events
         before = len(events)
         self._post(relevant, args, annots)
-        if len(events) > before:
+        if origin is not None and len(events) > before:
             event = Posted(events.pop())
-            event.origin = self._origin(relevant, annots)
+            event.origin = origin
             events.append(event)
 
     def _origin(self, relevant: Any, annots: tuple[Any, ...]) -> Origin | None:
         mind = self._mind
-        if self._cycle == mind.cycle and (cause := self._causes.get(relevant.sig)) is not None:
-            return Origin(cause, 0, None)
-        current = mind.current
-        if relevant.operator != "^" and (annots is SELF or SOURCE_SELF in annots):
-            return Origin(None, 0, None) if current is None else Origin(None, current.id, current.last)
+        if self._given_in == mind.cycle:
+            for item in self._given:
+                if _raises(item, relevant.sig):
+                    return item, 0, None
+        if annots is SELF or (annots is not PERCEPT and SOURCE_SELF in annots and relevant.operator != "^"):
+            current = mind.current
+            return (None, 0, None) if current is None else (None, current.id, current.last)
         return None  # a percept, a timer, the state of a goal
 
     def on_input(self, cycle: int, item: Input) -> None:
         """Note what may raise events in this cycle."""
-        if cycle != self._cycle:
-            self._causes.clear()
-            self._cycle = cycle
-        match item:
-            case GoalAdded() | BeliefAdded() | SignalRaised():
-                self._causes[item.literal.sig] = item
-            case Mail():
-                members = proper(item.content)
-                for content in [item.content] if members is None else members:
-                    literal = deref(content)
-                    if type(literal) is Literal:
-                        self._causes[literal.sig] = item
-                self._causes[_KQML] = item
+        if isinstance(item, _RAISING):
+            if self._given_in != cycle:
+                self._given.clear()
+                self._given_in = cycle
+            self._given.append(item)
         if self._on_input is not None:
             self._on_input(cycle, item)
+
+
+_RAISING = (Mail, GoalAdded, BeliefAdded, SignalRaised)
+
+
+def _raises(item: Any, sig: Signature) -> bool:
+    """Whether an event of this signature can come from an input."""
+    if type(item) is not Mail:
+        return bool(item.literal.sig is sig)
+    content = deref(item.content)
+    if type(content) is Literal:
+        return content.sig is sig or sig is _KQML
+    return sig is _KQML or any(type(deref(c)) is Literal and deref(c).sig is sig for c in elements(content))

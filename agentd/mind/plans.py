@@ -58,6 +58,7 @@ class Plan:
         "_size",
         "around",
         "atomic",
+        "bound",
         "condition",
         "label",
         "on_failure",
@@ -94,6 +95,8 @@ class Plan:
         """Who the plan comes from: the agent itself, or the one who told it."""
         self.tried: list[tuple[Any, tuple[str, ...]]] = []
         """The literals of the context in order, as `trace` numbers them, with their variables that have values then."""
+        self.bound: tuple[str, ...] = ()
+        """The variables that have a place filled when the plan is selected."""
         self.steps: list[Step | None] = []
         """The formulas of its body, once loaded."""
         self._size = FRAME_HEADER
@@ -133,7 +136,7 @@ class Plan:
         library = self._library
         form = library.compiler.form
         code = compile_plan(self.syntax, library.compiler, self.values, self.around, form)
-        self.slots, self._size, self.tried = code.slots, code.size, code.tried
+        self.slots, self._size, self.tried, self.bound = code.slots, code.size, code.tried, tuple(code.bound)
         namespace, self.steps = self._load(code)
         if form == "select":
             self.select = namespace["select"]
@@ -198,6 +201,8 @@ class PlanLibrary:
         self.select: Callable[[Any, Any, Any], Frame | None] | None = None
         """Finds the plan for an event in another way than by trying the relevant ones in order: called with the mind,
         the trail and the event, it returns the new frame with its bindings on the trail, or None."""
+        self.select_nested: Callable[[Any, Any, Any], Frame | None] = select_nested
+        """The same for programs with nested plans."""
         self.taken: Any = None
         """The event that is being given a plan, where contexts ask for it (`agentd.mind.taken`)."""
         self.has_meta = False
@@ -292,8 +297,7 @@ class PlanLibrary:
             self.has_meta = self.compiler.has_meta = True
         if plan.subplans:
             self.has_nested = True
-            if self.select is None:
-                self.select = select_nested
+            self.select = self.select_nested
         if plan.syntax.context is not None:
             self.note_formula(plan.syntax.context)
 
