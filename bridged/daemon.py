@@ -19,7 +19,7 @@ from schemas import keys
 from schemas.mission import Mission, load_mission
 
 WATCH_EVERY = 0.5
-"""Wall seconds between two looks at who is there."""
+"""Wall seconds between two looks at who is there, while not everybody is."""
 log = logging.getLogger("bridged")
 
 
@@ -78,13 +78,18 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
 
 async def watch_agents(bus: Bus, agents: list[str], bridge: Bridge, steps: tuple[Step, ...], clock: Clock) -> None:
     """When the agent that acted last is gone, do what the mission declares; when it is back, leave it to the agent."""
-    presence = Presence(agents)
+    presence, changed = Presence(agents), asyncio.Event()
 
     def token(key: str, alive: bool) -> None:
         if parsed := keys.parse(key):
             presence.token(parsed[1], parsed[2][-1], alive, clock.wall())
+            changed.set()
 
-    bus.on_router(lambda up: presence.router(up, clock.wall()))
+    def router(up: bool) -> None:
+        presence.router(up, clock.wall())
+        changed.set()
+
+    bus.on_router(router)
     for agent in agents:
         bus.watch(keys.alive(bus.fleet, agent, "agentd", "*"), token)
     lost: set[str] = set()
@@ -99,7 +104,11 @@ async def watch_agents(bus: Bus, agents: list[str], bridge: Bridge, steps: tuple
         lost = set(now_lost)
         somebody = bool(presence.known() - lost) or not bridge.driver.active
         bridge.driver.speak_for_agent(bridge.desk.holder not in lost and somebody)
-        await asyncio.sleep(WATCH_EVERY)
+        changed.clear()
+        if presence.complete:
+            await changed.wait()
+        else:
+            await asyncio.sleep(WATCH_EVERY)
 
 
 async def finish(tasks: list[asyncio.Task[object]], bridge: Bridge) -> int:

@@ -56,6 +56,11 @@ class Presence:
             if wall - since >= AGENT_GRACE and (since > self._router_since or wall - self._router_since >= ROUTER_GRACE)
         }
 
+    @property
+    def complete(self) -> bool:
+        """Whether somebody came, nobody is missing and the router is there: only an event can change what holds."""
+        return self._router_up and not self._absent_since and any(self._tokens.values())
+
     def known(self) -> set[str]:
         """The agents that are there, or were."""
         return {agent for agent, tokens in self._tokens.items() if tokens or agent in self._absent_since}

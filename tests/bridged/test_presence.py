@@ -70,6 +70,34 @@ def test_without_a_router_for_long_nobody_could_tell_the_robot_anything(presence
     assert presence.lost(20.0 + BUS_GRACE) == {"uav": "no router for 5 s"}
 
 
+def test_only_while_nobody_is_missing_nothing_need_be_looked_at(presence: Presence) -> None:
+    assert not Presence(["uav"]).complete, "a robot that nobody came for"
+    assert presence.complete
+    presence.token("uav", "b1", False, 20.0)
+    assert not presence.complete
+    presence.token("uav", "b2", True, 20.3)
+    presence.router(False, 21.0)
+    assert not presence.complete
+    presence.router(True, 22.0)
+    assert presence.complete
+
+
+def test_our_heartbeats_go_with_the_vehicles_own_so_that_an_idle_bridge_wakes_once_for_both(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sky = Sky(tmp_path)
+    sky.wait(3)
+    before = beats(sky)
+    monkeypatch.setattr(sky.driver, "tick", lambda: None)
+    sky.wait(10)
+    assert beats(sky) - before in (9, 10, 11)
+
+
+def beats(sky: Sky) -> int:
+    """How many heartbeats the bridge has sent so far."""
+    return sum(one.get_type() == "HEARTBEAT" for one in sky.sent)
+
+
 def test_by_default_we_speak_as_the_vehicles_companion_and_warn_that_nobody_watches(tmp_path: Path) -> None:
     sky = Sky(tmp_path)
     sky.wait(2)

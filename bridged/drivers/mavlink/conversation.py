@@ -24,8 +24,8 @@ from bridged.drivers.robot import OnReading, Order, Outcome, Reading
 from schemas.manifest import Manifest, Retry
 from schemas.mission import Failsafe, Limits
 
-HEARTBEAT_EVERY = 1.0
-"""Mission seconds."""
+HEARTBEAT_EVERY, HEARTBEAT_EARLY = 1.0, 0.5
+"""Mission seconds between our heartbeats, and how much sooner one may go out together with the vehicle's own."""
 IDLE_AFTER = (3.0, 1.0)
 """Mission and wall seconds for which the streams stay full after the last action, disarmed."""
 PATIENCE_AT_START = 3.0
@@ -121,9 +121,7 @@ class Conversation:
         self.flight.now = now = max(now, self.flight.now)
         self._listening_since = min(self._listening_since, now)
         if now >= self._heartbeat_at:
-            self._heartbeat_at = now + HEARTBEAT_EVERY
-            if self.speaks_for_agent or not self.failsafe.claims_ground_station:
-                self._send(_HEARTBEAT)
+            self._beat()
         if self.vehicle.connected and now - self.vehicle.heard_at > self._link_loss:
             self._lost()
         self._pace()
@@ -228,7 +226,14 @@ class Conversation:
             yield
         return (yield from procedure(self.flight, task, call))
 
+    def _beat(self) -> None:
+        self._heartbeat_at = self.flight.now + HEARTBEAT_EVERY
+        if self.speaks_for_agent or not self.failsafe.claims_ground_station:
+            self._send(_HEARTBEAT)
+
     def _heard(self, mode_before: int, silence: float) -> None:
+        if self.flight.now >= self._heartbeat_at - HEARTBEAT_EARLY:
+            self._beat()
         connected, self.vehicle.connected = self.vehicle.connected, True
         if not connected:
             again = f"again after {silence:.1f} s" if math.isfinite(silence) else "now"

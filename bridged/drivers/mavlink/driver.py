@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -21,10 +22,11 @@ from commd.clock import Clock
 from schemas.manifest import ActionEntry, Manifest
 from schemas.mission import Robot
 
-TICK = 0.25
-"""Wall seconds between looks at the time when no message comes; at speed N the vehicle's second is 1/N of one."""
-TICKS_AT_WORK, TICKS_IDLE = 2.0, 1.0
-"""Looks per second of the vehicle, at least: one is enough for its heartbeat."""
+TICK, TICKS = 0.25, 2.0
+"""At most so many wall seconds between looks at the time, and at least so many looks in a second of the vehicle."""
+TICK_IDLE = 1.0
+"""Wall seconds between looks at the time while nothing is asked of the vehicle: each look wakes the process, and our
+heartbeats go out when the vehicle's come in."""
 STALL = 1.0
 """Wall seconds that a tick may be late; after that the vehicle's packets are read before its silence is judged."""
 CATCH_UP = 0.2
@@ -48,6 +50,8 @@ class MavlinkDriver:
         self._clock = clock
         self._on_step = on_step
         self._link: Link | None = None
+        self._asked = asyncio.Event()
+        """Something was asked of the vehicle: look at the time more often at once."""
         self._carrier: Carrier | None = None
         self.identity = our_ids(robot.failsafe, robot.sysid)
         """Under which ids we speak, and to whom."""
@@ -83,10 +87,13 @@ class MavlinkDriver:
                     self.tick()
                 except Exception as error:  # a defect must not take the link down, and with it the way home
                     loop.call_exception_handler({"message": "looking at the vehicle", "exception": error})
-                ticks = TICKS_AT_WORK if self._conversation.streams.at_work else TICKS_IDLE
-                pause = min(TICK, 1 / (ticks * self._clock.speed))
+                at_work = self._conversation.streams.at_work
+                pause = min(TICK, 1 / (TICKS * self._clock.speed)) if at_work else TICK_IDLE
                 due = loop.time() + pause
-                await asyncio.sleep(pause)
+                self._asked.clear()
+                with suppress(TimeoutError):
+                    async with asyncio.timeout(pause):
+                        await self._asked.wait()
                 if (late := loop.time() - due) > STALL:
                     self.stalls += 1
                     log.warning("this process stood still for %.1f s", late)
@@ -118,10 +125,12 @@ class MavlinkDriver:
         except ValueError as error:
             task.end(Outcome("refused", str(error)))
             return task
+        self._asked.set()
         return self._conversation.begin(task, PROCEDURES[entry.confirm], call)
 
     def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
         """Begin an order from above; every action that runs fails with `reason`."""
+        self._asked.set()
         return self._conversation.order(order, reason, insist=insist)
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
