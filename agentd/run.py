@@ -12,6 +12,7 @@ from agentd.language.errors import SyntaxErrors
 from agentd.paths import SourcePaths, read_folders
 from agentd.standalone import Team
 from agentd.user_code import UserCodeError, describe_error, load_class
+from agentd.why import add_why_arguments, narrator_of
 
 if TYPE_CHECKING:
     from agentd.environment import Environment
@@ -26,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--exit-when-idle", action="store_true", help="end when no agent has anything left to do")
     parser.add_argument("--timeout", type=float, metavar="S", help="end with exit code 1 after so many seconds")
     parser.add_argument("--seed", type=int, default=0, help="start of the random numbers (default 0)")
+    add_why_arguments(parser)
     add_environment_arguments(parser)
     add_path_argument(parser)
 
@@ -81,7 +83,14 @@ def run(args: argparse.Namespace) -> int:
             return 2
     try:
         environment = make_environment(args.env)
-        team = Team(programs, args.seed, paths=paths, environment=environment, environment_arguments=args.env_arg)
+        team = Team(
+            programs,
+            args.seed,
+            paths=paths,
+            environment=environment,
+            environment_arguments=args.env_arg,
+            narrator=narrator_of(args),
+        )
     except UserCodeError as error:
         print(f"--env {args.env}: error: {error}", file=sys.stderr)
         return 2

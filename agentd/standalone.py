@@ -33,6 +33,7 @@ from agentd.paths import SourcePaths
 
 if TYPE_CHECKING:
     from agentd.environment import Environment
+    from agentd.why import Narrator
     from agentd.world import World
 
 CYCLES_A_TURN = 2000
@@ -55,6 +56,7 @@ class Team:
         clock: WallClock | None = None,
         environment: Environment | None = None,
         environment_arguments: Sequence[str] = (),
+        narrator: Narrator | None = None,
     ) -> None:
         self._paths = paths or SourcePaths()
         self.clock = clock or WallClock()
@@ -63,6 +65,7 @@ class Team:
         if environment is not None:
             self._world = _enter(environment, self.clock, environment_arguments)
         self._write = out or sys.stdout.write
+        self._narrator = narrator
         self._seed = seed
         self._stop: tuple[float, int] | None = None
         self._kills: list[tuple[float, str]] = []
@@ -84,6 +87,7 @@ class Team:
             has_team=True,
             epoch=self._epoch,
             zone=zone,
+            on_decision=None if self._narrator is None else self._narrator.listener(name),
         )
         if self._world is not None:
             self._world.join(mind)
@@ -99,6 +103,8 @@ class Team:
             if self._world is not None:
                 self._world.stop()
             sys.stdout.flush()
+            if self._narrator is not None:
+                self._narrator.finish()
 
     def _run(self, timeout: float | None, exit_when_idle: bool) -> int:
         while True:
