@@ -18,7 +18,7 @@ TINY = """
 !round(1).
 +!round(R) : R <= 3 <-
     .nano_time(T0); !count(0); .nano_time(T1); .print("BENCH tiny round ", R, " ops ", 20, " ns ", T1-T0); !round(R+1).
-+!round(R) <- .stopMAS.
++!round(R) <- .wait(500); .stopMAS.
 +!count(N) : N < 20 <- !count(N+1).
 +!count(N).
 """
