@@ -89,6 +89,7 @@ def run(args: argparse.Namespace) -> int:
             paths=paths,
             environment=environment,
             environment_arguments=args.env_arg,
+            decisions=args.decisions,
             narrator=narrator_of(args),
         )
     except UserCodeError as error:

@@ -44,7 +44,10 @@ SLEEP = 3600.0
 
 
 class Team:
-    """The agents of one run. ``out`` takes what they print; ``seed`` starts the random numbers of the first."""
+    """The agents of one run. ``out`` takes what they print; ``seed`` starts the random numbers of the first.
+
+    ``decisions`` is how many of its last decisions each remembers, ``narrator`` tells them as they are made.
+    """
 
     def __init__(
         self,
@@ -56,6 +59,7 @@ class Team:
         clock: WallClock | None = None,
         environment: Environment | None = None,
         environment_arguments: Sequence[str] = (),
+        decisions: int = 0,
         narrator: Narrator | None = None,
     ) -> None:
         self._paths = paths or SourcePaths()
@@ -65,7 +69,7 @@ class Team:
         if environment is not None:
             self._world = _enter(environment, self.clock, environment_arguments)
         self._write = out or sys.stdout.write
-        self._narrator = narrator
+        self._decisions, self._narrator = decisions, narrator
         self._seed = seed
         self._stop: tuple[float, int] | None = None
         self._kills: list[tuple[float, str]] = []
@@ -87,6 +91,7 @@ class Team:
             has_team=True,
             epoch=self._epoch,
             zone=zone,
+            decisions=self._decisions,
             on_decision=None if self._narrator is None else self._narrator.listener(name),
         )
         if self._world is not None:

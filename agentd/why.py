@@ -33,6 +33,13 @@ def add_why_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="as --why, but every decision about goals and beliefs of this name, and no others (repeatable)",
     )
+    parser.add_argument(
+        "--decisions",
+        type=int,
+        default=0,
+        metavar="N",
+        help="remember the last N decisions of each agent as 'agentd serve' does, to see what that costs (default 0)",
+    )
 
 
 def narrator_of(args: argparse.Namespace) -> Narrator | None:
