@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 from agentd.language.compile import CompiledProgram, DirectiveError
 from agentd.language.errors import SyntaxErrors
 from agentd.paths import SourcePaths, read_folders
+from agentd.setup import Setup
 from agentd.standalone import Team
 from agentd.user_code import UserCodeError, describe_error, load_class
 from agentd.why import add_why_arguments, narrator_of
+from schemas.findings import Findings
 
 if TYPE_CHECKING:
     from agentd.environment import Environment
@@ -23,7 +25,12 @@ DEEPEST_CALLS = 9000
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the command."""
-    parser.add_argument("agents", nargs="+", metavar="[NAME=]FILE.asl", help="an agent; its name is the file's if none")
+    parser.add_argument(
+        "agents",
+        nargs="+",
+        metavar="[NAME=]FILE.asl | FILE.mas2j",
+        help="an agent (its name is the file's if none is given), or a project file of Jason",
+    )
     parser.add_argument("--exit-when-idle", action="store_true", help="end when no agent has anything left to do")
     parser.add_argument("--timeout", type=float, metavar="S", help="end with exit code 1 after so many seconds")
     parser.add_argument("--seed", type=int, default=0, help="start of the random numbers (default 0)")
@@ -71,26 +78,20 @@ def run(args: argparse.Namespace) -> int:
     """Run the agents; the exit code as the command's contract says."""
     sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))
     try:
-        paths = read_folders(args.include_path)
-        programs = [_read(argument, paths) for argument in args.agents]
+        setup = _set_up(args, read_folders(args.include_path))
     except (Refused, ValueError) as refused:
         print(refused, file=sys.stderr)
         return 2
-    names = [name for name, _ in programs]
-    for name in names:
-        if names.count(name) > 1:
-            print(f"two agents are called '{name}'; give them names: NAME=FILE.asl", file=sys.stderr)
-            return 2
     try:
-        environment = make_environment(args.env)
         team = Team(
-            programs,
+            setup.programs,
             args.seed,
-            paths=paths,
-            environment=environment,
-            environment_arguments=args.env_arg,
+            paths=setup.paths,
+            environment=make_environment(args.env),
+            environment_arguments=args.env_arg or setup.environment_arguments,
             decisions=args.decisions,
             narrator=narrator_of(args),
+            verbosity=setup.verbosity,
         )
     except UserCodeError as error:
         print(f"--env {args.env}: error: {error}", file=sys.stderr)
@@ -102,11 +103,37 @@ class Refused(Exception):
     """A program that cannot be read, told."""
 
 
-def _read(argument: str, paths: SourcePaths) -> tuple[str, CompiledProgram]:
-    name, equals, path = argument.partition("=")
-    if not equals:
-        name, path = Path(argument).stem, argument
-    return name, read_program(path, paths)
+def _set_up(args: argparse.Namespace, paths: SourcePaths) -> Setup:
+    """The agents that the arguments name. Raises Refused."""
+    if any(argument.endswith(".mas2j") for argument in args.agents):
+        if len(args.agents) > 1:
+            raise Refused("a project file is run alone: it names its agents")
+        return _project(args.agents[0], paths, args.env is not None)
+    setup = Setup(paths=paths)
+    taken: set[str] = set()
+    for argument in args.agents:
+        name, equals, path = argument.partition("=")
+        if not equals:
+            name, path = Path(argument).stem, argument
+        if name in taken:
+            raise Refused(f"two agents are called '{name}'; give them names: NAME=FILE.asl")
+        taken.add(name)
+        setup.programs.append((name, read_program(path, paths)))
+    return setup
+
+
+def _project(file: str, paths: SourcePaths, has_environment: bool) -> Setup:
+    from agentd.projects.read import read_project
+
+    try:
+        setup = read_project(file, paths, has_environment)
+    except OSError as error:
+        raise Refused(f"{file}: error: cannot read the project: {error.strerror or error}") from error
+    except (SyntaxErrors, Findings) as error:
+        raise Refused(str(error)) from error
+    for warning in sorted(setup.warnings):
+        print(warning, file=sys.stderr)
+    return setup
 
 
 def read_program(path: str, paths: SourcePaths) -> CompiledProgram:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import timedelta, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -59,9 +59,11 @@ class Team:
         clock: WallClock | None = None,
         environment: Environment | None = None,
         environment_arguments: Sequence[str] = (),
+        verbosity: Mapping[str, int] | None = None,
         decisions: int = 0,
         narrator: Narrator | None = None,
     ) -> None:
+        self._verbosity = verbosity or {}
         self._paths = paths or SourcePaths()
         self.clock = clock or WallClock()
         self._epoch = time.time()
@@ -94,6 +96,7 @@ class Team:
             decisions=self._decisions,
             on_decision=None if self._narrator is None else self._narrator.listener(name),
         )
+        mind.verbose = self._verbosity.get(name, 1)
         if self._world is not None:
             self._world.join(mind)
         return mind
