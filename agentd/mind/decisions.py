@@ -117,7 +117,8 @@ class Decisions:
         self._given_in = 0
         """The inputs that may raise events, and the cycle in which they came."""
         mind.compiler.form = "trace"
-        mind.plans.select, mind.plans.select_nested = self.select, self.select_nested
+        plans = mind.plans
+        plans.select, plans.select_nested, plans.select_noted = self.select, self.select_nested, self.select_noted
         mind.post, mind.on_input = self.post, self.on_input
 
     def records(self) -> list[Decision | Failure]:
@@ -187,6 +188,14 @@ class Decisions:
             undo(trail, mark)
             rejected.append((plan, found))
         return self.select(mind, trail, event, rejected or None)
+
+    def select_noted(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
+        """As `select`, for programs whose contexts ask for the intention in hand."""
+        mind.plans.taken = event
+        try:
+            return self.select_nested(mind, trail, event)
+        finally:
+            mind.plans.taken = None
 
     def _decided(self, event: Any, args: Any, rejected: Any, frame: Frame | None, values: list[Any] | None) -> None:
         """Note a decision in full."""

@@ -198,11 +198,13 @@ class PlanLibrary:
         self.plans: list[Plan] = []
         self._relevant: dict[tuple[str, str, Signature], Relevant] = {}
         self._labels = 0
+        self._asks = False
         self.select: Callable[[Any, Any, Any], Frame | None] | None = None
         """Finds the plan for an event in another way than by trying the relevant ones in order: called with the mind,
         the trail and the event, it returns the new frame with its bindings on the trail, or None."""
         self.select_nested: Callable[[Any, Any, Any], Frame | None] = select_nested
-        """The same for programs with nested plans."""
+        self.select_noted: Callable[[Any, Any, Any], Frame | None] = select_noted
+        """The same for programs with nested plans, and for those whose contexts ask for the intention in hand."""
         self.taken: Any = None
         """The event that is being given a plan, where contexts ask for it (`agentd.mind.taken`)."""
         self.has_meta = False
@@ -297,14 +299,18 @@ class PlanLibrary:
             self.has_meta = self.compiler.has_meta = True
         if plan.subplans:
             self.has_nested = True
-            self.select = self.select_nested
+            self._choose()
         if plan.syntax.context is not None:
             self.note_formula(plan.syntax.context)
 
     def note_formula(self, formula: Any) -> None:
         """Remember that a context, or a rule that contexts may use, asks for the intention in hand."""
-        if self.select in (None, select_nested) and asks_for_intention(formula):
-            self.select = select_noted
+        if not self._asks and asks_for_intention(formula):
+            self._asks = True
+            self._choose()
+
+    def _choose(self) -> None:
+        self.select = self.select_noted if self._asks else self.select_nested
 
     def remove(self, plan: Plan) -> None:
         """Take a plan out; instances of it that run go on."""
