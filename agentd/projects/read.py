@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from agentd.analysis.calls import finding
-from agentd.analysis.survey import survey
 from agentd.language import syntax
 from agentd.language.compile import CompiledProgram, DirectiveError
 from agentd.language.errors import SyntaxErrors
@@ -86,13 +85,13 @@ def _add(setup: Setup, project: Project, entry: AgentEntry) -> None:
                 goals += [syntax.Goal(literal, "!", option.position) for literal in _literals(option)]
             case "verbose":
                 if option.value not in ("0", "1", "2"):
-                    raise Findings([finding(option.position, f"verbose is 0, 1 or 2, not {option.value}")])
+                    raise Findings([_finding(option.position, f"verbose is 0, 1 or 2, not {option.value}")])
                 level = int(option.value)
             case name if _USUAL_OPTIONS.get(name) == option.value:
                 pass
             case name:
                 text = f"the option {name}={option.value} of the agent {entry.name} has no effect here"
-                setup.warnings.append(finding(option.position, text, warning=True))
+                setup.warnings.append(_finding(option.position, text, warning=True))
     setup.warnings += _java_actions(program)
     program = replace(program, beliefs=(*program.beliefs, *beliefs), goals=(*program.goals, *goals))
     for name in _names(entry):
@@ -108,13 +107,13 @@ def _program(paths: SourcePaths, project: Project, entry: AgentEntry) -> Compile
         return paths.compiled(file, project.file)
     except OSError as error:
         text = f"cannot read {file}, the program of the agent {entry.name}: {error.strerror or error}"
-        raise Findings([finding(position, text)]) from error
+        raise Findings([_finding(position, text)]) from error
     except DirectiveError as error:
         message = error.message
         java = next((spec for name, spec in project.directives if f"'{name.text}'" in message), None)
         if java is not None:
             message += f"; its Java class {java.name} cannot be used here"
-        raise Findings([finding(error.position, message)]) from error
+        raise Findings([_finding(error.position, message)]) from error
 
 
 def _literals(option: Option) -> list[syntax.Structure]:
@@ -125,12 +124,12 @@ def _literals(option: Option) -> list[syntax.Structure]:
         found = parse_term(f"[{option.value}]", option.position.file)
     except SyntaxErrors as errors:
         text = f"{option.name}: {errors.findings[0].message}"
-        raise Findings([finding(option.position, text)]) from None
+        raise Findings([_finding(option.position, text)]) from None
     members = found.items if isinstance(found, syntax.ListTerm) and found.tail is None else ()
     literals = [member for member in members if isinstance(member, syntax.Structure)]
     if not members or len(literals) != len(members):
         text = f'{option.name}="{option.value}": expected literals with commas between them, such as a(1),b'
-        raise Findings([finding(option.position, text)])
+        raise Findings([_finding(option.position, text)])
     return literals
 
 
@@ -148,14 +147,14 @@ def _same_names(project: Project) -> Iterator[Finding]:
             other = taken.setdefault(name, entry)
             if other is not entry:
                 text = f"there is an agent {name} already, of line {other.position.line}"
-                yield finding(entry.position, text)
+                yield _finding(entry.position, text)
                 break
 
 
 def _missing_folders(project: Project, home: Path) -> Iterator[Finding]:
     for path in project.source_paths:
         if not (home / path.text).is_dir():
-            yield finding(path.position, f"aslSourcePath: there is no folder {home / path.text}", warning=True)
+            yield _finding(path.position, f"aslSourcePath: there is no folder {home / path.text}", warning=True)
 
 
 # --- Java ---
@@ -173,11 +172,11 @@ def _of_java(project: Project, has_environment: bool) -> Iterator[Finding]:
         yield _without(project.control, "the execution control", "agents run as fast as they can")
     if project.environment_host is not None:
         host = project.environment_host
-        yield finding(
+        yield _finding(
             host.position, f"at {host.text} is not supported: the environment is in this process", warning=True
         )
     for path in project.class_paths[:1]:
-        yield finding(path.position, "the classpath is not used: there is no Java here", warning=True)
+        yield _finding(path.position, "the classpath is not used: there is no Java here", warning=True)
     for name, spec in project.directives:
         yield _without(spec, f"the directive {name.text} of the Java class", "a program that uses it cannot be run")
     for entry in project.agents:
@@ -190,7 +189,7 @@ def _of_java(project: Project, has_environment: bool) -> Iterator[Finding]:
             yield from _class(entry.belief_base, f"the Java belief base of the agent {entry.name},", instead)
         if entry.host is not None:
             text = f"at {entry.host.text} is not supported: the agent {entry.name} runs in this process"
-            yield finding(entry.host.position, text, warning=True)
+            yield _finding(entry.host.position, text, warning=True)
 
 
 def _class(spec: ClassSpec, what: str, instead: str) -> Iterator[Finding]:
@@ -199,18 +198,35 @@ def _class(spec: ClassSpec, what: str, instead: str) -> Iterator[Finding]:
 
 
 def _without(spec: ClassSpec, what: str, instead: str) -> Finding:
-    return finding(spec.position, f"{what} {spec.name} is not supported: {instead}", warning=True)
+    return _finding(spec.position, f"{what} {spec.name} is not supported: {instead}", warning=True)
 
 
 def _java_actions(program: CompiledProgram) -> Iterator[Finding]:
     """Internal actions such as ``my.lib.act(X)`` that nothing here provides: in Jason they are Java classes."""
     told: set[tuple[str, int]] = set()
     own = {(name, arity) for name, arity, _ in program.functions}
-    for call in survey((*program.beliefs, *program.goals, *program.plans)).calls:
-        name, arity = call.action.name, len(call.action.args)
+    for call in _calls((program.beliefs, program.goals, program.plans)):
+        name, arity = call.name, len(call.args)
         if name.startswith(".") or (name, arity) in told or (name, arity) in own or (name, arity) in FUNCTIONS:
             continue
         told.add((name, arity))
         if find_action(name, arity) is None:
             text = f"nothing provides the internal action {name}/{arity}: a Java class is written anew in Python here"
-            yield finding(call.action.position, text, warning=True)
+            yield _finding(call.position, text, warning=True)
+
+
+def _calls(program: tuple[Any, ...]) -> Iterator[syntax.InternalAction]:
+    """The internal actions in a part of a program, in order."""
+    pending: list[Any] = [program]
+    while pending:
+        node = pending.pop()
+        if isinstance(node, syntax.InternalAction):
+            yield node
+        if isinstance(node, tuple):
+            pending += reversed(node)
+        elif is_dataclass(node) and not isinstance(node, syntax.Position):
+            pending += [getattr(node, part.name) for part in reversed(fields(node))]
+
+
+def _finding(position: syntax.Position, message: str, *, warning: bool = False) -> Finding:
+    return Finding(position.file, position.line, position.column, message, "warning" if warning else "error")
