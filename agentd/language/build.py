@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from agentd.language.build_terms import FORMULAS, KINDS, TermBuilder
+from agentd.language.depth import MOST_BLOCKS, BlockDepths
 from agentd.language.source import Source
 from agentd.language.syntax import (
     Arithmetic,
@@ -76,6 +77,7 @@ class Builder(TermBuilder):
     def __init__(self, source: Source, end_of_text: int) -> None:
         super().__init__(source)
         self._end_of_text = end_of_text
+        self._depths = BlockDepths(self.refuse)
         self._trigger_bodies: dict[int, tuple[TriggerTerm, Body]] = {}
 
     def program(self, at: int, *parts: _ItemPart) -> Program:
@@ -84,6 +86,8 @@ class Builder(TermBuilder):
         for part in parts:
             match part:
                 case _Begin():
+                    if len(open_blocks) == MOST_BLOCKS:
+                        self._depths.refuse(part.at)
                     open_blocks.append((part, items))
                     items = []
                 case _End():
@@ -107,7 +111,8 @@ class Builder(TermBuilder):
     def _attach(self, items: list[Item], block: _Subplans) -> None:
         owner = items[-1] if items else None
         if isinstance(owner, Plan):
-            items[-1] = replace(owner, subplans=owner.subplans + block.plans)
+            items[-1] = whole = replace(owner, subplans=owner.subplans + block.plans)
+            self._depths.note(block.at, whole, block.plans)
         else:
             self.refuse(block.at, "plans in { } belong to the plan before them, and there is none here")
 
@@ -188,7 +193,9 @@ class Builder(TermBuilder):
         return Structure(name, arguments or (), position=self.position(at))
 
     def body(self, at: int, *formulas: BodyFormula) -> Body:
-        return Body(formulas, self.position(at))
+        body = Body(formulas, self.position(at))
+        self._depths.body(at, body)
+        return body
 
     def braced(self, at: int, body: Body | None) -> Body:
         return body if body is not None else Body((), self.position(at))
@@ -209,19 +216,21 @@ class Builder(TermBuilder):
         return For(self.formula_of(at, condition, "the condition of for"), body, self.position(at))
 
     def fork_or(self, at: int, *branches: BodyFormula) -> Fork:
-        return Fork("|||", tuple(self._branch(branch) for branch in branches), self.position(at))
+        return Fork("|||", tuple(self._branch(at, branch) for branch in branches), self.position(at))
 
     def fork_and(self, at: int, *branches: BodyFormula) -> Fork:
-        return Fork("|&|", tuple(self._branch(branch) for branch in branches), self.position(at))
+        return Fork("|&|", tuple(self._branch(at, branch) for branch in branches), self.position(at))
 
-    def _branch(self, formula: BodyFormula) -> Body:
+    def _branch(self, at: int, formula: BodyFormula) -> Body:
         if isinstance(formula, Step) and formula.operator is Operator.ACTION and isinstance(formula.term, BodyTerm):
             return formula.term.body
-        return Body((formula,), formula.position)
+        body = Body((formula,), formula.position)
+        self._depths.body(at, body)
+        return body
 
     def group(self, at: int, *formulas: BodyFormula) -> Step:
         position = self.position(at)
-        return Step(Operator.ACTION, BodyTerm(Body(formulas, position), position), position)
+        return Step(Operator.ACTION, BodyTerm(self.body(at, *formulas), position), position)
 
     def expression_step(self, at: int, term: Term) -> Step:
         position = self.position(at)

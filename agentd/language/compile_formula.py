@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language import syntax
-from agentd.language.compile_match import Next
+from agentd.language.compile_match import MAX_INDENT, Next
 from agentd.language.compile_queries import QUERIES
 from agentd.language.compile_relation import RelationCompiler
 from agentd.language.compile_terms import Scope
@@ -20,7 +20,6 @@ from agentd.language.variables import is_plain_variable, variables
 
 _MAX_LOOPS = 8
 """So deep loops nest in one function; beyond, a generator takes over."""
-_MAX_INDENT = 40
 _MOST_CONJUNCTS = 6
 """A longer conjunction is split into generators."""
 
@@ -33,7 +32,7 @@ class FormulaCompiler(RelationCompiler):
 
     def formula(self, node: Any, scope: Scope, then: Next) -> None:
         """Write a formula; ``then`` is written once, where it holds, and may be reached several times."""
-        if self.function.indent > _MAX_INDENT or self.function.loops > _MAX_LOOPS:
+        if self.function.indent > MAX_INDENT or self.function.loops > _MAX_LOOPS:
             self._apart(node, scope, then)
             return
         match node:
@@ -92,7 +91,7 @@ class FormulaCompiler(RelationCompiler):
         outer = dict(zip(known, parameters, strict=True))
         mark = function.reserve()
         if isinstance(node, syntax.Or):
-            for branch in (node.left, node.right):
+            for branch in _members(node, syntax.Or):
                 inner.formula(branch, dict(outer), succeed)
                 function.emit("undo(trail, mark)")
         else:
@@ -229,9 +228,19 @@ class FormulaCompiler(RelationCompiler):
 
 def conjuncts(node: Any) -> list[Any]:
     """The members of a conjunction from left to right."""
-    if isinstance(node, syntax.And):
-        return [*conjuncts(node.left), *conjuncts(node.right)]
-    return [node]
+    return _members(node, syntax.And)
+
+
+def _members(node: Any, kind: type[syntax.And] | type[syntax.Or]) -> list[Any]:
+    found: list[Any] = []
+    pending = [node]
+    while pending:
+        node = pending.pop()
+        if isinstance(node, kind):
+            pending += (node.right, node.left)
+        else:
+            found.append(node)
+    return found
 
 
 def _conjunction(parts: list[Any]) -> Any:
@@ -241,17 +250,23 @@ def _conjunction(parts: list[Any]) -> Any:
     return node
 
 
-def _can_be_given(node: Any) -> bool:
+def _can_be_given(node: Any, depth: int = 0) -> bool:
     """Whether a term made of known variables may be built before it is compared (no anonymous variable in it)."""
+    if depth > MAX_INDENT:
+        return False
     match node:
         case syntax.Variable():
             return is_plain_variable(node) and not node.anonymous
         case syntax.Structure(args=args, annotations=annots, namespace=namespace):
-            return annots is None and not isinstance(namespace, syntax.Variable) and all(map(_can_be_given, args))
+            return (
+                annots is None
+                and not isinstance(namespace, syntax.Variable)
+                and all(_can_be_given(a, depth + 1) for a in args)
+            )
         case syntax.ListTerm(items=items, tail=tail):
-            return all(map(_can_be_given, items)) and (tail is None or _can_be_given(tail))
+            return all(_can_be_given(i, depth + 1) for i in items) and (tail is None or _can_be_given(tail, depth + 1))
         case syntax.Arithmetic(operands=operands):
-            return all(map(_can_be_given, operands))
+            return all(_can_be_given(o, depth + 1) for o in operands)
         case syntax.Number() | syntax.String():
             return True
     return False

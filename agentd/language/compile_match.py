@@ -15,6 +15,10 @@ Next: TypeAlias = Callable[[Scope], None]
 """Writes what comes after a success, with the variables known there."""
 
 
+MAX_INDENT = 40
+"""Python nests blocks no deeper than 100: patterns below this are built and unified, formulas become functions."""
+
+
 class MatchCompiler(TermCompiler):
     """Writes matches into one function, which has the local ``trail``."""
 
@@ -31,6 +35,8 @@ class MatchCompiler(TermCompiler):
             return
         if is_constant(node):
             self._match_constant(node, value, scope, then)
+        elif self.function.indent > MAX_INDENT:
+            self.match_built(node, value, scope, then)
         elif type(node) is syntax.Structure and self._is_plain_structure(node):
             self._match_structure(node, value, scope, then)
         elif type(node) is syntax.ListTerm:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from agentd.language import syntax
 from agentd.language.constants import constant_annots, is_constant, is_number, is_plain_atom, shared_atom, signature_of
 from agentd.language.emit import Function, Unit, tuple_of
 from agentd.language.order import sorted_annots
+from agentd.language.parts import parts, with_parts
 from agentd.language.signatures import signature
 from agentd.language.sources import SELF, is_source
 from agentd.language.terms import EMPTY
@@ -17,8 +18,19 @@ Scope: TypeAlias = dict[str, str]
 """Which Python local holds the value of each variable that has occurred; a variable not in it is free and new."""
 
 
+_DEEPEST_EXPRESSION = 30
+"""Terms nested deeper than this are written as statements."""
+
 _DIRECT = {"+", "-", "*", "/"}
 """The operators that Python computes alike when both operands are numbers."""
+
+
+class _Written(NamedTuple):
+    """A part of a term: the node that stands for it, its local if it has been written, whether it is a constant."""
+
+    node: Any
+    local: str
+    constant: bool
 
 
 class TermCompiler:
@@ -28,6 +40,7 @@ class TermCompiler:
         self.unit, self.function, self.library = unit, function, library
         self.depth = depth
         """The expression for the depth of new variables, ``""`` where no frame owns them."""
+        self._nesting = 0
         self.linking = False
         """Whether free variables inside code in braces are to be linked to those of the plan (a pattern for ``=``)."""
 
@@ -38,6 +51,43 @@ class TermCompiler:
         """An expression for a term. Variables that are new get a cell and are added to ``scope``."""
         if is_constant(node):
             return self._constant_term(node)
+        if self._nesting >= _DEEPEST_EXPRESSION:
+            return self._build_deep(node, scope)
+        self._nesting += 1
+        try:
+            return self._build(node, scope)
+        finally:
+            self._nesting -= 1
+
+    def _build_deep(self, node: syntax.Term, scope: Scope) -> str:
+        """As `build`, by a statement for each part, the innermost first: Python nests no deeper than 200 brackets."""
+        work: list[tuple[Any, int]] = [(node, -1)]
+        done: list[_Written] = []
+        while work:
+            part, count = work.pop()
+            if count < 0:
+                inner = parts(part)
+                if inner:
+                    work.append((part, len(inner)))
+                    work.extend((p, -1) for p in reversed(inner))
+                else:
+                    done.append(_Written(part, "", is_constant(part)))
+                continue
+            built = done[len(done) - count :]
+            del done[len(done) - count :]
+            if all(w.constant for w in built) and isinstance(part, syntax.Structure | syntax.ListTerm):
+                done.append(_Written(part, "", not isinstance(getattr(part, "namespace", None), syntax.Variable)))
+                continue
+            # A part that has been written is a local: a variable of an impossible name takes its place.
+            names = {w.node.name: w.local for w in built if w.local}
+            scope.update(names)
+            local = self.function.assign(self._build(with_parts(part, tuple(w.node for w in built)), scope))
+            for name in names:
+                del scope[name]
+            done.append(_Written(syntax.Variable(f"{local}."), local, False))
+        return done[0].local or self._build(done[0].node, scope)
+
+    def _build(self, node: syntax.Term, scope: Scope) -> str:
         match node:
             case syntax.Variable():
                 return self._variable(node, scope)

@@ -21,25 +21,37 @@ def signature_of(node: syntax.Structure) -> Signature:
 
 def is_constant(node: Any) -> bool:
     """Whether a node is a ground term that needs no computing: it can be made once."""
-    match node:
-        case syntax.Number() | syntax.String():
-            return True
-        case syntax.Structure(args=args, annotations=annots, namespace=namespace):
-            if namespace is not None and not isinstance(namespace, str):
+    pending = [node]
+    while pending:
+        node = pending.pop()
+        kind = type(node)
+        if kind is syntax.Number or kind is syntax.String:
+            continue
+        if kind is syntax.Structure:
+            if node.namespace is not None and not isinstance(node.namespace, str):
                 return False
-            return all(map(is_constant, args)) and (annots is None or is_constant(annots))
-        case syntax.ListTerm(items=items, tail=tail):
-            return all(map(is_constant, items)) and (tail is None or is_constant(tail))
-        case syntax.Arithmetic():
-            return is_number(node)
-    return False
+            pending.extend(node.args)
+            if node.annotations is not None:
+                pending.append(node.annotations)
+        elif kind is syntax.ListTerm:
+            pending.extend(node.items)
+            if node.tail is not None:
+                pending.append(node.tail)
+        elif kind is not syntax.Arithmetic or not is_number(node):
+            return False
+    return True
 
 
 def is_number(node: Any) -> bool:
     """Whether a node is a numeral, or arithmetic over numerals (but ``div``, which may have no value)."""
-    if isinstance(node, syntax.Arithmetic):
-        return node.operator != "div" and all(map(is_number, node.operands))
-    return isinstance(node, syntax.Number)
+    pending = [node]
+    while pending:
+        node = pending.pop()
+        if type(node) is syntax.Arithmetic and node.operator != "div":
+            pending.extend(node.operands)
+        elif type(node) is not syntax.Number:
+            return False
+    return True
 
 
 def is_plain_atom(node: Any) -> bool:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from agentd.language import syntax
 from agentd.language.numbers import OPERATIONS, UndefinedNumber
 from agentd.language.order import sorted_annots
+from agentd.language.parts import parts
 from agentd.language.signatures import DEFAULT, signature
-from agentd.language.terms import EMPTY, Code, Expression, Literal, Open, Rest, Var, deref, elements, make_list
+from agentd.language.terms import ARITHMETIC, Code, Expression, Literal, Open, Rest, Var, deref, elements, make_list
 
 Functions = Mapping[tuple[str, int], Callable[..., Any]]
 """Functions by name and arity, as ``math.max`` with 2; each takes terms and returns one, or None for no value."""
@@ -31,48 +33,67 @@ class Instantiation:
         self.values, self._functions = values, functions
 
     def term(self, node: syntax.Term) -> Any:
+        """The term of a node, at any depth: parts are made before what they are parts of, without recursion."""
+        work: list[tuple[Any, int]] = [(node, -1)]
+        done: list[Any] = []
+        while work:
+            node, count = work.pop()
+            if isinstance(node, syntax.Number | syntax.String):
+                done.append(node.value)
+            elif count >= 0:
+                made = tuple(done[len(done) - count :])
+                del done[len(done) - count :]
+                done.append(self._made(node, made))
+            elif (inner := parts(node)) is None:
+                done.append(self._leaf(node))
+            else:
+                work.append((node, len(inner)))
+                work.extend([(part, -1) for part in reversed(inner)])
+        return done[0]
+
+    def _leaf(self, node: Any) -> Any:
         match node:
-            case syntax.Number(value=value) | syntax.String(value=value):
-                return value
             case syntax.Variable():
                 return self._variable(node)
-            case syntax.Structure():
-                return self._structure(node)
-            case syntax.ListTerm():
-                return self._list(node)
-            case syntax.InternalAction(name=name, args=args):
-                return self._call(name, tuple(self.term(a) for a in args))
-            case syntax.Arithmetic(operator=operator, operands=operands):
-                built = tuple(self.term(o) for o in operands)
-                try:
-                    return calculate(operator, built)
-                except UndefinedNumber:
-                    return Expression(operator, built)
-            case syntax.Relation(operator=operator, left=left, right=right):
-                return Expression(operator, (self.term(left), self.term(right)))
-            case syntax.And(left=left, right=right):
-                return Expression("&", (self.term(left), self.term(right)))
-            case syntax.Or(left=left, right=right):
-                return Expression("|", (self.term(left), self.term(right)))
-            case syntax.Not(operand=operand):
-                return Expression("not", (self.term(operand),))
             case syntax.PlanTerm(plan=inner) | syntax.TriggerTerm(trigger=inner):
                 return Code(inner, self._bound())
             case syntax.BodyTerm(body=inner) | syntax.RuleTerm(rule=inner):
                 return Code(inner, self._bound())
         raise TypeError(f"not a term: {node!r}")
 
+    def _made(self, node: Any, made: tuple[Any, ...]) -> Any:
+        """A term of the terms of its parts."""
+        match node:
+            case syntax.Structure(args=args, annotations=annots):
+                count = len(args)
+                tail = None if annots is None or annots.tail is None else made[-1]
+                found = made[count : len(made) - (tail is not None)]
+                return self._structure(node, made[:count], _with_tail(found, tail) if annots is not None else ())
+            case syntax.ListTerm(tail=None):
+                return make_list(made)
+            case syntax.ListTerm():
+                return make_list(made[:-1], made[-1])
+            case syntax.InternalAction(name=name):
+                return self._call(name, made)
+            case syntax.Arithmetic(operator=operator):
+                try:
+                    return calculate(operator, made)
+                except UndefinedNumber:
+                    return Expression(operator, made)
+            case syntax.Relation(operator=operator):
+                return Expression(operator, made)
+            case syntax.And():
+                return Expression("&", made)
+            case syntax.Or():
+                return Expression("|", made)
+        return Expression("not", made)
+
     def annots(self, node: syntax.ListTerm | None) -> tuple[Any, ...]:
         """The annotations that a list of syntax stands for: a bound tail adds its own, a free one takes the rest."""
         if node is None:
             return ()
-        found, end = [self.term(item) for item in node.items], node.tail
-        if end is None:
-            return sorted_annots(found)
-        tail = self.term(end)
-        if type(tail) is Var:
-            return (*sorted_annots(found), Rest(tail))
-        return sorted_annots((*found, *elements(tail)))
+        tail = None if node.tail is None else self.term(node.tail)
+        return _with_tail([self.term(item) for item in node.items], tail)
 
     def _variable(self, node: syntax.Variable) -> Any:
         if node.anonymous:
@@ -94,15 +115,13 @@ class Instantiation:
             return self._variable(namespace)
         return namespace
 
-    def _structure(self, node: syntax.Structure) -> Any:
-        args = tuple(self.term(a) for a in node.args)
+    def _structure(self, node: syntax.Structure, args: tuple[Any, ...], annots: tuple[Any, ...]) -> Any:
         function = self._functions.get((node.functor, len(args)))
         if function is not None:
             value = function(*args)
             if value is not None:
                 return value
         namespace = self._namespace(node.namespace)
-        annots = self.annots(node.annotations)
         if namespace is None or isinstance(namespace, str):
             return Literal(signature(node.functor, len(args), node.negated, namespace or DEFAULT), args, annots)
         bound = deref(namespace)
@@ -110,10 +129,6 @@ class Instantiation:
             return Literal(signature(node.functor, len(args), node.negated, bound.sig.functor), args, annots)
         literal = Literal(signature(node.functor, len(args), node.negated), args, annots)
         return Open(Var(), None, False, namespace, literal)
-
-    def _list(self, node: syntax.ListTerm) -> Any:
-        tail = EMPTY if node.tail is None else self.term(node.tail)
-        return make_list((self.term(item) for item in node.items), tail)
 
     def _call(self, name: str, args: tuple[Any, ...]) -> Any:
         function = self._functions.get((name, len(args)))
@@ -127,27 +142,69 @@ class Instantiation:
         return {name: deref(v) for name, v in self.values.items() if type(deref(v)) is not Var}
 
 
+def _with_tail(annots: Sequence[Any], tail: Any) -> tuple[Any, ...]:
+    if tail is None:
+        return sorted_annots(annots)
+    if type(tail) is Var:
+        return (*sorted_annots(annots), Rest(tail))
+    return sorted_annots((*annots, *elements(tail)))
+
+
 def calculate(operator: str, operands: tuple[Any, ...]) -> Any:
     """The value of an operation on numbers; the symbolic expression if an operand is free; NaN for other operands.
 
     Raises `UndefinedNumber` for ``div`` by zero.
     """
-    values = [number(o) for o in operands]
-    if any(v is None for v in values):
-        return Expression(operator, operands)
+    values = []
+    for operand in operands:
+        found = number(operand)
+        if type(found) is Var:
+            return Expression(operator, operands, found)
+        values.append(found)
     if len(values) == 1:
         return -values[0] if operator == "-" else values[0]
     return OPERATIONS[operator](values[0], values[1])
 
 
 def number(term: Any) -> Any:
-    """The number that a term is worth in arithmetic: NaN if it has none and never will, None while it is open."""
+    """The number that a term is worth in arithmetic: NaN if it has none and never will; while it is open, a variable.
+
+    The variable is one that has to get a value first.
+    """
     term = deref(term)
-    if type(term) is float:
+    if type(term) is float or type(term) is Var:
         return term
-    if type(term) is Var:
-        return None
-    if type(term) is Expression and (len(term.operands) == 1 or term.operator in OPERATIONS) and term.operator != "not":
-        value = calculate(term.operator, term.operands)
-        return value if type(value) is float else None
-    return float("nan")
+    if type(term) is not Expression or term.operator not in ARITHMETIC:
+        return math.nan
+    if term.waits_for is None or term.waits_for.ref is not None:
+        found = _computed(term)
+        if type(found) is not Var:
+            return found
+        term.waits_for = found
+    return term.waits_for
+
+
+def _computed(expression: Expression) -> float | Var:
+    """The value of arithmetic nested to any depth; a free variable as soon as one is met."""
+    work: list[tuple[Any, bool]] = [(expression, False)]
+    values: list[float] = []
+    while work:
+        term, ready = work.pop()
+        if ready:
+            right = values.pop()
+            if len(term.operands) == 1:
+                values.append(-right if term.operator == "-" else right)
+            else:
+                values.append(OPERATIONS[term.operator](values.pop(), right))
+            continue
+        term = deref(term)
+        if type(term) is float:
+            values.append(term)
+        elif type(term) is Var:
+            return term
+        elif type(term) is Expression and term.operator in ARITHMETIC:
+            work.append((term, True))
+            work.extend((operand, False) for operand in reversed(term.operands))
+        else:
+            values.append(math.nan)
+    return values[0]

@@ -72,7 +72,10 @@ def write(term: Any, out: list[str]) -> None:
         elif kind is Open:
             _push_open(term, pending)
         elif kind is Code:
-            out.append(code_text(term))
+            try:
+                out.append(code_text(term))
+            except RecursionError:  # code that holds code that holds code ...
+                out.append("{ ... }")
         elif kind is Collection:
             _push_collection(term, pending)
         else:

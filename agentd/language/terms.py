@@ -143,13 +143,15 @@ class Expression:
     ``operator`` is one of `ARITHMETIC`, a relation, ``&``, ``|`` or ``not``; one or two operands.
     """
 
-    __slots__ = ("operands", "operator")
+    __slots__ = ("operands", "operator", "waits_for")
 
     operator: str
     operands: tuple[Any, ...]
+    waits_for: Var | None
+    """A variable inside that was free when the value was asked for last: as long as it is, there is no value."""
 
-    def __init__(self, operator: str, operands: tuple[Any, ...]) -> None:
-        self.operator, self.operands = operator, operands
+    def __init__(self, operator: str, operands: tuple[Any, ...], waits_for: Var | None = None) -> None:
+        self.operator, self.operands, self.waits_for = operator, operands, waits_for
 
     def __eq__(self, other: object) -> bool:
         return self is other or (type(other) is Expression and equal(self, other))

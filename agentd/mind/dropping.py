@@ -11,7 +11,8 @@ from agentd.language.syntax import Operator
 from agentd.language.terms import Literal
 from agentd.mind.effects import CancelAction
 from agentd.mind.failed import Failed
-from agentd.mind.failure import error_annots, fail
+from agentd.mind.failure import fail
+from agentd.mind.failure_facts import error_annots
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP
 from agentd.mind.intention_terms import ahead
 from agentd.mind.intentions import Intention, values_of
@@ -149,6 +150,18 @@ def drop_event(mind: Any, goal: Literal, trail: Trail) -> bool:
 def drop_desire(mind: Any, goal: Literal, trail: Trail) -> bool:
     own = drop_event(mind, goal, trail)
     return drop_intention(mind, goal, trail) or own
+
+
+def fail_too_deep(mind: Any, intention: Intention) -> None:
+    """The innermost goal of an intention with too many plans fails."""
+    stack, trail = intention.stack[:], list(intention.trail)
+    drop(mind, intention)
+    intention.stack, intention.trail[:] = stack, trail
+    failure = Failed("recursion_too_deep", f"{len(stack)} goals are open, one inside the other")
+    step = intention.last
+    place = stack[-1][PLAN].syntax.position if step is None else step.syntax.position
+    code = Literal(stack[-1][RELEVANT].sig, stack[-1][ARGS])
+    fail(mind, intention, error_annots(failure, code, place.line, place.file), str(place), failure)
 
 
 def end_goal(mind: Any, intention: Intention, place: int, succeeded: bool) -> None:

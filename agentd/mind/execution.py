@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.language.numbers import UndefinedNumber
 from agentd.language.term_text import text
 from agentd.mind import failure
-from agentd.mind.failed import Failed
+from agentd.mind.failed import Failed, as_failed
+from agentd.mind.failure_facts import code_of
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame
 from agentd.mind.goal_states import raise_state
 from agentd.mind.intentions import Intention
@@ -25,18 +25,8 @@ def run_intention(mind: Any, intention: Intention) -> None:
         try:
             if step.run(mind, intention, frame):
                 return
-        except Failed as failed:
-            _step_failed(mind, intention, step, frame, failed)
-            return
-        except UndefinedNumber as undefined:
-            _step_failed(mind, intention, step, frame, Failed("undefined_number", str(undefined)))
-            return
-        except RecursionError:
-            message = "the computation is too deep"
-            _step_failed(mind, intention, step, frame, Failed("recursion_too_deep", message))
-            return
         except Exception as error:  # an internal action may raise anything; it must not end the mind
-            _step_failed(mind, intention, step, frame, Failed("unknown", f"{type(error).__name__}: {error}"))
+            _step_failed(mind, intention, step, frame, as_failed(error))
             return
     if intention.stack[-1][STEP] is None:
         end_frames(mind, intention)
@@ -47,7 +37,7 @@ def run_intention(mind: Any, intention: Intention) -> None:
 
 def _step_failed(mind: Any, intention: Intention, step: Any, frame: Frame, failed: Failed) -> None:
     if failed.error == "test_goal_failed" and not failed.args[0].startswith("Failed"):
-        code = failure.code_of(step, frame)
+        code = code_of(step, frame)
         failed = Failed("test_goal_failed", f"Failed to test '{text(code)}'", code=code)
     failure.step_failed(mind, intention, step, frame, failed)
 
@@ -78,6 +68,11 @@ def end_frames(mind: Any, intention: Intention) -> None:
 def condition_holds(mind: Any, intention: Intention, frame: Frame) -> bool:
     """Whether the condition of the goal that a frame is for holds now."""
     mark = len(intention.trail)
-    holds = frame[PLAN].condition(mind, intention.trail, frame)
-    undo(intention.trail, mark)
-    return bool(holds)
+    try:
+        return bool(frame[PLAN].condition(mind, intention.trail, frame))
+    except Exception as error:  # as in a context: what cannot be computed does not hold
+        plan = frame[PLAN].syntax
+        mind.warn_once(f"{plan.position}: the condition of the goal cannot be computed: {as_failed(error)}")
+        return False
+    finally:
+        undo(intention.trail, mark)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NoReturn
 
+from agentd.language.numbers import UndefinedNumber
+
 
 class Failed(Exception):
     """A formula of a plan failed. The handler ``-!g`` of the goal sees these facts as annotations.
@@ -23,6 +25,18 @@ class InContext(Exception):
     def __init__(self, plan: Any, error: Exception) -> None:
         super().__init__(str(error))
         self.plan, self.error = plan, error
+
+
+def as_failed(error: Exception) -> Failed:
+    """The failure of a formula that raised an exception: an internal action may raise anything."""
+    match error:
+        case Failed():
+            return error
+        case UndefinedNumber():
+            return Failed("undefined_number", str(error))
+        case RecursionError():
+            return Failed("recursion_too_deep", "the computation is too deep")
+    return Failed("unknown", f"{type(error).__name__}: {error}")
 
 
 def wrong_arguments(message: str) -> NoReturn:

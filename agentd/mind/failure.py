@@ -4,27 +4,27 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from agentd.language import syntax
-from agentd.language.instantiate import instantiate
-from agentd.language.numbers import UndefinedNumber
 from agentd.language.order import sorted_annots
-from agentd.language.signatures import signature
 from agentd.language.term_text import text
-from agentd.language.terms import Code, Literal, atom
+from agentd.language.terms import Literal
 from agentd.mind.communication import communication_error
 from agentd.mind.effects import Log
 from agentd.mind.failed import Failed
+from agentd.mind.failure_facts import (
+    as_they_are,
+    brief,
+    code_of,
+    error_annots,
+    goal_text,
+    tried,
+    without_facts,
+    written,
+)
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, Frame, Step
 from agentd.mind.goal_states import raise_state
-from agentd.mind.intentions import Intention, values_of
-from agentd.mind.resolving import detach, resolve, resolve_all
+from agentd.mind.intentions import Intention
+from agentd.mind.resolving import detach, resolve_all
 from agentd.mind.unifier import undo
-
-_LONGEST = 200
-
-_ERROR, _MESSAGE = signature("error", 1), signature("error_msg", 1)
-_CODE, _LINE, _SOURCE = signature("code", 1), signature("code_line", 1), signature("code_src", 1)
-_FACTS = frozenset((_ERROR, _MESSAGE, _CODE, _LINE, _SOURCE))
 
 MOST_RETRIES: Final = 100
 """So often an intention's failure plan that fails itself is tried again before the intention ends."""
@@ -36,46 +36,8 @@ def step_failed(mind: Any, intention: Intention, step: Step, frame: Frame, failu
     code = failure.code if failure.code is not None else code_of(step, frame)
     position = step.syntax.position
     annots = error_annots(failure, code, position.line, position.file)
-    where = f"{position}: {_written(step, code)}"
+    where = f"{position}: {brief(written(step, code))}"
     fail(mind, intention, annots, where, failure)
-
-
-def code_of(step: Step, frame: Frame) -> Any:
-    """The failing formula as a term, with the values of its variables put in."""
-    formula = step.syntax
-    values = values_of(frame)
-    if isinstance(formula, syntax.Step):
-        term = instantiate(formula.term, dict(values))
-        try:
-            term = resolve(term)
-        except UndefinedNumber:
-            pass
-        except RecursionError:
-            return _shortened(term)
-        if not formula.operator.value or formula.operator is syntax.Operator.TEST:
-            return term
-    return Code(syntax.Body((formula,), formula.position), values, bare=True)
-
-
-def _shortened(term: Any) -> str:
-    """The beginning of the text of a term that is cyclic or too large to be handed on."""
-    whole = text(term)
-    return whole if len(whole) <= _LONGEST else f"{whole[:_LONGEST]}..."
-
-
-def _written(step: Step, code: Any) -> str:
-    operator = step.syntax.operator.value if isinstance(step.syntax, syntax.Step) else ""
-    return text(code) if type(code) is Code else operator + text(code)
-
-
-def error_annots(failure: Failed, code: Any, line: int, source: str) -> tuple[Any, ...]:
-    """The annotations that describe a failure to its handler."""
-    own = resolve_all(failure.annots)
-    found = [Literal(_ERROR, (atom(failure.error),))]
-    if not any(type(a) is Literal and a.sig is _MESSAGE for a in own):
-        found.append(Literal(_MESSAGE, (str(failure),) if str(failure) != failure.error else ("",)))
-    found += [Literal(_CODE, (code,)), Literal(_LINE, (float(line),)), Literal(_SOURCE, (source,))]
-    return (*found, *own)
 
 
 def _calling_line(mind: Any, intention: Intention) -> tuple[int, str]:
@@ -88,7 +50,7 @@ def _calling_line(mind: Any, intention: Intention) -> tuple[int, str]:
 
 def goal_failed(mind: Any, relevant: Any, args: Any, annots: Any, intention: Intention | None) -> None:
     """A goal event found no plan. Its own ``-!g`` is asked first, then those of the goals below."""
-    literal = Literal(relevant.sig, resolve_all(args), resolve_all(annots))
+    literal = Literal(relevant.sig, as_they_are(args), as_they_are(annots))
     if relevant.plans:
         error, kind = "no_applicable", "applicable"
     else:
@@ -111,15 +73,15 @@ def goal_failed(mind: Any, relevant: Any, args: Any, annots: Any, intention: Int
             mind.events.append((handler, args, facts, intention))
         return
     if intention is None:
-        mind.effects.append(Log("warning", f"{message}{_contexts(mind, relevant)}"))
+        mind.effects.append(Log("warning", f"{message}{tried(relevant)}"))
         return
     fail(mind, intention, extra, where, failure)
 
 
 def _end_unanswered(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
     """A test for which no ``+?g`` is applicable: ``-?g`` runs, but he who asked does not go on (rule 61)."""
-    text = f"{where}: {failure.error}: {failure}; -? runs for it, the intention that asked ends"
-    mind.effects.append(Log("error", text))
+    told = f"{where}: {failure.error}: {failure}; -? runs for it, the intention that asked ends"
+    mind.effects.append(Log("error", told))
     intention.stack.clear()
     mind.gone(intention)
     if intention.branch is not None:
@@ -129,7 +91,7 @@ def _end_unanswered(mind: Any, intention: Intention, extra: tuple[Any, ...], whe
 def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
     """Look for the handler from the innermost goal down; without one the intention is dropped with a warning."""
     stack = intention.stack
-    heads = [f"{f[RELEVANT].text}{text(Literal(f[RELEVANT].sig, resolve_all(f[ARGS])))}" for f in reversed(stack[-5:])]
+    heads = [] if _has_handler(intention) else [goal_text(frame) for frame in reversed(stack[-5:])]
     plan = stack[-1][PLAN] if stack else None
     because = "no handler -! for it"
     while stack:
@@ -181,6 +143,14 @@ def _go_on(mind: Any, intention: Intention) -> None:
     resume_waiting(mind, intention)
 
 
+def _has_handler(intention: Intention) -> bool:
+    """Whether a goal of an intention has failure plans: then nobody needs the texts for the log."""
+    return any(
+        f[RELEVANT].operator == "+" and f[RELEVANT].goal and f[RELEVANT].counterpart("-").plans
+        for f in reversed(intention.stack)
+    )
+
+
 def _handled_again(mind: Any, intention: Intention, handler: Frame, extra: tuple[Any, ...]) -> bool:
     """A failure plan with no goal below it has failed: its event comes again, with what failed now.
 
@@ -196,32 +166,6 @@ def _handled_again(mind: Any, intention: Intention, handler: Frame, extra: tuple
     if len(mind.failed_handlers) >= _MOST_NOTED:
         mind.failed_handlers.clear()
     mind.failed_handlers[intention.id] = tries
-    own = [a for a in handler[ANNOTS] if not (type(a) is Literal and a.sig in _FACTS)]
-    mind.events.append((relevant, handler[ARGS], sorted_annots((*own, *extra)), intention))
+    annots = sorted_annots((*without_facts(handler[ANNOTS]), *extra))
+    mind.events.append((relevant, handler[ARGS], annots, intention))
     return True
-
-
-def _contexts(mind: Any, relevant: Any) -> str:
-    if not relevant.plans:
-        return ""
-    places = ", ".join(f"{p.head} (line {p.syntax.position.line})" for p in relevant.plans[:3])
-    return f"; relevant were {places}"
-
-
-def facts_of(annots: tuple[Any, ...]) -> tuple[str, str]:
-    """The error and the message among the annotations of a failure event."""
-    facts = {a.sig: a.args[0] for a in resolve_all(annots) if type(a) is Literal and len(a.args) == 1}
-    return text(facts.get(_ERROR, atom("unknown"))), str(facts.get(_MESSAGE, ""))
-
-
-def unhandled(relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> str:
-    """What to say when there are handlers for a failed goal and none fits: what failed, where, and which they are."""
-    facts = {a.sig: a.args[0] for a in resolve_all(annots) if type(a) is Literal and len(a.args) == 1}
-    said = [text(facts[_ERROR])] if _ERROR in facts else []
-    if facts.get(_MESSAGE):
-        said.append(str(facts[_MESSAGE]))
-    where = f"{facts[_SOURCE]}:{facts[_LINE]:g}: " if facts.get(_LINE) and facts.get(_SOURCE) else ""
-    code = f"{text(facts[_CODE])}: " if _CODE in facts else ""
-    event = f"{relevant.text}{text(Literal(relevant.sig, resolve_all(args)))}"
-    handlers = ", ".join(f"{plan.head} at {plan.syntax.position}" for plan in relevant.plans[:3])
-    return f"{where}{code}{': '.join(said)}; no handler of {event} fits ({handlers}), the intention ends"

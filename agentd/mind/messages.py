@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, Final
 
+from agentd.language.numbers import UndefinedNumber
 from agentd.language.order import sorted_annots
 from agentd.language.sources import SELF, SOURCE_SELF, is_source, source, told_by
 from agentd.language.term_text import text
@@ -13,8 +14,8 @@ from agentd.mind.answering import answer_by_plan
 from agentd.mind.changes import believe, disbelieve
 from agentd.mind.communication import communication_error
 from agentd.mind.dropping import drop_desire
-from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.failure import error_annots
+from agentd.mind.failed import Failed, as_failed, wrong_arguments
+from agentd.mind.failure_facts import error_annots
 from agentd.mind.inputs import Mail
 from agentd.mind.plan_terms import add_plans, relevant_plans, remove_plans
 from agentd.mind.resolving import Copier, detach, resolve, resolve_all
@@ -40,8 +41,8 @@ def receive(mind: Any, mail: Mail) -> None:
         return
     try:
         handle(mind, mail)
-    except Failed as failed:
-        _not_handled(mind, mail, failed)
+    except (Failed, UndefinedNumber, RecursionError) as error:
+        _not_handled(mind, mail, as_failed(error))
 
 
 def handle(mind: Any, mail: Mail) -> None:
@@ -58,8 +59,8 @@ def handle_event(mind: Any, args: tuple[Any, ...], intention: Any) -> None:
     mail = Mail(plain(sender), plain(performative), content, plain(msg_id))
     try:
         handle(mind, mail)
-    except Failed as failed:
-        _not_handled(mind, mail, failed)
+    except (Failed, UndefinedNumber, RecursionError) as error:
+        _not_handled(mind, mail, as_failed(error))
     if intention is not None:
         resume_waiting(mind, intention)
 

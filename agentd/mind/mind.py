@@ -21,6 +21,7 @@ from agentd.mind.changes import believe
 from agentd.mind.cycle import atomic_can_run, run_cycles
 from agentd.mind.decision_views import DecisionView, FailureView, view_of, views_of
 from agentd.mind.decisions import Decisions
+from agentd.mind.dropping import fail_too_deep
 from agentd.mind.effects import Effect, Log
 from agentd.mind.failed import Failed
 from agentd.mind.frames import PLAN, Frame
@@ -41,6 +42,10 @@ from agentd.mind.waiting import Wait
 
 MOST_FOCUSES: Final = 100_000
 """So many events and intentions there may be; an agent that raises more floods itself, and the newest are dropped."""
+
+
+MOST_FRAMES: Final = 300_000
+"""So many plans an intention may be in the middle of; a goal that calls itself without end fails beyond."""
 
 
 MOST_MAIL: Final = 100_000
@@ -173,6 +178,9 @@ class Mind:
             run_cycles(self, cycles)
         except RecursionError:
             self.effects.append(Log("error", "a term or rule is too deep; what it was needed for is lost"))
+        current = self.current
+        if current is not None and len(current.stack) > MOST_FRAMES:
+            fail_too_deep(self, current)
         effects, self.effects = self.effects, []
         return effects
 

@@ -10,6 +10,7 @@ from agentd.mind.communication import communication_error
 from agentd.mind.effects import Log
 from agentd.mind.execution import condition_holds, end_frames
 from agentd.mind.failed import Failed, InContext
+from agentd.mind.failure_facts import facts_of, unhandled
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame
 from agentd.mind.goal_states import raise_state
 from agentd.mind.intentions import Intention
@@ -49,7 +50,7 @@ def take_event(mind: Any, event: Event) -> bool:
     except Exception as error:  # an internal action may raise anything; it must not end the mind
         _context_failed(mind, relevant, plan, error)
         undo(trail, mark)
-        frame = None
+        frame = None if plan is None else _of_the_others(mind, trail, event, plan)
     if frame is None:
         return _no_plan(mind, relevant, args, annots, intention)
     if trail:
@@ -76,6 +77,22 @@ def take_event(mind: Any, event: Event) -> bool:
     else:
         mind.suspended[intention.id] = intention
     return True
+
+
+def _of_the_others(mind: Any, trail: list[Any], event: Event, failed: Plan) -> Frame | None:
+    """The frame of the first applicable plan after one whose context could not be computed."""
+    relevant, args, annots, _ = event
+    mark = len(trail)
+    for plan in relevant.plans[relevant.plans.index(failed) + 1 :]:
+        try:
+            frame: Frame | None = plan.select(mind, trail, relevant, args, annots)
+        except Exception as error:
+            _context_failed(mind, relevant, plan, error)
+            frame = None
+        if frame is not None:
+            return frame
+        undo(trail, mark)
+    return None
 
 
 def _entered(mind: Any, intention: Intention, frame: Frame) -> None:
@@ -114,7 +131,7 @@ def _no_plan(
         failure.goal_failed(mind, relevant, args, annots, intention)
         return True
     event = f"{relevant.text}{Literal(relevant.sig, resolve_all(args))}"
-    mind.effects.append(Log("error", failure.unhandled(relevant, args, annots)))
+    mind.effects.append(Log("error", unhandled(relevant, args, annots)))
     if intention is not None:
         mind.gone(intention)
         if intention.branch is not None:
@@ -128,7 +145,7 @@ def _built_in(mind: Any, relevant: Any, args: Any, annots: Any, intention: Inten
     if relevant.operator == "+":
         handle_event(mind, args, intention)
         return True
-    communication_error(mind, *failure.facts_of(annots))
+    communication_error(mind, *facts_of(annots))
     if intention is not None:
         resume_waiting(mind, intention)
     return True

@@ -15,13 +15,17 @@ _ASKING: Final = frozenset({".intention", ".current_intention"})
 
 def asks_for_intention(formula: Any) -> bool:
     """Whether a formula looks at intentions."""
-    match formula:
-        case syntax.InternalAction(name=name, args=args):
-            return name in _ASKING or any(map(asks_for_intention, args))
-        case syntax.And(left=left, right=right) | syntax.Or(left=left, right=right):
-            return asks_for_intention(left) or asks_for_intention(right)
-        case syntax.Not(operand=operand):
-            return asks_for_intention(operand)
+    pending = [formula]
+    while pending:
+        match pending.pop():
+            case syntax.InternalAction(name=name) if name in _ASKING:
+                return True
+            case syntax.InternalAction(args=args):
+                pending.extend(args)
+            case syntax.And(left=left, right=right) | syntax.Or(left=left, right=right):
+                pending += (left, right)
+            case syntax.Not(operand=operand):
+                pending.append(operand)
     return False
 
 

@@ -10,7 +10,7 @@ from agentd.language.terms import Code, Literal, Var, deref
 from agentd.mind import failure
 from agentd.mind.code_terms import trigger_literal
 from agentd.mind.execution import end_frames
-from agentd.mind.failed import Failed, wrong_arguments
+from agentd.mind.failed import Failed, as_failed, wrong_arguments
 from agentd.mind.frames import Frame
 from agentd.mind.intentions import Intention
 from agentd.mind.timers import Timer
@@ -158,7 +158,14 @@ def check_conditions(mind: Any) -> None:
             continue
         trail = wait.intention.trail
         mark = len(trail)
-        if wait.check(mind, wait.intention, wait.frame):
+        try:
+            holds = wait.check(mind, wait.intention, wait.frame)
+        except Exception as error:  # as in a step: the formula fails, the mind goes on
+            undo(trail, mark)
+            forget(mind, wait)
+            fail_waiting(mind, wait.intention, as_failed(error))
+            continue
+        if holds:
             ended(mind, wait)
         else:
             undo(trail, mark)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.agentd.minds import World, mind_of, run
+from agentd.mind.inputs import Mail
+from tests.agentd.minds import World, mind_of, run, term
 
 
 def test_a_hundred_thousand_levels_of_goals_return_their_results() -> None:
@@ -94,11 +95,88 @@ def test_a_cyclic_term_fails_the_plan_that_stores_it_and_hangs_nobody(monkeypatc
     assert world.prints == ["cyclic", "handled"]
 
 
-def test_an_initial_belief_or_goal_that_is_nested_too_deep_is_left_out_and_told() -> None:
-    deep = "f(" * 100_000 + "1" + ")" * 100_000
-    world = run(f"b({deep}). b(1).\n!g({deep}). !h. +!h : b(X) <- .print(X).")
-    assert world.prints == ["1"]
-    assert [text[:60] for text in world.logs] == [
-        "test.asl:1:1: b/1 is nested too deep; it is left out",
-        "test.asl:2:1: g/1 is nested too deep; it is left out",
-    ]
+DEPTH = 10_000
+
+
+def _nested(inner: str, before: str = "f(", after: str = ")", depth: int = DEPTH) -> str:
+    return before * depth + inner + after * depth
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        f"b({_nested('z')}). !s. +!s <- ?b(X); .term2string(X,T); .term2string(Y,T); X == Y; .print(ok).",
+        f"b[{_nested('z', 'a[', ']')}]. !s. +!s <- ?b[A]; .print(ok).",
+        f"b({_nested('z', '[', ']')}). !s. +!s <- ?b(X); .print(ok).",
+        f"!s({_nested('z')}). +!s(X) <- .print(ok).",
+        f"!s. +!s <- X = {_nested('z')}; !g(X). +!g({_nested('Q')}) <- .print(ok).",
+        f"!s. +!s <- Y = 2; +g({_nested('Y')}); ?g(X); X = {_nested('2')}; .print(ok).",
+        f"c({_nested('z')}). !s. +!s : c({_nested('Q')}) <- .print(ok).",
+        f"r({_nested('X')}) :- X = 1. q(Y) :- Y = {_nested('1')}. !s. +!s <- ?r(Y); ?q(Y); .print(ok).",
+        f"!s. +!s <- X = {_nested('1', '(1+')}; X = {DEPTH + 1}; .print(ok).",
+        f"!s. +!s <- Y = 1; X = {'+'.join(['Y'] * DEPTH)}; X = {DEPTH}; .print(ok).",
+        f"a. !s. +!s : {' & '.join(['a'] * DEPTH)} <- .print(ok).",
+        f"a. !s. +!s : {' | '.join(['b'] * DEPTH)} | a <- .print(ok).",
+        f"!s. +!s <- X = {_nested('1', '{ +!g <- Y = ', ' }')}; .print(ok).",
+        f"!s. +!s <- !nest({DEPTH},V,T); V = 1; X = T + 1; X = {DEPTH + 2}; .print(ok). "
+        "+!nest(0,T,T). +!nest(N,A,T) <- B = A + 1; !nest(N-1,B,T).",
+    ],
+    ids=lambda program: program[:20],
+)
+def test_source_nested_ten_thousand_deep_works(program: str) -> None:
+    assert run(program).prints == ["ok"]
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        f"a. !s. +!s : {_nested('b', 'not (')} <- .print(no).",
+        f"a. !s. +!s <- !nest({DEPTH},a,T); ?T; .print(no). "
+        "+!nest(0,T,T). +!nest(N,A,T) <- B = (a & A); !nest(N-1,B,T).",
+        f"!s. +!s <- !nest({DEPTH},a,T); +b(T); .print(no). "
+        "+!nest(0,T,T). +!nest(N,A,T) <- B = { !g(A) }; !nest(N-1,B,T).",
+        "r(N) :- r(N+1). !s. +!s <- .wait(r(1)).",
+        '{ register_function("f.a",1,"fa") } fa(N,R) :- R = f.a(N+1). !s. +!s <- X = f.a(1); .print(no).',
+        "r(N) :- r(N+1). !s. +!s <- .findall(X,r(X),L); .print(no).",
+    ],
+    ids=lambda program: program[:20],
+)
+def test_what_is_too_deep_fails_its_plan_and_nothing_else(program: str) -> None:
+    world = run(f"{program} -!s <- .print(handled). !t. +!t <- .print(t).")
+    assert sorted(world.prints) == ["handled", "t"]
+
+
+def test_a_context_that_is_too_deep_leaves_the_event_to_the_next_plan() -> None:
+    world = run("r(N) :- r(N+1). !s. +!s : r(1) <- .print(no). +!s <- .print(second).")
+    assert world.prints == ["second"]
+    assert "too deep" in world.logs[0]
+
+
+def test_a_goal_condition_that_is_too_deep_does_not_hold() -> None:
+    world = run("r(N) :- r(N+1). !s. +!s <: r(1) <- .print(begun). !t. +!t <- +x; .print(t).")
+    assert sorted(world.prints) == ["begun", "t"]
+    assert "the condition of the goal cannot be computed" in world.logs[0]
+
+
+def test_a_question_that_is_too_deep_is_not_answered_and_told() -> None:
+    mind = mind_of("r(N) :- r(N+1).")
+    world = World(mind).feed(Mail("alice", "askOne", term("r(1)"), "mid1"))
+    assert any("recursion_too_deep" in line for line in [*world.prints, *world.logs])
+
+
+def test_a_goal_that_calls_itself_without_end_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("agentd.mind.mind.MOST_FRAMES", 20_000)
+    world = run("!s. +!s <- !g(0). +!g(N) <- !g(N+1); .print(no). -!s[error(E)] <- .print(E).")
+    assert world.prints == ["recursion_too_deep"]
+
+
+def test_a_pattern_with_a_hundred_elements_fits() -> None:
+    items = ",".join(f"X{n}" for n in range(100))
+    program = f"!s. +!s <- .findall(I, .range(I,0,99), L); !g(L). +!g([{items}]) <- .print(X0, X99)."
+    assert run(program).prints == ["099"]
+
+
+def test_an_initial_belief_or_goal_may_be_nested_a_hundred_thousand_deep() -> None:
+    deep = _nested("1", depth=100_000)
+    world = run(f"b({deep}). !g({deep}). +!g(f(X)) : b(f(Y)) & X = Y <- .print(same).")
+    assert world.prints == ["same"]

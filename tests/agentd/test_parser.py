@@ -51,6 +51,7 @@ from agentd.language.syntax import (
     Variable,
     While,
 )
+from tests.agentd.minds import run
 
 CORPUS = Path(__file__).parent.parent / "conformance"
 PROGRAMS = sorted(path for path in CORPUS.rglob("*.asl") if path.parent.name != "syntax_errors")
@@ -429,10 +430,6 @@ DEPTH = 10_000
         "+!g <- X = 1" + "+1" * DEPTH + ".",
         "+!g : a" + " & a" * DEPTH + " <- b.",
         "+!g <- X = " + "2**" * DEPTH + "1.",
-        "+!g <- " + "{" * DEPTH + "a" + "}" * DEPTH + ".",
-        "+!g <- " + "if (a) {" * DEPTH + "a" + "}" * DEPTH + ".",
-        "+!g <- " + "(a; " * DEPTH + "a" + ")" * DEPTH + ".",
-        "+!g. " + "{ +!g. " * DEPTH + "}" * DEPTH,
         "+!g <- " + "a;" * DEPTH + "a.",
         "b([" + "a," * DEPTH + "a]).",
     ],
@@ -441,6 +438,39 @@ DEPTH = 10_000
 def test_depth_and_length_are_no_problem(text: str) -> None:
     program = parse_program(text, "deep.asl")
     assert source_text(program)
+
+
+@pytest.mark.parametrize("depth", [101, DEPTH])
+@pytest.mark.parametrize(
+    ("before", "inside", "after"),
+    [
+        ("{", "a", "}"),
+        ("if (a) {", "a", "}"),
+        ("if (b) { c } else {", "a", "}"),
+        ("while (a) {", "a", "}"),
+        ("for (a) {", "a", "}"),
+        ("(a; ", "a", ")"),
+        ("(a |&| ", "b", ")"),
+        ("(a ||| ", "b", ")"),
+    ],
+)
+def test_blocks_nested_beyond_a_hundred_are_refused_once(before: str, inside: str, after: str, depth: int) -> None:
+    with pytest.raises(SyntaxErrors) as caught:
+        parse_program("+!g <- " + before * depth + inside + after * depth + ".", "deep.asl")
+    (finding,) = caught.value.findings
+    assert "more than 100 blocks stand one inside the other" in finding.message
+
+
+@pytest.mark.parametrize("text", ["+!g. " + "{ +!g. " * 101 + "}" * 101, "{ begin dg(g) }" * 101 + "{ end }" * 101])
+def test_plans_and_directives_nested_beyond_a_hundred_are_refused_once(text: str) -> None:
+    with pytest.raises(SyntaxErrors) as caught:
+        parse_program(text, "deep.asl")
+    (finding,) = caught.value.findings
+    assert "more than 100 blocks stand one inside the other" in finding.message
+
+
+def test_a_hundred_blocks_may_stand_one_inside_the_other() -> None:
+    assert run("!s. +!s <- " + "if (1 < 2) { " * 99 + ".print(inside)" + " }" * 99 + ".").prints == ["inside"]
 
 
 def test_what_is_nested_deep_and_not_closed_is_told_in_one_line() -> None:

@@ -1,0 +1,107 @@
+"""What is told of a failure: the failing formula as a term, the annotations for its handler, texts for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Final
+
+from agentd.language import syntax
+from agentd.language.instantiate import instantiate
+from agentd.language.numbers import UndefinedNumber
+from agentd.language.signatures import signature
+from agentd.language.term_text import text
+from agentd.language.terms import Code, Literal, atom
+from agentd.mind.failed import Failed
+from agentd.mind.frames import ARGS, RELEVANT, Frame, Step
+from agentd.mind.intentions import values_of
+from agentd.mind.resolving import resolve, resolve_all
+
+_LONGEST: Final = 200
+
+_ERROR, _MESSAGE = signature("error", 1), signature("error_msg", 1)
+_CODE, _LINE, _SOURCE = signature("code", 1), signature("code_line", 1), signature("code_src", 1)
+_FACTS: Final = frozenset((_ERROR, _MESSAGE, _CODE, _LINE, _SOURCE))
+
+
+def code_of(step: Step, frame: Frame) -> Any:
+    """The failing formula as a term, with the values of its variables put in."""
+    formula = step.syntax
+    values = values_of(frame)
+    if isinstance(formula, syntax.Step):
+        term = instantiate(formula.term, dict(values))
+        try:
+            term = resolve(term)
+        except UndefinedNumber:
+            pass
+        except RecursionError:
+            return brief(text(term))
+        if not formula.operator.value or formula.operator is syntax.Operator.TEST:
+            return term
+    return Code(syntax.Body((formula,), formula.position), values, bare=True)
+
+
+def as_they_are(terms: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Terms resolved, or, when one is cyclic or nested too deep for that, only their texts."""
+    try:
+        return resolve_all(terms)
+    except (RecursionError, UndefinedNumber):
+        return tuple(brief(text(term)) for term in terms)
+
+
+def without_facts(annots: Iterable[Any]) -> list[Any]:
+    """The annotations of a failure event that do not describe the failure."""
+    return [a for a in annots if not (type(a) is Literal and a.sig in _FACTS)]
+
+
+def brief(whole: str) -> str:
+    """The beginning of the text of a term that may be very large."""
+    return whole if len(whole) <= _LONGEST else f"{whole[:_LONGEST]}..."
+
+
+def written(step: Step, code: Any) -> str:
+    """A failing formula with its operator, for people."""
+    operator = step.syntax.operator.value if isinstance(step.syntax, syntax.Step) else ""
+    return text(code) if type(code) is Code else operator + text(code)
+
+
+def goal_text(frame: Frame) -> str:
+    """The goal or event that a frame answers, for people."""
+    relevant = frame[RELEVANT]
+    return f"{relevant.text}{brief(text(Literal(relevant.sig, as_they_are(frame[ARGS]))))}"
+
+
+def error_annots(failure: Failed, code: Any, line: int, source: str) -> tuple[Any, ...]:
+    """The annotations that describe a failure to its handler."""
+    own = as_they_are(failure.annots)
+    found = [Literal(_ERROR, (atom(failure.error),))]
+    if not any(type(a) is Literal and a.sig is _MESSAGE for a in own):
+        found.append(Literal(_MESSAGE, (str(failure),) if str(failure) != failure.error else ("",)))
+    found += [Literal(_CODE, (code,)), Literal(_LINE, (float(line),)), Literal(_SOURCE, (source,))]
+    return (*found, *own)
+
+
+def tried(relevant: Any) -> str:
+    """Which plans were relevant for a goal that none was applicable to, for people."""
+    if not relevant.plans:
+        return ""
+    places = ", ".join(f"{p.head} (line {p.syntax.position.line})" for p in relevant.plans[:3])
+    return f"; relevant were {places}"
+
+
+def facts_of(annots: tuple[Any, ...]) -> tuple[str, str]:
+    """The error and the message among the annotations of a failure event."""
+    facts = {a.sig: a.args[0] for a in as_they_are(annots) if type(a) is Literal and len(a.args) == 1}
+    return text(facts.get(_ERROR, atom("unknown"))), str(facts.get(_MESSAGE, ""))
+
+
+def unhandled(relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> str:
+    """What to say when there are handlers for a failed goal and none fits: what failed, where, and which they are."""
+    facts = {a.sig: a.args[0] for a in as_they_are(annots) if type(a) is Literal and len(a.args) == 1}
+    said = [text(facts[_ERROR])] if _ERROR in facts else []
+    if facts.get(_MESSAGE):
+        said.append(str(facts[_MESSAGE]))
+    where = f"{facts[_SOURCE]}:{facts[_LINE]:g}: " if facts.get(_LINE) and facts.get(_SOURCE) else ""
+    code = f"{brief(text(facts[_CODE]))}: " if _CODE in facts else ""
+    event = f"{relevant.text}{brief(text(Literal(relevant.sig, as_they_are(args))))}"
+    handlers = ", ".join(f"{plan.head} at {plan.syntax.position}" for plan in relevant.plans[:3])
+    return f"{where}{code}{': '.join(said)}; no handler of {event} fits ({handlers}), the intention ends"
