@@ -180,7 +180,7 @@ class ActionDesk:
         except BadArgument as error:
             self._refuse(action, str(error), follower)
             return
-        if reason := self.blocked or self._busy(action, entry):
+        if reason := self.blocked or self._driver.refuses(entry) or self._busy(action, entry):
             self._refuse(action, reason, follower)
             return
         try:

@@ -62,6 +62,9 @@ class Driver(Protocol):
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         """Begin an action whose arguments have been checked."""
 
+    def refuses(self, entry: ActionEntry) -> str:
+        """Why an action cannot begin now, empty if it can: others have the robot until an agent takes control again."""
+
     def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
         """Begin an order that stands above every action; whatever runs fails with `reason`.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 from unittest.mock import Mock
 
 import pytest
@@ -336,6 +337,26 @@ def test_a_pilots_mode_change_fails_the_motion_and_is_a_percept_until_the_agent_
     assert sky.belief("override") == ("LOITER",)
     assert sky.do("set_mode", "GUIDED").state == "succeeded"
     assert sky.belief("override") is None
+    assert sky.do("goto", *GOAL).state == "succeeded"
+
+
+@pytest.mark.parametrize("action", [("goto", *GOAL), ("return_to_launch",), ("land",), ("arm_motors", False)])
+def test_while_a_pilot_has_the_vehicle_no_action_is_taken_until_the_agent_takes_control(
+    sky: Sky, action: tuple[Any, ...]
+) -> None:
+    sky.flying()
+    sky.downlink.extend(sky.vehicle.receive(dialect.MAVLink_set_mode_message(1, 1, 5)))
+    sky.forward(lambda: sky.belief("override"), "the pilot's mode", 3)
+    refused = sky.do(*action)
+    assert refused.state == "refused"
+    assert refused.reason == (
+        "override: others have set LOITER (pilot, ground station or failsafe); "
+        "an agent takes control again by setting the mode"
+    )
+    assert sky.vehicle.copter.mode.name == "LOITER"
+    assert sky.vehicle.copter.armed
+    assert sky.do("set_mode", "GUIDED").state == "succeeded"
+    assert sky.do("land").state == "succeeded"
 
 
 def test_a_target_outside_the_missions_limits_is_refused(tmp_path: Path) -> None:

@@ -86,7 +86,8 @@ class Conversation:
         self.overridden = False
         """Whether others (pilot, ground station, failsafe) set the mode that the vehicle is in, not we or an agent."""
         self._in_control = False
-        self._override_told = False
+        self.override = ""
+        """The mode that others set while an agent was in control; empty once an agent has set the mode again."""
         self._override: _Override | None = None
 
     def receive(self, message: dialect.MAVLink_message, now: float) -> None:
@@ -267,7 +268,7 @@ class Conversation:
         name, now = self.vehicle.mode_name, self.flight.now
         self._override = _Override(name, now, now + self.flight.wait(*TEXT_WINDOW))
         if self._in_control:
-            self._in_control, self._override_told = False, True
+            self._in_control, self.override = False, name
             self._on_reading(Reading("OVERRIDE", {"mode": name}))
 
     def _fail_overridden(self) -> None:
@@ -286,8 +287,8 @@ class Conversation:
     def _control_taken(self) -> None:
         """An agent has set the mode itself: an override by others is over."""
         self._in_control = True
-        if self._override_told:
-            self._override_told = False
+        if self.override:
+            self.override = ""
             self._on_reading(Reading("OVERRIDE", None))
 
     def _lost(self) -> None:

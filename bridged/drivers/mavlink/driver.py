@@ -128,6 +128,14 @@ class MavlinkDriver:
         self._asked.set()
         return self._conversation.begin(task, PROCEDURES[entry.confirm], call)
 
+    def refuses(self, entry: ActionEntry) -> str:
+        """Why an action cannot begin now, empty if it can; setting the mode takes control again."""
+        mode = self._conversation.override
+        if not mode or entry.confirm == "mode":
+            return ""
+        who = "(pilot, ground station or failsafe)"
+        return f"override: others have set {mode} {who}; an agent takes control again by setting the mode"
+
     def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
         """Begin an order from above; every action that runs fails with `reason`."""
         self._asked.set()
