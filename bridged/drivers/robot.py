@@ -63,7 +63,10 @@ class Driver(Protocol):
         """Begin an action whose arguments have been checked."""
 
     def refuses(self, entry: ActionEntry) -> str:
-        """Why an action cannot begin now, empty if it can: others have the robot until an agent takes control again."""
+        """Why an action cannot begin now, empty if it can.
+
+        Others have the robot until an agent takes control again, or it cannot be told from another one.
+        """
 
     def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
         """Begin an order that stands above every action; whatever runs fails with `reason`.

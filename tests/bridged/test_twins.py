@@ -20,6 +20,7 @@ from tests.bridged.sky import MISSION
 from tests.support.buses import until
 from tests.support.ports import free_port
 
+MANIFEST = load_manifest("arducopter")
 BEAT = dialect.MAVLink_heartbeat_message(2, 3, 1, 4, 4, 3)
 
 
@@ -59,7 +60,7 @@ def test_an_address_that_is_used_again_much_later_is_one_vehicle() -> None:
     assert twins.notes(BACK_WITHIN + 1.0) == []
 
 
-def test_two_vehicles_at_one_port_of_a_real_link_are_a_warning_and_their_companions_are_not(
+def test_two_vehicles_at_one_port_of_a_real_link_are_told_and_not_armed_and_their_companions_are_not_meant(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.WARNING)
@@ -67,7 +68,7 @@ def test_two_vehicles_at_one_port_of_a_real_link_are_a_warning_and_their_compani
     robot = read_mission(MISSION.replace("127.0.0.1:0", f"127.0.0.1:{port}"), Path("test.yaml")).robots["uav1"]
 
     async def body() -> None:
-        driver = MavlinkDriver(load_manifest("arducopter"), robot, Clock(), lambda reading: None, lambda: None)
+        driver = MavlinkDriver(MANIFEST, robot, Clock(), lambda reading: None, lambda: None)
         driving = asyncio.create_task(driver.run())
         await until(lambda: "bad_checksums" in driver.counters(), "the link is open")
         with socket.socket(type=socket.SOCK_DGRAM) as one, socket.socket(type=socket.SOCK_DGRAM) as other:
@@ -81,10 +82,14 @@ def test_two_vehicles_at_one_port_of_a_real_link_are_a_warning_and_their_compani
                 await asyncio.sleep(0.05)
             await until(lambda: driver.counters()["messages"] == 3, "the vehicle is heard beside its companion")
             assert not [note for note in driver.notes() if "two vehicles" in note]
+            assert driver.refuses(MANIFEST.actions["arm_motors"]) == ""
             for _ in range(3):
                 speak(1)
                 await asyncio.sleep(0.05)
             await until(lambda: any("two vehicles" in note for note in driver.notes()), "the warning")
+            assert driver.refuses(MANIFEST.actions["arm_motors"]).startswith(
+                "two vehicles are system 1, at udp:127.0.0.1"
+            )
         driving.cancel()
         await asyncio.gather(driving, return_exceptions=True)
 

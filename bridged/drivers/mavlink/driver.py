@@ -129,7 +129,12 @@ class MavlinkDriver:
         return self._conversation.begin(task, PROCEDURES[entry.confirm], call)
 
     def refuses(self, entry: ActionEntry) -> str:
-        """Why an action cannot begin now, empty if it can; setting the mode takes control again."""
+        """Why an action cannot begin now, empty if it can; setting the mode takes control again.
+
+        Of two vehicles that cannot be told apart none is armed; one that flies already is not left without a way down.
+        """
+        if entry.confirm == "armed" and not self.active and (twins := self._twins.notes(self._clock.wall())):
+            return twins[0]
         mode = self._conversation.override
         if not mode or entry.confirm == "mode":
             return ""

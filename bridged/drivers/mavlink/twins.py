@@ -1,7 +1,7 @@
 """Two vehicles with one system id on one link: told by the addresses that the HEARTBEATs come from.
 
-Each is answered where it was heard last, so with two of them orders reach now one and now the other. A vehicle that
-reboots may come back from another port, and does not go back to the old one.
+Each is answered where it was heard last, so with two of them orders reach now one and now the other: the driver arms
+neither. A vehicle that reboots may come back from another port, and does not go back to the old one.
 """
 
 from __future__ import annotations
