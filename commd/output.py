@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import os
 import queue
+import stat
 import sys
 import threading
 import time
@@ -30,6 +31,15 @@ class Output:
         self._waiting: queue.Queue[bytes] = queue.Queue(lines)
         self._told = 0
         threading.Thread(target=self._run, name=f"output-{descriptor}", daemon=True).start()
+
+    @property
+    def dates_its_lines(self) -> bool:
+        """Whether the reader notes himself when a line came, as the journal and `argosy run` do: both read a pipe or a
+        socket. A terminal and a file do not."""
+        try:
+            return not (os.isatty(self._descriptor) or stat.S_ISREG(os.fstat(self._descriptor).st_mode))
+        except OSError:  # closed: there is no reader
+            return True
 
     def write(self, line: str) -> None:
         """Write a line, later; never waits."""

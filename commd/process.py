@@ -41,10 +41,12 @@ def add_router_argument(parser: ArgumentParser) -> None:
 def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
     """Run a daemon's `main(stop)` until it returns; SIGTERM, SIGINT and SIGHUP (the terminal or the ssh connection it
     was started from is gone) set `stop`. Returns the exit code."""
+    when = "" if stderr().dates_its_lines else "%(asctime)s.%(msecs)03d "
     logging.basicConfig(
         level=logging.INFO,
         handlers=[OutputHandler(stderr())],
-        format=f"%(levelname)s {name} %(name)s %(message)s",
+        format=f"{when}%(levelname)s {name} %(name)s %(message)s",
+        datefmt="%H:%M:%S",
     )
 
     async def supervised() -> int:

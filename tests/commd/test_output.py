@@ -5,6 +5,8 @@ from __future__ import annotations
 import array
 import fcntl
 import os
+import pty
+import re
 import signal
 import subprocess
 import sys
@@ -12,6 +14,8 @@ import termios
 import time
 from pathlib import Path
 from typing import IO
+
+import pytest
 
 from commd.output import Output
 from tests.support.processes import ROOT, running
@@ -24,6 +28,16 @@ agents:
 CHATTER = """\
 !talk.
 +!talk <- .print("0123456789012345678901234567890123456789012345678901234567890123456789"); !talk.
+"""
+SPEAKER = """\
+import logging
+from commd.process import run_daemon
+
+async def main(stop):
+    logging.info("here")
+    return 0
+
+raise SystemExit(run_daemon("test", main))
 """
 
 
@@ -62,6 +76,21 @@ def test_a_closed_reader_is_no_reason_to_stop() -> None:
     output.flush(10)
     assert output.dropped == 1
     os.close(writer)
+
+
+@pytest.mark.parametrize(("reader", "dated"), [("terminal", True), ("file", True), ("pipe", False)])
+def test_a_log_line_tells_the_time_where_nobody_else_notes_it(tmp_path: Path, reader: str, dated: bool) -> None:
+    def file() -> tuple[int, int]:
+        (tmp_path / "log").touch()
+        return os.open(tmp_path / "log", os.O_RDONLY), os.open(tmp_path / "log", os.O_WRONLY)
+
+    far, near = {"terminal": pty.openpty, "pipe": os.pipe, "file": file}[reader]()
+    subprocess.run([sys.executable, "-c", SPEAKER], stderr=near, cwd=ROOT, timeout=60, check=True)
+    said = os.read(far, 1000).decode().strip()
+    os.close(far)
+    os.close(near)
+    when = r"\d\d:\d\d:\d\d\.\d\d\d " if dated else ""
+    assert re.fullmatch(f"{when}INFO test root here", said), said
 
 
 def fill(pipe: IO[bytes] | None) -> None:
