@@ -14,7 +14,7 @@ from agentd.language.order import sorted_annots
 from agentd.language.signatures import Signature
 from agentd.language.sources import is_source
 from agentd.language.terms import Expression, List, Literal, Open, Var, deref
-from agentd.mind.resolving import Copier, is_ground
+from agentd.mind.resolving import Copier, detach, is_ground
 from agentd.mind.unifier import Trail, undo, unify
 
 Mode = tuple[bool, ...]
@@ -58,10 +58,10 @@ def _index_key(term: Any) -> Any:
 class Predicate:
     """The facts and rules of one signature."""
 
-    __slots__ = ("_indexes", "entries", "open", "plain", "rules", "sig")
+    __slots__ = ("_indexes", "entries", "open", "opened", "plain", "rules", "sig")
 
-    def __init__(self, sig: Signature) -> None:
-        self.sig = sig
+    def __init__(self, sig: Signature, opened: Callable[[], None]) -> None:
+        self.sig, self.opened = sig, opened
         self.entries: dict[Any, Any] = {}
         """Arguments to `Literal`, and each `RuleClause` to itself; the last entry is the first answer."""
         self.rules = 0
@@ -124,7 +124,7 @@ class Predicate:
             if type(entry) is RuleClause:
                 yield from (entry.modes.get(mode) or entry.answers(mode))(mind, trail, *args)
             elif self.open and not entry.ground:
-                copier = Copier(fresh=True)
+                copier = Copier(fresh=True, known=mind.open_beliefs.here(trail))
                 yield tuple([copier.copy(a) for a in entry.args])
             else:
                 yield entry.args
@@ -141,7 +141,7 @@ class Predicate:
                 for answer in entry.answers((*mode, True))(mind, trail, *args):
                     yield answer[:-1], answer[-1]
             elif self.open and not entry.ground:
-                copy = Copier(fresh=True).copy(entry)
+                copy = Copier(fresh=True, known=mind.open_beliefs.here(trail)).copy(entry)
                 yield copy.args, copy.annots
             else:
                 yield entry.args, entry.annots
@@ -163,6 +163,9 @@ class Predicate:
             if not is_ground(arg):
                 self.open += 1
                 self.plain = False
+                self.opened()
+                args = detach(args)
+                literal = Literal(self.sig, args, annots)
                 break
         else:
             literal.ground = True
@@ -220,6 +223,12 @@ class Predicate:
                 if not bucket:
                     del buckets[key]
 
+    def forget_code(self) -> None:
+        """Have the rules compiled anew when they are asked next."""
+        for entry in self.entries.values() if self.rules else ():
+            if type(entry) is RuleClause:
+                entry.modes.clear()
+
     def remove_rule(self, rule: RuleClause) -> None:
         del self.entries[rule]
         self._indexes.clear()
@@ -250,7 +259,7 @@ class Predicate:
         pattern = Literal(self.sig, args, annots)
         for fact in self.candidates(args):
             mark = len(trail)
-            if unify(pattern, fact, trail):
+            if unify(pattern, fact if fact.ground else Copier(fresh=True).copy(fact), trail):
                 return fact
             undo(trail, mark)
         return None
@@ -284,14 +293,16 @@ def _index_entry(index: tuple[dict[Any, dict[Any, Any]], dict[Any, Any]], positi
 class BeliefBase:
     """All predicates of a mind."""
 
-    def __init__(self) -> None:
+    def __init__(self, opened: Callable[[], None] = lambda: None) -> None:
+        """``opened`` is called whenever a belief with a free variable comes in."""
         self._predicates: dict[Signature, Predicate] = {}
+        self._opened = opened
 
     def predicate(self, sig: Signature) -> Predicate:
         """The predicate of a signature; an empty one is made if there is none."""
         found = self._predicates.get(sig)
         if found is None:
-            found = self._predicates[sig] = Predicate(sig)
+            found = self._predicates[sig] = Predicate(sig, self._opened)
         return found
 
     def known(self, sig: Signature) -> Predicate | None:

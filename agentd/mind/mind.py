@@ -30,6 +30,7 @@ from agentd.mind.inputs import Input, Mail, TimeRead
 from agentd.mind.intentions import Intention
 from agentd.mind.library import Library
 from agentd.mind.loading import copy_mind, load_program
+from agentd.mind.open_beliefs import OpenBeliefs
 from agentd.mind.plans import PlanLibrary, Relevant
 from agentd.mind.resolving import detach, resolve_all, resolve_annots
 from agentd.mind.runtime import RUNTIME
@@ -91,7 +92,8 @@ class Mind:
         self._clock, self.on_input = clock, on_input
         self.cycle = 0
         """How many cycles have been run."""
-        self.beliefs = BeliefBase()
+        self.open_beliefs = OpenBeliefs(self)
+        self.beliefs = BeliefBase(self.open_beliefs.install)
         self.compiler = Library()
         self.plans = PlanLibrary(self.compiler, RUNTIME, self._provide)
         self.events: deque[Event] = deque()

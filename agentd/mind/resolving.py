@@ -111,13 +111,14 @@ def _looks_ground(term: Literal) -> bool:
 class Copier:
     """Copies terms out of a plan: bound variables become their values, arithmetic its result.
 
-    Free variables become new ones, the same for the same (``fresh``), or stay.
+    Free variables become new ones, the same for the same (``fresh``), or stay. ``known`` says which new ones stand for
+    them already.
     """
 
     __slots__ = ("_fresh", "open")
 
-    def __init__(self, fresh: bool) -> None:
-        self._fresh: dict[Var, Var] | None = {} if fresh else None
+    def __init__(self, fresh: bool, known: dict[Var, Var] | None = None) -> None:
+        self._fresh: dict[Var, Var] | None = ({} if known is None else known) if fresh else None
         self.open = False
         """Whether a free variable was met."""
 

@@ -31,4 +31,5 @@ def remove_rule(mind: Any, rule: syntax.Rule) -> None:
 
 def _compile_rule(mind: Any, clause: RuleClause, mode: Mode) -> Any:
     unit = compile_rule(clause.syntax, mode, mind.compiler, clause.values)
-    return unit.load(mind.plans.runtime, mind.plans.provide)["answers"]
+    answers = unit.load(mind.plans.runtime, mind.plans.provide)["answers"]
+    return mind.open_beliefs.rule(answers) if mind.open_beliefs.installed else answers

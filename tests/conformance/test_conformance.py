@@ -11,12 +11,6 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).parent
-NOT_YET = {
-    line.split()[0]: line.partition(" ")[2].strip()
-    for line in (HERE / "NOT_YET.txt").read_text().splitlines()
-    if line.strip() and not line.startswith("#")
-}
-
 IN_REAL_TIME = re.compile(r"\.(wait|stopMAS|kill_agent)\([^)]*\d\d|\.at\(|\.send\([^;]*, *\d\d+\)|hard_deadline")
 """What makes the order of prints a matter of some hundred milliseconds: a machine that stands still may change it."""
 
@@ -70,14 +64,10 @@ def _comparable(output: str, source: str) -> object:
     return _by_agent(output) if "// order: per-agent" in source else output
 
 
-@pytest.mark.parametrize("case", [case for case in CASES if case not in NOT_YET])
+@pytest.mark.parametrize("case", CASES)
 def test_a_program_prints_what_jason_printed(case: str, tmp_path: Path) -> None:
     output, expected, source = _run(case, tmp_path)
     if _comparable(output, source) != _comparable(expected, source) and IN_REAL_TIME.search(source):
         warnings.warn(f"{case} counts in milliseconds; at its first attempt it printed {output!r}", stacklevel=1)
         output, expected, source = _run(case, tmp_path)
     assert _comparable(output, source) == _comparable(expected, source)
-
-
-def test_the_list_of_missing_cases_names_only_cases_of_the_corpus() -> None:
-    assert set(NOT_YET) <= set(CASES)

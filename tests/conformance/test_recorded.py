@@ -12,10 +12,10 @@ from agentd.paths import SourcePaths
 from agentd.run import DEEPEST_CALLS
 from agentd.standalone import Team
 from agentd.why import Narrator
-from tests.conformance.test_conformance import CASES, NOT_YET, _arguments, _comparable
+from tests.conformance.test_conformance import CASES, _arguments, _comparable
 
 
-@pytest.mark.parametrize("case", [case for case in CASES if case not in NOT_YET])
+@pytest.mark.parametrize("case", CASES)
 def test_a_program_prints_the_same_while_its_decisions_are_told(
     case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
