@@ -3,42 +3,58 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
-from argparse import ArgumentParser, Namespace
-from collections.abc import Iterable
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
+from agentd.analysis.actions import action_types, external_actions
+from agentd.analysis.arities import Arities
 from agentd.analysis.beliefs import beliefs_never_added, events_never_perceived
-from agentd.analysis.calls import (
-    Arities,
-    endless_asks,
-    external_actions,
-    finding,
-    formulas_as_actions,
-    internal_actions,
+from agentd.analysis.calls import formulas_as_actions, internal_actions, undotted_internal_actions
+from agentd.analysis.directives import directives_as_beliefs, wrong_directives
+from agentd.analysis.elsewhere import Elsewhere, from_team
+from agentd.analysis.includes import Includes
+from agentd.analysis.kinds import Kind
+from agentd.analysis.library import standard_library
+from agentd.analysis.loops import busy_loops
+from agentd.analysis.mentions import Survey
+from agentd.analysis.messages import endless_asks, unknown_performatives
+from agentd.analysis.plans import (
+    duplicate_labels,
+    goals_without_plans,
+    shadowed_plans,
+    unused_belief_plans,
+    unused_plans,
 )
-from agentd.analysis.plans import goals_without_plans, unreachable_plans
-from agentd.analysis.survey import DEFAULT, survey
-from agentd.analysis.variables import singletons
+from agentd.analysis.survey import survey
+from agentd.analysis.variables import singletons, unbound_variables
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file
-from agentd.language.syntax import Directive, Item, Program, String
+from agentd.language.syntax import Program
+from agentd.paths import SourcePaths, read_folders
+from agentd.run import add_path_argument
 from schemas.findings import Finding, Findings
+from schemas.manifest_entries import Parameter
 
 EXIT_DONE = 0
+EXIT_FOUND = 1
 EXIT_BAD_INPUT = 2
-
-STATEMENTS: dict[str, range | set[int]] = {
-    ".foreach": {2},
-    ".loop": {2},
-    ".if_then_else": {2, 3},
-    ".fork": range(2, 1 << 30),
-}
-"""Internal actions that the compiler reads as `for`, `while`, `if` and forks, with their numbers of arguments."""
 
 OF_THE_DAEMONS = {"bridge": 1, "override": 1, "restarted": 1}
 """Beliefs that no manifest declares: `bridge(up)`, `override(Mode)`, `restarted(N)` (design sections 5 and 9)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """What a robot can do and tell: None where that is not known, an empty mapping that there is nothing."""
+
+    actions: Arities | None = None
+    percepts: Arities | None = None
+    parameters: Mapping[str, Sequence[Parameter]] = field(default_factory=dict)
+    """The arguments of actions, where their types are known."""
 
 
 def check_program(
@@ -57,126 +73,160 @@ def check_program(
     arities that come from elsewhere (other agents). ``internal`` and ``functions`` are the internal actions and
     functions that exist; without them, those of the standard library. Included files are read and checked too.
     """
+    surveyed = read_survey(program, SourcePaths())
+    return findings_of(
+        surveyed,
+        Robot(actions, percepts),
+        Elsewhere(beliefs=frozenset(beliefs)),
+        internal=internal,
+        functions=functions,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Surveyed:
+    """A program with its survey, and what was found while its files were read."""
+
+    survey: Survey
+    findings: tuple[Finding, ...]
+
+
+def read_survey(program: Program, paths: SourcePaths) -> Surveyed:
+    """Survey a program with the files that it includes."""
     findings = list(program.warnings)
-    includes = _Includes(program.file, findings)
+    includes = Includes(program.file, paths, findings)
     found = survey(program.items, includes)
     if includes.missing:
-        found.open_plans = found.open_beliefs = True
-    known_actions, known_functions = _standard_library()
-    findings += internal_actions(
-        found, known_actions if internal is None else internal, known_functions if functions is None else functions
-    )
-    if actions is not None:
-        findings += external_actions(found, actions)
-    if percepts is not None:
-        findings += events_never_perceived(found, percepts)
-    findings += beliefs_never_added(found, percepts, beliefs)
+        found.open_plans = found.open_beliefs = found.open_goals = True
+    if any(placed.is_test for placed in found.plans):
+        _add_assertions(found)
+    return Surveyed(found, tuple(findings))
+
+
+def _add_assertions(found: Survey) -> None:
+    """Count the plans as there that `agentd test` adds to programs with test plans."""
+    from agentd.testing.cases import LIBRARY
+
+    found.plans += survey(parse_file(LIBRARY).items).plans
+
+
+def findings_of(
+    surveyed: Surveyed,
+    robot: Robot,
+    elsewhere: Elsewhere,
+    *,
+    internal: Arities | None = None,
+    functions: Arities | None = None,
+) -> list[Finding]:
+    """All findings about a program that has been surveyed."""
+    found = surveyed.survey
+    known_actions, known_functions = standard_library()
+    internal = known_actions if internal is None else internal
+    findings = list(surveyed.findings)
+    findings += internal_actions(found, internal, known_functions if functions is None else functions)
+    if robot.actions is not None:
+        findings += external_actions(found, robot.actions, internal)
+        findings += action_types(found, robot.parameters)
+    else:
+        findings += undotted_internal_actions(found, internal)
+    if robot.percepts is not None:
+        findings += events_never_perceived(found, robot.percepts, elsewhere)
+    else:
+        findings += unused_belief_plans(found, elsewhere)
+    findings += beliefs_never_added(found, robot.percepts, elsewhere)
     findings += goals_without_plans(found)
-    findings += unreachable_plans(found)
-    findings += singletons(found)
-    findings += endless_asks(found)
-    findings += formulas_as_actions(found)
+    findings += shadowed_plans(found)
+    findings += unused_plans(found, elsewhere)
+    for look in _LOOKS:
+        findings += look(found)
     return sorted(set(findings))
 
 
-def _standard_library() -> tuple[Arities, Arities]:
-    """The internal actions and functions of the standard library, with the arguments that they take."""
-    from agentd.stdlib.registry import ACTIONS, FUNCTIONS
-
-    actions = {name: _union(action.arities for action in group) for name, group in ACTIONS.items()} | STATEMENTS
-    functions: dict[str, set[int]] = {".count": {1}}
-    for name, arity in FUNCTIONS:
-        functions.setdefault(name, set()).add(arity)
-    return actions, functions
-
-
-def _union(ranges: Iterable[range]) -> range | set[int]:
-    ranges = list(ranges)
-    if len(ranges) == 1:
-        return ranges[0]
-    widest = max(ranges, key=len)
-    return widest if len(widest) > 99 else {arity for each in ranges for arity in each}
+_LOOKS = (
+    wrong_directives,
+    directives_as_beliefs,
+    duplicate_labels,
+    singletons,
+    unbound_variables,
+    endless_asks,
+    unknown_performatives,
+    formulas_as_actions,
+    busy_loops,
+)
+"""What needs nothing but the program."""
 
 
-class _Includes:
-    """Reads the files that directives include, each once per namespace; what is wrong with them is a finding."""
-
-    def __init__(self, file: str, findings: list[Finding]) -> None:
-        self._findings = findings
-        self._seen = {(os.path.abspath(file), DEFAULT)}
-        self.missing = False
-
-    def __call__(self, directive: Directive, namespace: str) -> Iterable[Item]:
-        match directive.name.args:
-            case (String(name), *_) if "\0" not in name:
-                path = Path(directive.position.file).parent / name
-            case _:
-                self._findings.append(finding(directive.position, 'include needs a file: { include("file.asl") }'))
-                return ()
-        key = (os.path.abspath(path), namespace)
-        if key in self._seen:
-            return ()
-        self._seen.add(key)
-        return self._items(path, directive)
-
-    def _items(self, path: Path, directive: Directive) -> Iterable[Item]:
-        try:
-            program = parse_file(path)
-        except SyntaxErrors as errors:
-            self._findings += errors.findings
-        except OSError as error:
-            self._findings.append(finding(directive.position, f"cannot include {path}: {error.strerror}"))
-        else:
-            self._findings += program.warnings
-            return program.items
-        self.missing = True
-        return ()
+# --- the command -----------------------------------------------------------------------------------------------------
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `agentd check`."""
+    parser.formatter_class = RawDescriptionHelpFormatter
+    parser.description = _DESCRIPTION
     parser.add_argument("files", nargs="+", metavar="FILE", help="program to check")
     parser.add_argument("--manifest", help="manifest of the robot: a shipped one's name, or a file")
     parser.add_argument("--json", action="store_true", help="findings as a JSON array on stdout")
+    add_path_argument(parser)
+
+
+_DESCRIPTION = """\
+Look for mistakes in programs, and start nothing. Several files are taken for the agents of one team: what they send to
+one another is known. Exit code 0: no errors (there may be warnings); 1: errors; 2: something could not be read.
+docs/errors.md lists what is looked for, and the fields of --json."""
 
 
 def run(args: Namespace) -> int:
-    """Check programs. Returns 0 if none has an error, 2 otherwise."""
+    """Check programs; the exit code as in the description."""
     try:
-        actions, percepts = _manifest(args.manifest)
-    except Findings as error:
+        robot = _robot(args.manifest)
+        paths = read_folders(args.include_path)
+    except (Findings, ValueError) as error:
         print(error, file=sys.stderr)
         return EXIT_BAD_INPUT
-    findings: list[Finding] = []
-    shown: list[str] = []
-    for file in args.files:
-        told, texts = _check_file(file, actions, percepts)
-        findings += told
-        shown += texts
+    findings, shown = _check(args.files, robot, paths)
     if args.json:
-        fields = ("file", "line", "column", "severity", "message")
-        print(json.dumps([{name: getattr(one, name) for name in fields} for one in findings], indent=2))
+        print(json.dumps([_fields(one) for one in findings], indent=2, ensure_ascii=False))
     else:
         for text in shown:
             print(text, file=sys.stderr)
-    return EXIT_BAD_INPUT if any(one.severity == "error" for one in findings) else EXIT_DONE
+    if any(one.kind == Kind.FILE.label and not one.line for one in findings):
+        return EXIT_BAD_INPUT
+    return EXIT_FOUND if any(one.severity == "error" for one in findings) else EXIT_DONE
 
 
-def _manifest(name: str | None) -> tuple[Arities | None, Arities | None]:
+def _fields(one: Finding) -> dict[str, Any]:
+    """A finding as JSON says it. These fields stay; others may come."""
+    names = ("file", "line", "column", "severity", "kind", "message")
+    return {name: getattr(one, name) for name in names}
+
+
+def _robot(name: str | None) -> Robot:
     if name is None:
-        return None, None
+        return Robot()
     from schemas.manifest import load_manifest
 
     manifest = load_manifest(name, Path.cwd())
-    return manifest.action_arities(), {**manifest.percept_arities(), **OF_THE_DAEMONS}
+    parameters = {action: entry.params for action, entry in manifest.actions.items()}
+    return Robot(manifest.action_arities(), {**manifest.percept_arities(), **OF_THE_DAEMONS}, parameters)
 
 
-def _check_file(file: str, actions: Arities | None, percepts: Arities | None) -> tuple[list[Finding], list[str]]:
-    """The findings of a file, and how they are shown."""
-    try:
-        findings = check_program(parse_file(file), actions, percepts)
-    except SyntaxErrors as errors:
-        return list(errors.findings), [str(errors)]
-    except OSError as error:
-        findings = [Finding(file, 0, 0, f"cannot be read: {error.strerror}")]
-    return findings, [str(one) for one in findings]
+def _check(files: Sequence[str], robot: Robot, paths: SourcePaths) -> tuple[list[Finding], list[str]]:
+    """The findings of all files, each once, and how they are shown; in the order of the files."""
+    read: dict[str, Surveyed] = {}
+    unread: dict[str, dict[Finding, str]] = {}
+    for file in files:
+        try:
+            read[file] = read_survey(parse_file(file), paths)
+        except SyntaxErrors as errors:
+            unread[file] = {problem.finding: str(problem) for problem in errors.problems}
+        except OSError as error:
+            finding = Finding(file, 0, 0, f"cannot be read: {error.strerror}", kind=Kind.FILE.label)
+            unread[file] = {finding: str(finding)}
+    # Nothing can be said of what is sent by those that could not be read.
+    elsewhere = Elsewhere() if unread else from_team(surveyed.survey for surveyed in read.values())
+    shown: dict[Finding, str] = {}
+    for file in files:
+        shown |= unread.get(file, {})
+        if file in read:
+            shown |= {one: str(one) for one in findings_of(read[file], robot, elsewhere)}
+    return list(shown), list(shown.values())

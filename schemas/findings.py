@@ -16,6 +16,8 @@ class Finding:
     column: int
     message: str
     severity: Literal["error", "warning"] = "error"
+    kind: str = ""
+    """What sort of problem it is, for tools; empty where there is no list of kinds."""
 
     def __str__(self) -> str:
         where = self.file

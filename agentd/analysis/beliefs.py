@@ -1,28 +1,30 @@
-"""Beliefs that are tested and that nobody ever adds, and percepts tested with another number of arguments."""
+"""Beliefs that are tested and that nobody ever adds, percepts tested with another number of arguments."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from agentd.analysis.calls import Arities, arguments, finding, near, takes
+from agentd.analysis.arities import Arities, arguments, takes
+from agentd.analysis.elsewhere import RAISED_BY_AGENTD, Elsewhere
+from agentd.analysis.kinds import Kind, finding, warning
 from agentd.analysis.mentions import Mention, Survey
+from agentd.language.spelling import near
 from schemas.findings import Finding
 
 _TRUTH = {("true", 0), ("false", 0)}
 
 
-def beliefs_never_added(
-    survey: Survey, percepts: Arities | None, beliefs: Iterable[tuple[str, int]] = ()
-) -> Iterator[Finding]:
+def beliefs_never_added(survey: Survey, percepts: Arities | None, elsewhere: Elsewhere) -> Iterator[Finding]:
     """Tests of beliefs that are no percept and that no line adds.
 
     Beliefs that another agent may tell look the same, so these are warnings; a percept with another number of arguments
-    is an error, since no agent tells those. Without known percepts only what looks misspelt is told.
+    is an error, since no agent tells those. Where percepts are not known only what looks misspelt is told.
     """
-    held = _held(survey, beliefs)
+    held = _held(survey, elsewhere.beliefs)
     by_name: dict[str, set[int]] = {}
     for name, arity in held:
         by_name.setdefault(name, set()).add(arity)
+    known = percepts is not None or (elsewhere.complete and not survey.actions)
     for test, tested_as_goal in [*((m, False) for m in survey.tested), *((m, True) for m in survey.asked)]:
         if test.indicator in held or test.from_others or test.indicator in _TRUTH:
             continue
@@ -30,30 +32,38 @@ def beliefs_never_added(
         if perceived is not None:
             if not takes(perceived, test.arity):
                 text = f"the percept {test.name} has {arguments(perceived)}, not {test.arity}"
-                yield finding(test.position, f"{text}: {_consequence(test, tested_as_goal)}")
+                text = f"{text}: {_consequence(test, tested_as_goal)}"
+                yield finding(Kind.PERCEPT_ARITY, test.position, text)
             continue
-        if survey.open_beliefs:
+        if survey.open_beliefs or elsewhere.open_beliefs:
             continue
         hint = _hint(test, by_name, percepts)
-        if percepts is not None or hint:
+        if known or hint:
             text = f"nothing adds the belief {test.name}/{test.arity}"
             if percepts is not None:
                 text += ", and no percept has its name: unless an agent tells it, "
             else:
                 text += ": unless it is a percept or told, "
-            yield finding(test.position, f"{text}{_consequence(test, tested_as_goal)}{hint}", warning=True)
+            text = f"{text}{_consequence(test, tested_as_goal)}{hint}"
+            yield warning(Kind.BELIEF_NEVER_ADDED, test.position, text)
 
 
-def events_never_perceived(survey: Survey, percepts: Arities) -> Iterator[Finding]:
-    """Plans for a percept with a number of arguments that it does not have."""
-    added = {mention.indicator for mention in survey.added}
+def events_never_perceived(survey: Survey, percepts: Arities, elsewhere: Elsewhere) -> Iterator[Finding]:
+    """Plans for a percept with a number of arguments that it does not have, or for what is no percept."""
+    added = {mention.indicator for mention in (*survey.added, *survey.raised)} | elsewhere.beliefs | RAISED_BY_AGENTD
     for placed in survey.plans:
-        if placed.event not in ("+", "-") or placed.name is None or (placed.name, placed.arity) in added:
+        if placed.event not in ("+", "-") or placed.name is None or placed.indicator in added or placed.names_source:
             continue
         arities = percepts.get(placed.name)
-        if arities is not None and not takes(arities, placed.arity):
+        place = placed.plan.trigger.position
+        if arities is None:
+            if not (survey.open_beliefs or elsewhere.open_beliefs):
+                text = f"nothing adds the belief {placed.name}/{placed.arity}, and no percept has its name: "
+                text += f"unless an agent tells it, this plan never runs{near(placed.name, percepts)}"
+                yield warning(Kind.UNKNOWN_PERCEPT, place, text)
+        elif not takes(arities, placed.arity):
             text = f"the percept {placed.name} has {arguments(arities)}, not {placed.arity}: this plan never runs"
-            yield finding(placed.plan.trigger.position, text)
+            yield finding(Kind.PERCEPT_ARITY, place, text)
 
 
 def _held(survey: Survey, beliefs: Iterable[tuple[str, int]]) -> set[tuple[str, int]]:

@@ -1,57 +1,20 @@
-"""External actions against a manifest, internal actions and functions against those that exist."""
+"""Internal actions and functions against those that exist."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from difflib import get_close_matches
-from typing import TypeAlias
+from collections.abc import Collection, Iterable, Iterator
 
+from agentd.analysis.arities import Arities, arguments, takes
+from agentd.analysis.kinds import Kind, finding, warning
 from agentd.analysis.mentions import ANY_ARITY, Call, Survey
-from agentd.language.syntax import And, Body, Not, Operator, Or, Position, Step, Structure
+from agentd.language.spelling import near
+from agentd.language.syntax import And, Body, Not, Operator, Or, Step, Structure
 from schemas.findings import Finding
 
-Arities: TypeAlias = Mapping[str, int | Collection[int]]
-"""Names with the numbers of arguments that they take; a `range` is such a collection."""
-
-
-def takes(arities: int | Collection[int], arity: int) -> bool:
-    return arity == arities if isinstance(arities, int) else arity in arities
-
-
-def finding(position: Position, message: str, *, warning: bool = False) -> Finding:
-    return Finding(position.file, position.line, position.column, message, "warning" if warning else "error")
-
-
-def near(word: str, known: Iterable[str]) -> str:
-    """``; did you mean x?`` for a near miss or the same name in a namespace, else nothing."""
-    names = sorted(known)
-    close = [name for name in names if name.endswith(f"::{word}")] or get_close_matches(word, names, 1, 0.6)
-    return f"; did you mean {close[0]}?" if close else ""
-
-
-def arguments(arities: int | Collection[int]) -> str:
-    """How many arguments something takes, in words."""
-    if isinstance(arities, range) and len(arities) > 9:
-        return f"at least {arities.start} argument{'s' * (arities.start != 1)}" if arities.start else "any arguments"
-    numbers = [arities] if isinstance(arities, int) else sorted(arities)
-    if numbers == [0]:
-        return "no arguments"
-    words = [str(number) for number in numbers]
-    text = " or ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
-    return f"{text} argument{'s' * (numbers != [1])}"
-
-
-def external_actions(survey: Survey, known: Arities) -> Iterator[Finding]:
-    """Actions that the robot does not know, or not with so many arguments."""
-    goals = {placed.name for placed in survey.plans if placed.event == "+!"}
-    for action in survey.actions:
-        arities = known.get(action.name)
-        if arities is None:
-            hint = f"; did you mean the goal !{action.name}?" if action.name in goals else near(action.name, known)
-            yield finding(action.position, f"there is no action {action.name}/{action.arity}{hint}")
-        elif not takes(arities, action.arity):
-            text = f"the action {action.name} takes {arguments(arities)}, not {action.arity}"
-            yield finding(action.position, text)
+_OFTEN_UNDOTTED = frozenset(
+    (".print", ".println", ".printf", ".send", ".broadcast", ".wait", ".concat", ".findall", ".my_name", ".stopMAS")
+)
+"""Internal actions that beginners write without their dot, and no environment has as actions of its own."""
 
 
 def internal_actions(survey: Survey, actions: Arities, functions: Arities) -> Iterator[Finding]:
@@ -63,10 +26,10 @@ def internal_actions(survey: Survey, actions: Arities, functions: Arities) -> It
             continue
         allowed = _merged(name, actions, functions)
         if allowed is None:
-            yield finding(call.action.position, _unknown(call, {*actions, *functions, *registered}))
+            yield _unknown(call, {*actions, *functions, *registered})
         elif not any(takes(arities, arity) for arities in allowed):
             text = " or ".join(arguments(arities) for arities in allowed)
-            yield finding(call.action.position, f"{name} takes {text}, not {arity}")
+            yield finding(Kind.INTERNAL_ACTION_ARITY, call.action.position, f"{name} takes {text}, not {arity}")
 
 
 def _merged(name: str, *tables: Arities) -> list[int | Collection[int]] | None:
@@ -74,20 +37,24 @@ def _merged(name: str, *tables: Arities) -> list[int | Collection[int]] | None:
     return found or None
 
 
-def _unknown(call: Call, known: Iterable[str]) -> str:
-    name = call.action.name
-    kind = "internal action" if name.startswith(".") else "function or internal action"
-    what = "stays a term without a value" if call.as_term and not name.startswith(".") else "fails where it is reached"
-    return f"there is no {kind} {name}/{len(call.action.args)}: it {what}{near(name, known)}"
+def _unknown(call: Call, known: Iterable[str]) -> Finding:
+    action = call.action
+    dotted = action.name.startswith(".")
+    kind, what = (Kind.UNKNOWN_INTERNAL_ACTION, "internal action") if dotted else (Kind.UNKNOWN_FUNCTION, "function")
+    if not dotted:
+        what += " or internal action"
+    becomes = "stays a term without a value" if call.as_term and not dotted else "fails where it is reached"
+    text = f"there is no {what} {action.name}/{len(action.args)}: it {becomes}{near(action.name, known)}"
+    return finding(kind, action.position, text)
 
 
-def endless_asks(survey: Survey) -> Iterator[Finding]:
-    """Synchronous asks that wait for ever when the receiver gives no answer."""
-    for call in survey.calls:
-        match call.action.name, call.action.args:
-            case ".send", (_, Structure(functor), _, _) if functor in ("askOne", "askAll", "askHow"):
-                text = "this ask has no time limit and may never end; give one in ms as fifth argument of .send"
-                yield finding(call.action.position, text, warning=True)
+def undotted_internal_actions(survey: Survey, internal: Arities) -> Iterator[Finding]:
+    """``print("x")`` where ``.print("x")`` is meant; with a manifest it is an unknown action."""
+    for action in survey.actions:
+        dotted = f".{action.name}"
+        if dotted in _OFTEN_UNDOTTED and dotted in internal:
+            text = f"{action.name} without a dot is an action of the environment; the internal action is {dotted}"
+            yield warning(Kind.UNDOTTED_INTERNAL_ACTION, action.position, text)
 
 
 def formulas_as_actions(survey: Survey) -> Iterator[Finding]:
@@ -101,7 +68,7 @@ def _formulas_as_actions(body: Body) -> Iterator[Finding]:
         match step:
             case Step(Operator.ACTION, Not() | And() | Or()):
                 text = "a logical formula in a body is performed as an action, and fails; test it: ?(...)"
-                yield finding(step.position, text, warning=True)
+                yield warning(Kind.FORMULA_AS_ACTION, step.position, text)
             case Step(Operator.ACTION, Structure("true" | "false" as word)) if index or word == "false":
                 text = f"{word} in a body is performed as an action, and fails; only a first true is skipped"
-                yield finding(step.position, text, warning=True)
+                yield warning(Kind.FORMULA_AS_ACTION, step.position, text)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from agentd.language.syntax import Belief, Body, InternalAction, Plan, Position, Rule, Structure
+from agentd.language.syntax import Belief, Body, Directive, InternalAction, Plan, Position, Rule, Structure
 
 ANY_ARITY = -1
 """The arity of a registered function that takes any number of arguments."""
@@ -18,10 +18,17 @@ class Mention:
     """
 
     name: str
-    arity: int
-    position: Position
+    literal: Structure
     inverted: bool = False
     from_others: bool = False
+
+    @property
+    def arity(self) -> int:
+        return len(self.literal.args)
+
+    @property
+    def position(self) -> Position:
+        return self.literal.position
 
     @property
     def indicator(self) -> tuple[str, int]:
@@ -53,26 +60,58 @@ class PlacedPlan:
         """``+!``, ``-``, ``+?`` and so on."""
         return self.plan.trigger.operator + self.plan.trigger.goal
 
+    @property
+    def is_test(self) -> bool:
+        """Whether `agentd test` runs the plan: its label has the annotation ``test``."""
+        annotations = self.plan.label.annotations if self.plan.label is not None else None
+        items = annotations.items if annotations is not None else ()
+        return any(isinstance(item, Structure) and item.functor == "test" for item in items)
+
+    @property
+    def names_source(self) -> bool:
+        """Whether the trigger says where its event comes from: ``+!g[source(S)]``."""
+        annotations = self.plan.trigger.literal.annotations
+        items = annotations.items if annotations is not None else ()
+        return any(isinstance(item, Structure) and item.functor == "source" for item in items)
+
+    @property
+    def indicator(self) -> tuple[str | None, int]:
+        return self.name, self.arity
+
 
 @dataclass(slots=True)
 class Survey:
     """Everything that a program mentions, in no particular order.
 
-    ``families`` are plans that are tried together: those of a program, those nested in one plan. ``open_beliefs`` and
-    ``open_plans`` say that beliefs or plans are made at run time which no survey can see.
+    ``families`` are plans that are tried together: those of a program, those nested in one plan. ``open_beliefs``,
+    ``open_plans`` and ``open_goals`` say that the program makes some at run time which no survey can see.
     """
 
     achieved: list[Mention] = field(default_factory=list)
+    """Goals that the program sets itself."""
     tested: list[Mention] = field(default_factory=list)
     asked: list[Mention] = field(default_factory=list)
+    """Tests by ``?``, for which a plan may answer."""
     added: list[Mention] = field(default_factory=list)
+    raised: list[Mention] = field(default_factory=list)
+    """What stands in triggers as terms: ``.at("now +1 s", {+!g})`` raises such an event."""
+    told: list[Mention] = field(default_factory=list)
+    """Beliefs that are sent to agents."""
+    wanted: list[Mention] = field(default_factory=list)
+    """Goals and questions that are sent to agents."""
     actions: list[Mention] = field(default_factory=list)
     calls: list[Call] = field(default_factory=list)
     plans: list[PlacedPlan] = field(default_factory=list)
     families: list[list[PlacedPlan]] = field(default_factory=list)
     rules: list[Rule] = field(default_factory=list)
     beliefs: list[Belief] = field(default_factory=list)
+    directives: list[Directive] = field(default_factory=list)
     bodies: list[Body] = field(default_factory=list)
     functions: set[tuple[str, int]] = field(default_factory=set)
     open_beliefs: bool = False
     open_plans: bool = False
+    open_goals: bool = False
+    open_told: bool = False
+    """Beliefs are sent that only the run knows."""
+    open_wanted: bool = False
+    """Goals are sent that only the run knows."""

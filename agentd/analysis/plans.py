@@ -1,11 +1,14 @@
-"""Goals without plans, and plans that no event reaches."""
+"""Goals without plans, plans that no event reaches, labels that stand twice."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from agentd.analysis.calls import arguments, finding, near
+from agentd.analysis.arities import arguments
+from agentd.analysis.elsewhere import Elsewhere
+from agentd.analysis.kinds import Kind, finding, warning
 from agentd.analysis.mentions import PlacedPlan, Survey
+from agentd.language.spelling import near
 from agentd.language.syntax import Plan, Structure, Variable
 from schemas.findings import Finding
 
@@ -14,7 +17,7 @@ def goals_without_plans(survey: Survey) -> Iterator[Finding]:
     """Goals that the program sets itself and has no plan for, not even one for their failure."""
     if any(placed.name is None and "!" in placed.event for placed in survey.plans):
         return  # a plan +!G is for every goal
-    achieving = {(placed.name, placed.arity) for placed in survey.plans if placed.event in ("+!", "-!")}
+    achieving = {placed.indicator for placed in survey.plans if placed.event in ("+!", "-!")}
     names = {name for name, _ in achieving if name is not None}
     for goal in survey.achieved:
         if goal.indicator in achieving:
@@ -24,10 +27,12 @@ def goals_without_plans(survey: Survey) -> Iterator[Finding]:
         text = f"there is no plan for the goal !{goal.name}/{goal.arity}{hint}"
         if survey.open_plans:
             text += "; it fails unless a plan for it is added in time"
-        yield finding(goal.position, text, warning=survey.open_plans)
+            yield warning(Kind.GOAL_WITHOUT_PLAN, goal.position, text)
+        else:
+            yield finding(Kind.GOAL_WITHOUT_PLAN, goal.position, text)
 
 
-def unreachable_plans(survey: Survey) -> Iterator[Finding]:
+def shadowed_plans(survey: Survey) -> Iterator[Finding]:
     """Plans behind one that takes every event which they could take."""
     for family in survey.families:
         takers: dict[tuple[str, str | None, int], PlacedPlan] = {}
@@ -38,7 +43,7 @@ def unreachable_plans(survey: Survey) -> Iterator[Finding]:
                 line = taker.plan.position.line
                 name = f"{placed.event}{placed.name}/{placed.arity}"
                 text = f"this plan is never used: the plan of line {line} takes every {name} before it"
-                yield finding(placed.plan.position, text, warning=True)
+                yield warning(Kind.PLAN_SHADOWED, placed.plan.position, text)
             elif placed.name is not None and _takes_all(placed.plan):
                 takers[event] = placed
 
@@ -53,3 +58,57 @@ def _takes_all(plan: Plan) -> bool:
     names = [arg.name for arg in literal.args if isinstance(arg, Variable) and arg == Variable(arg.name)]
     named = [name for name in names if not name.startswith("_")]
     return len(names) == len(literal.args) and len(set(named)) == len(named)
+
+
+def unused_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
+    """Plans for goals that nobody sets, for their failures, and for beliefs that nobody adds."""
+    goals = {mention.indicator for mention in (*survey.achieved, *survey.raised)} | elsewhere.goals
+    passive = not survey.achieved  # a library, or an agent that others ask for all that it does
+    open_goals = not elsewhere.complete or passive or survey.open_goals or elsewhere.open_goals
+    planned = {placed.indicator for placed in survey.plans if placed.event == "+!"}
+    for family in survey.families:
+        for placed in family:
+            if placed.name is None or placed.is_test or placed.names_source:
+                continue
+            if placed.event == "-!" and not open_goals and placed.indicator not in goals | planned:
+                yield _unused(placed, f"there is no plan +!{placed.name}/{placed.arity}", planned)
+            elif placed.event == "+!" and not open_goals and placed.indicator not in goals:
+                yield _unused(placed, f"nothing sets the goal !{placed.name}/{placed.arity}", goals)
+
+
+def unused_belief_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
+    """Plans for beliefs that nobody adds, where no percepts are: in a program without external actions."""
+    if not elsewhere.complete or survey.actions or survey.open_beliefs or elsewhere.open_beliefs:
+        return
+    added = {mention.indicator for mention in (*survey.added, *survey.raised)}
+    for family in survey.families:
+        for placed in family:
+            if placed.event not in ("+", "-") or placed.name is None or placed.names_source:
+                continue
+            if placed.indicator not in added | elsewhere.beliefs:
+                yield _unused(placed, f"nothing adds the belief {placed.name}/{placed.arity}", added)
+
+
+def _unused(placed: PlacedPlan, why: str, known: set[tuple[str | None, int]] | set[tuple[str, int]]) -> Finding:
+    others = [arity for name, arity in known if name == placed.name]
+    if others:
+        hint = f"; there is {placed.name} with {arguments(others)}"
+    else:
+        hint = near(placed.name or "", {name for name, _ in known if name is not None})
+    text = f"this plan is never used, unless by what others send: {why}{hint}"
+    return warning(Kind.PLAN_NEVER_USED, placed.plan.trigger.position, text)
+
+
+def duplicate_labels(survey: Survey) -> Iterator[Finding]:
+    """Labels that stand before two plans: whoever asks for the plan of this label gets one of them."""
+    first: dict[tuple[str, int], Plan] = {}
+    for family in survey.families:
+        for placed in family:
+            label = placed.plan.label
+            if not isinstance(label, Structure) or not label.functor:
+                continue
+            before = first.setdefault((f"{label.namespace}::{label.functor}", len(label.args)), placed.plan)
+            same_file = before.position.file == placed.plan.position.file
+            if before is not placed.plan and same_file and before.position != placed.plan.position:
+                text = f"the label {label.functor} stands before the plan of line {before.position.line} too"
+                yield warning(Kind.DUPLICATE_LABEL, label.position, text)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from agentd.analysis.mentions import ANY_ARITY, Call, Mention, PlacedPlan, Survey
 from agentd.language.syntax import (
@@ -34,6 +34,7 @@ from agentd.language.syntax import (
     String,
     Structure,
     Term,
+    Trigger,
     TriggerTerm,
     Variable,
     While,
@@ -54,14 +55,27 @@ QUERIES = {
 }
 """The internal actions with a logical formula among their arguments, and which argument it is."""
 
+RUNNERS = frozenset((".foreach", ".loop", ".if_then_else", ".fork", ".add_plan", ".send", ".broadcast"))
+"""The internal actions that run, keep or send the code that stands in their arguments."""
+
 ASSERTIONS = frozenset((".asserta", ".assertz"))
 PLAN_MAKERS = frozenset((".add_plan", ".include", ".create_agent"))
 
 _ADDITIONS = frozenset((Operator.ADD, Operator.ADD_NEW_FOCUS, Operator.ADD_FIRST, Operator.ADD_LAST, Operator.UPDATE))
+_GOALS = frozenset((Operator.ACHIEVE, Operator.ACHIEVE_NEW_FOCUS))
 _ELSEWHERE = frozenset(("self", "percept"))
 
-
 Includes: TypeAlias = Callable[[Directive, str], Iterable[Item]]
+
+
+class _Visit(NamedTuple):
+    """Something still to be looked at. ``data``: code that is only held as a term, and not known to run."""
+
+    node: Term | Body | Plan
+    namespace: str
+    formula: bool = False
+    inverted: bool = False
+    data: bool = True
 
 
 def survey(items: Iterable[Item], includes: Includes | None = None) -> Survey:
@@ -73,8 +87,7 @@ class _Walk:
     def __init__(self, includes: Includes) -> None:
         self._includes = includes
         self.found = Survey()
-        # What is still to be looked at: (node, namespace, whether a formula, inverted).
-        self._pending: list[tuple[Term | Body | Plan, str, bool, bool]] = []
+        self._pending: list[_Visit] = []
 
     def over(self, items: Iterable[Item]) -> Survey:
         blocks: list[tuple[Iterator[Item], str]] = [(iter(items), DEFAULT)]
@@ -89,16 +102,17 @@ class _Walk:
                 blocks.append((iter(inside), namespace))
             elif isinstance(item, Plan):
                 top.setdefault(namespace, []).append(self._place(item, namespace))
-                self._pending.append((item, namespace, False, False))
+                self._pending.append(_Visit(item, namespace))
             else:
                 self._fact(item, namespace)
         self.found.families += top.values()
         while self._pending:
-            self._visit(*self._pending.pop())
+            self._visit(self._pending.pop())
         return self.found
 
     def _directive(self, item: Directive, namespace: str) -> tuple[Iterable[Item], str]:
         """The items that a directive encloses or includes, and their namespace."""
+        self.found.directives.append(item)
         match item.name.functor, item.name.args:
             case "namespace", (Structure(functor), *_):
                 return item.items or (), functor
@@ -110,6 +124,8 @@ class _Walk:
                 self.found.functions.add((function, int(arity)))
             case "register_function", (String(function), *_):
                 self.found.functions.add((function, ANY_ARITY))
+            case "dg", (Structure() as goal, *_):
+                self._place(Plan(Trigger("+", "!", goal, item.position)), namespace)
             case _, args:
                 for term in args:
                     self._term(term, namespace)
@@ -148,31 +164,32 @@ class _Walk:
         for formula in (plan.context, plan.goal_condition):
             if formula is not None:
                 self._formula(formula, namespace)
-        self._pending.append((plan.body, namespace, False, False))
+        self._pending.append(_Visit(plan.body, namespace))
         if plan.subplans:
             self.found.families.append([self._place(sub, namespace) for sub in plan.subplans])
-            self._pending += ((sub, namespace, False, False) for sub in plan.subplans)
+            self._pending += (_Visit(sub, namespace) for sub in plan.subplans)
 
     # --- terms and formulas ------------------------------------------------------------------------------------------
 
-    def _term(self, term: Term, namespace: str) -> None:
-        self._pending.append((term, namespace, False, False))
+    def _term(self, term: Term, namespace: str, data: bool = True) -> None:
+        self._pending.append(_Visit(term, namespace, data=data))
 
     def _formula(self, term: Term, namespace: str, inverted: bool = False) -> None:
-        self._pending.append((term, namespace, True, inverted))
+        self._pending.append(_Visit(term, namespace, True, inverted))
 
-    def _visit(self, node: Term | Body | Plan, namespace: str, formula: bool, inverted: bool) -> None:
+    def _visit(self, visit: _Visit) -> None:
+        node, namespace, formula, inverted, data = visit
         match node:
             case Structure() | Variable():
                 if formula and isinstance(node, Structure) and node.functor not in ("true", "false"):
                     self._mention(self.found.tested, node, namespace, inverted)
                 self._inside(node, namespace)
             case InternalAction():
-                self._call(node, namespace, not formula, inverted)
+                self._call(node, namespace, not formula)
             case And(left, right) | Or(left, right):
-                self._pending += ((left, namespace, formula, inverted), (right, namespace, formula, inverted))
+                self._pending += (visit._replace(node=left), visit._replace(node=right))
             case Not(operand):
-                self._pending.append((operand, namespace, formula, not inverted))
+                self._pending.append(visit._replace(node=operand, inverted=not inverted))
             case Relation(left=left, right=right):
                 self._term(left, namespace)
                 self._term(right, namespace)
@@ -181,22 +198,32 @@ class _Walk:
                     self._term(term, namespace)
             case ListTerm(items, tail):
                 for term in (*items, *([tail] if tail is not None else ())):
-                    self._term(term, namespace)
-            case PlanTerm(plan):
-                self._place(plan, namespace)
-                self._plan(plan, namespace)
-            case RuleTerm(rule):
-                self._rule(rule, namespace)
-            case TriggerTerm(trigger):
-                self._term(trigger.literal, namespace)
-            case BodyTerm(body):
-                self._pending.append((body, namespace, False, False))
+                    self._term(term, namespace, data)
+            case PlanTerm() | RuleTerm() | BodyTerm() | TriggerTerm():
+                self._code(node, namespace, data)
             case Body(formulas):
                 self.found.bodies.append(node)
                 for step in formulas:
                     self._body_formula(step, namespace)
             case Plan():
                 self._plan(node, namespace)
+
+    def _code(self, node: PlanTerm | RuleTerm | BodyTerm | TriggerTerm, namespace: str, data: bool) -> None:
+        match node:
+            case TriggerTerm(trigger):
+                if isinstance(trigger.literal, Structure):
+                    self._mention(self.found.raised, trigger.literal, namespace)
+                    if not data and trigger.operator == "+" and not trigger.goal:  # the body of a `.foreach`
+                        self._mention(self.found.added, trigger.literal, namespace)
+                self._term(trigger.literal, namespace)
+            case PlanTerm(plan):
+                self._place(plan, namespace)
+                if not data:
+                    self._plan(plan, namespace)
+            case RuleTerm(rule) if not data:
+                self._rule(rule, namespace)
+            case BodyTerm(body) if not data:
+                self._pending.append(_Visit(body, namespace))
 
     def _inside(self, literal: Structure | Variable, namespace: str) -> None:
         """The arguments and annotations of a literal."""
@@ -206,18 +233,36 @@ class _Walk:
         if literal.annotations is not None:
             self._term(literal.annotations, namespace)
 
-    def _call(self, action: InternalAction, namespace: str, as_term: bool, inverted: bool = False) -> None:
+    def _call(self, action: InternalAction, namespace: str, as_term: bool) -> None:
         self.found.calls.append(Call(action, as_term))
-        query = QUERIES.get(action.name)
-        if action.name in (".min", ".max") and len(action.args) == 3:
+        name, args = action.name, action.args
+        query = QUERIES.get(name)
+        if name in (".min", ".max") and len(args) == 3:
             query = 1
-        if action.name in ASSERTIONS and action.args:
-            self._addition(action.args[0], namespace)
-        if action.name in PLAN_MAKERS:
-            self.found.open_plans = self.found.open_beliefs = True
-        for index, term in enumerate(action.args):
+        if name in ASSERTIONS and args:
+            self._addition(args[0], namespace)
+        if name in PLAN_MAKERS:
+            self.found.open_plans = self.found.open_beliefs = self.found.open_goals = True
+        match name, args:
+            case (".send", (_, Structure(performative), content, *_)) | (
+                ".broadcast",
+                (Structure(performative), content),
+            ):
+                self._sent(performative, content, namespace)
+        live = name in RUNNERS or name in ASSERTIONS
+        for index, term in enumerate(args):
             # A query inside `not` is not what is inverted: `not .count(b(_), 0)` says nothing of b.
-            self._pending.append((term, namespace, index == query, False))
+            self._pending.append(_Visit(term, namespace, index == query, data=not live))
+
+    def _sent(self, performative: str, content: Term, namespace: str) -> None:
+        goal = performative in ("achieve", "askOne", "askAll")
+        for term in content.items if isinstance(content, ListTerm) else (content,):
+            if isinstance(term, Structure):
+                self._mention(self.found.wanted if goal else self.found.told, term, namespace)
+            elif isinstance(term, Variable) and goal:
+                self.found.open_wanted = True
+            elif isinstance(term, Variable):
+                self.found.open_told = True
 
     # --- bodies ------------------------------------------------------------------------------------------------------
 
@@ -228,39 +273,42 @@ class _Walk:
             case If(branches, otherwise):
                 for condition, body in branches:
                     self._formula(condition, namespace)
-                    self._pending.append((body, namespace, False, False))
+                    self._pending.append(_Visit(body, namespace))
                 if otherwise is not None:
-                    self._pending.append((otherwise, namespace, False, False))
+                    self._pending.append(_Visit(otherwise, namespace))
             case While(condition, body) | For(condition, body):
                 self._formula(condition, namespace)
-                self._pending.append((body, namespace, False, False))
+                self._pending.append(_Visit(body, namespace))
             case Fork(branches=bodies):
-                self._pending += ((body, namespace, False, False) for body in bodies)
+                self._pending += (_Visit(body, namespace) for body in bodies)
 
     def _step(self, step: Step, namespace: str) -> None:
-        term = step.term
-        if step.operator is Operator.TEST:
+        operator, term = step.operator, step.term
+        if operator is Operator.TEST:
             if isinstance(term, Structure):
                 self._mention(self.found.asked, term, namespace)
                 self._inside(term, namespace)
             else:
                 self._formula(term, namespace)
-        elif step.operator in _ADDITIONS:
+        elif operator in _ADDITIONS:
             self._addition(term, namespace)
-            self._term(term, namespace)
-        elif step.operator in (Operator.ACHIEVE, Operator.ACHIEVE_NEW_FOCUS) and isinstance(term, Structure):
+            self._term(term, namespace, data=False)
+        elif operator in _GOALS and isinstance(term, Structure):
             self._mention(self.found.achieved, term, namespace)
             self._inside(term, namespace)
-        elif step.operator is Operator.ACTION and isinstance(term, InternalAction):
+        elif operator in _GOALS:
+            self.found.open_goals = True
+            self._term(term, namespace)
+        elif operator is Operator.ACTION and isinstance(term, InternalAction):
             self._call(term, namespace, False)
-        elif step.operator is Operator.ACTION and isinstance(term, Structure):
+        elif operator is Operator.ACTION and isinstance(term, Structure):
             if term.functor not in ("true", "false"):
                 self._mention(self.found.actions, term, DEFAULT)  # what a robot does is in no namespace
             self._inside(term, namespace)
-        elif step.operator is Operator.ACTION and isinstance(term, Relation | And | Or):
+        elif operator is Operator.ACTION and isinstance(term, Relation | And | Or):
             self._formula(term, namespace)
         else:
-            self._term(term, namespace)
+            self._term(term, namespace, data=False)
 
     def _addition(self, term: Term, namespace: str) -> None:
         if isinstance(term, Structure):
@@ -273,7 +321,7 @@ class _Walk:
         if not isinstance(literal.namespace, Variable):
             name = _qualified(literal, namespace)
             others = literal.annotations is not None and _from_others(literal.annotations)
-            kind.append(Mention(name, len(literal.args), literal.position, inverted, others))
+            kind.append(Mention(name, literal, inverted, others))
 
 
 def _qualified(literal: Structure, namespace: str) -> str:

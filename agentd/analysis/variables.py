@@ -1,12 +1,13 @@
-"""Variables that stand only once: most often a misspelt name."""
+"""Variables that stand only once, most often a misspelt name, and variables that never get a value."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
 from collections.abc import Iterator
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
+from agentd.analysis.kinds import Kind, warning
 from agentd.analysis.mentions import Survey
 from agentd.language.syntax import (
     And,
@@ -45,12 +46,16 @@ _IN_STRING = re.compile(r"#\{([A-Z]\w*)\}")
 
 def singletons(survey: Survey) -> Iterator[Finding]:
     """A warning for each named variable that stands once in its plan (with its sub-plans), rule or belief."""
+    for scope in _scopes(survey):
+        yield from _in_scope(scope)
+
+
+def _scopes(survey: Survey) -> list[_Node]:
+    """The parts of a program that variables belong to."""
     nested = {id(sub) for placed in survey.plans for sub in placed.plan.subplans}
     terms = {id(placed.plan) for family in survey.families for placed in family}
     plans = [p.plan for p in survey.plans if id(p.plan) in terms and id(p.plan) not in nested]
-    scopes: list[_Node] = [*plans, *survey.rules, *(belief.literal for belief in survey.beliefs)]
-    for scope in scopes:
-        yield from _in_scope(scope)
+    return [*plans, *survey.rules, *(belief.literal for belief in survey.beliefs)]
 
 
 def _in_scope(scope: _Node) -> Iterator[Finding]:
@@ -67,9 +72,57 @@ def _in_scope(scope: _Node) -> Iterator[Finding]:
         pending.extend(_children(node))
     for name, variable in first.items():
         if counts[name] == 1 and not variable.anonymous:
-            place = variable.position
             message = f"the variable {name} stands only once; is it misspelt? if not, write _ or _{name}"
-            yield Finding(place.file, place.line, place.column, message, "warning")
+            yield warning(Kind.SINGLETON_VARIABLE, variable.position, message)
+
+
+class _Use(NamedTuple):
+    """A node, the innermost ``not`` that it stands in, and whether a variable in it is only compared."""
+
+    node: _Node
+    negation: int
+    compared: bool
+
+
+def unbound_variables(survey: Survey) -> Iterator[Finding]:
+    """Variables that stand twice or more, and only where a value is needed and none is given.
+
+    ``X > 3`` compares; ``b(X)``, ``X = 3``, ``.member(X, L)`` and ``!g(X)`` may give X its value. What stands in a
+    ``not`` gives none outside of it.
+    """
+    for scope in _scopes(survey):
+        yield from _unbound_in(scope)
+
+
+def _unbound_in(scope: _Node) -> Iterator[Finding]:
+    count: Counter[str] = Counter()
+    given: dict[str, set[int]] = {}
+    compared: dict[str, list[tuple[int, Variable]]] = {}
+    pending = [_Use(scope, 0, False)]
+    while pending:
+        node, negation, comparing = pending.pop()
+        if isinstance(node, Variable):
+            count[node.name] += 1
+            if comparing and node.annotations is None:
+                compared.setdefault(node.name, []).append((negation, node))
+            else:
+                given.setdefault(node.name, set()).add(negation)
+        elif isinstance(node, String):
+            count.update(_IN_STRING.findall(node.value))
+        inside = id(node) if isinstance(node, Not) else negation
+        compares = isinstance(node, Arithmetic) or (isinstance(node, Relation) and node.operator in _COMPARISONS)
+        compares |= comparing and isinstance(node, Arithmetic | Variable)
+        pending += (_Use(child, inside, compares) for child in _children(node))
+    for name, uses in compared.items():
+        sources = given.get(name, set())
+        lost = [use for negation, use in uses if not sources & {0, negation}]
+        if lost and count[name] > 1 and not name.startswith("_"):
+            first = min(lost, key=lambda use: (use.position.line, use.position.column))
+            text = f"the variable {name} has no value here: it is only compared or computed with"
+            yield warning(Kind.UNBOUND_VARIABLE, first.position, text)
+
+
+_COMPARISONS = frozenset(("<", "<=", ">", ">=", "==", "\\=="))
 
 
 def _children(node: _Node) -> list[_Node]:

@@ -10,7 +10,7 @@ import re
 import unicodedata
 from typing import Final, NamedTuple
 
-from agentd.language.errors import Problem, problem_at
+from agentd.language.errors import SYNTAX, Problem, problem_at
 from agentd.language.foreign import CHARACTERS, QUOTES, foreign_sign, sign_at
 from agentd.language.lexer import BROKEN
 from agentd.language.place import shown
@@ -71,7 +71,7 @@ def _bad_string(source: Source, at: int) -> Broken:
     message += f'{typographic} does not close it, only " does' if typographic else 'end it with "'
     # Jason reports it where the next line begins; the excerpt shows the string.
     place = (line + 1, 1) if index < len(text) else (line, column)
-    problem = Problem(Finding(source.file, *place, message), source.line(line), column)
+    problem = Problem(Finding(source.file, *place, message, kind=SYNTAX), source.line(line), column)
     end = _end_in_later_line(text, index)
     return Broken(problem, end or index, "STRING" if end else BROKEN)
 

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from agentd.language.source import Source
 from schemas.findings import Finding
 
+SYNTAX = "syntax"
+"""The kind of these findings."""
+
 _WIDTH = 110
 """Characters of a source line that are shown."""
 
@@ -58,4 +61,4 @@ def problem_at(source: Source, offset: int, message: str) -> Problem:
 
 def problem_on(source: Source, line: int, column: int, message: str) -> Problem:
     """An error at a line and column of a source."""
-    return Problem(Finding(source.file, line, column, message), source.line(line), column)
+    return Problem(Finding(source.file, line, column, message, kind=SYNTAX), source.line(line), column)

@@ -13,7 +13,7 @@ from typing import Any
 
 from agentd.language.build import Builder
 from agentd.language.build_terms import is_formula
-from agentd.language.errors import Problem, SyntaxErrors, problem_at, problem_on
+from agentd.language.errors import SYNTAX, Problem, SyntaxErrors, problem_at, problem_on
 from agentd.language.lalr import Stopped, machine
 from agentd.language.lexer import BROKEN, END_OF_TEXT, Lexicon, Tokens, lexicon, tokenize
 from agentd.language.source import Source, read_source
@@ -41,7 +41,7 @@ def parse_file(path: str | Path) -> Program:
         )
         if error.object.startswith((b"\xff\xfe", b"\xfe\xff")):
             message = "the file is UTF-16 text; save it as UTF-8"
-        raise SyntaxErrors([Problem(Finding(str(path), line, 0, message), "", 0)]) from None
+        raise SyntaxErrors([Problem(Finding(str(path), line, 0, message, kind=SYNTAX), "", 0)]) from None
     return _program(source)
 
 
