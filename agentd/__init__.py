@@ -1,6 +1,7 @@
 """What the agent thinks: the AgentSpeak language, the mind that runs it, and the agent daemon.
 
-For programs of your own in Python: `Environment` and what belongs to it (docs/environments.md).
+The names below are for programs of your own in Python: minds to embed (docs/embedding.md), environments
+(docs/environments.md), internal actions and functions (docs/extending.md).
 """
 
 from __future__ import annotations
@@ -9,26 +10,53 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from agentd.embedding import compile_file, compile_text
     from agentd.environment import ActionFailed, Deferred, Environment
-    from agentd.language.terms import Literal, atom
+    from agentd.language.terms import Literal, atom, deref
+    from agentd.mind import Mind
+    from agentd.mind.failed import Failed
+    from agentd.mind.suspending import suspend
+    from agentd.mind.unifier import undo, unify
+    from agentd.stdlib.registry import function, internal_action
     from agentd.values import literal, term_of, value_of
 
-__all__ = ["ActionFailed", "Deferred", "Environment", "Literal", "atom", "literal", "term_of", "value_of"]
-
 _PLACES = {
-    "ActionFailed": "agentd.environment",
-    "Deferred": "agentd.environment",
-    "Environment": "agentd.environment",
-    "Literal": "agentd.language.terms",
-    "atom": "agentd.language.terms",
-    "literal": "agentd.values",
-    "term_of": "agentd.values",
-    "value_of": "agentd.values",
+    "agentd.embedding": ("compile_file", "compile_text"),
+    "agentd.environment": ("ActionFailed", "Deferred", "Environment"),
+    "agentd.language.terms": ("Literal", "atom", "deref"),
+    "agentd.mind": ("Mind",),
+    "agentd.mind.failed": ("Failed",),
+    "agentd.mind.suspending": ("suspend",),
+    "agentd.mind.unifier": ("undo", "unify"),
+    "agentd.stdlib.registry": ("function", "internal_action"),
+    "agentd.values": ("literal", "term_of", "value_of"),
 }
+
+__all__ = [
+    "ActionFailed",
+    "Deferred",
+    "Environment",
+    "Failed",
+    "Literal",
+    "Mind",
+    "atom",
+    "compile_file",
+    "compile_text",
+    "deref",
+    "function",
+    "internal_action",
+    "literal",
+    "suspend",
+    "term_of",
+    "undo",
+    "unify",
+    "value_of",
+]
 
 
 def __getattr__(name: str) -> Any:
     """The public names are imported when they are first used: the daemon and its commands start without them."""
-    if name not in _PLACES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_PLACES[name]), name)
+    for module, names in _PLACES.items():
+        if name in names:
+            return getattr(import_module(module), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -26,6 +26,7 @@ def main(argv: list[str] | None = None) -> int:
             importlib.import_module(module).add_arguments(command)
     args = parser.parse_args(arguments)
     entry = importlib.import_module(_COMMANDS[args.command][0])
+    importlib.import_module("agentd.plugins").discover()
     try:
         return int(entry.run(args) or 0)
     except KeyboardInterrupt:

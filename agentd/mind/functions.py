@@ -2,13 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 from agentd.language.signatures import signature
 from agentd.language.terms import Literal, Var, deref
 from agentd.mind.resolving import resolve
 from agentd.mind.unifier import Trail, undo
+
+
+class FunctionsOf(Mapping[tuple[str, int], Callable[..., Any]]):
+    """The functions that a mind's program may call, by name and number of arguments, bound to the mind."""
+
+    def __init__(self, mind: Any) -> None:
+        self._mind = mind
+
+    def __getitem__(self, key: tuple[str, int]) -> Callable[..., Any]:
+        compute = self._mind.compiler.find_function(*key)
+        if compute is None:
+            raise KeyError(key)
+        return partial(compute, self._mind)
+
+    def __iter__(self) -> Iterator[tuple[str, int]]:
+        return iter(self._mind.compiler.functions())
+
+    def __len__(self) -> int:
+        return len(self._mind.compiler.functions())
 
 
 def call(function: Any, mind: Any, trail: Trail, sig: Any, args: tuple[Any, ...]) -> Any:

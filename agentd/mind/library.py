@@ -28,11 +28,26 @@ class Library:
         """A function of the program's own (``{ register_function("my.f", 2, "rule") }``)."""
         self._own[(name, arity)] = compute
 
+    def copy_functions(self, other: Library) -> None:
+        """Take over the functions that another program has registered."""
+        self._own.update(other._own)
+
     def is_function(self, name: str, arity: int) -> bool:
-        return (name, arity) in registry.FUNCTIONS or (name, arity) in self._own
+        return self.find_function(name, arity) is not None
+
+    def find_function(self, name: str, arity: int) -> Callable[..., Any] | None:
+        """A function of the program's own, or a registered one."""
+        return self._own.get((name, arity)) or registry.find_function(name, arity)
 
     def function(self, name: str, arity: int) -> Callable[..., Any]:
-        return self._own.get((name, arity)) or registry.FUNCTIONS[(name, arity)]
+        found = self.find_function(name, arity)
+        if found is None:
+            raise KeyError(f"{name}/{arity}")
+        return found
+
+    def functions(self) -> set[tuple[str, int]]:
+        """Names and numbers of arguments of all functions that are known by now."""
+        return registry.FUNCTIONS.keys() | self._own.keys()
 
     def action(self, name: str, arity: int) -> InternalAction | None:
         return find_action(name, arity)

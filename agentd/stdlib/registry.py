@@ -103,6 +103,15 @@ def internal_action(
     return register
 
 
+def find_function(name: str, arity: int) -> Callable[..., Any] | None:
+    """The function of this name for so many arguments."""
+    found = FUNCTIONS.get((name, arity))
+    if found is None and "." in name:
+        unusable = _look_further(name)
+        found = FUNCTIONS.get((name, arity)) or unusable
+    return found
+
+
 def function(name: str, *arities: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Register a function."""
 
@@ -114,12 +123,50 @@ def function(name: str, *arities: int) -> Callable[[Callable[..., Any]], Callabl
     return register
 
 
+SOURCES: Final[list[Callable[[str], str | None]]] = []
+"""Asked once for each package of which a program uses a name that is not registered (``mylib`` of ``mylib.do``).
+
+A source may register what the package has; it returns why the package cannot be used, if it should have been found.
+"""
+
+ASKED: Final[dict[str, str | None]] = {}
+"""The packages that the sources have been asked for, and why they cannot be used."""
+
+
+class Unusable(RuntimeError):
+    """What provides an internal action or function cannot be used; the text names it and says why."""
+
+
+def _look_further(name: str) -> Callable[..., Any] | None:
+    """Have the sources register the package of a name, once; what to call for a package that cannot be used."""
+    package, dot, _ = name.partition(".")
+    if not dot or not package or package.startswith("'"):
+        return None
+    if package not in ASKED:
+        ASKED[package] = None
+        for source in SOURCES:
+            ASKED[package] = source(package) or ASKED[package]
+    reason = ASKED[package]
+    if reason is None:
+        return None
+
+    def refuse(*args: Any) -> Any:
+        raise Unusable(reason)
+
+    return refuse
+
+
 def find_action(name: str, arity: int) -> InternalAction | None:
     """The internal action of this name for so many arguments.
 
     With a number of arguments that it does not take, an action that fails with ``wrong_arguments`` is returned.
     """
     found = ACTIONS.get(name)
+    if found is None:
+        unusable = _look_further(name)
+        if unusable is not None:
+            return InternalAction(name, range(arity, arity + 1), unusable, False, False)
+        found = ACTIONS.get(name)
     if found is None:
         return None
     for action in found:
