@@ -250,7 +250,7 @@ class Team:
 
     def _do_clone(self, mind: Mind, name: str) -> str:
         name = self._free_name(name)
-        clone = self._add(name, CompiledProgram(mind.program.file, plans=mind.program.plans))
+        clone = self._add(name, CompiledProgram(mind.program.file))
         clone.copy_from(mind)
         if self._world is not None:
             self._world.took_over(clone, mind)

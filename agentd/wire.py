@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 from agentd.language import syntax
@@ -13,7 +12,21 @@ from agentd.language.parser import parse_term
 from agentd.language.printer import source_text
 from agentd.language.signatures import DEFAULT, signature
 from agentd.language.sources import PERCEPT
-from agentd.language.terms import Code, Collection, Expression, List, Literal, Open, Var, atom, deref, make_list, split
+from agentd.language.terms import (
+    Code,
+    Collection,
+    Expression,
+    List,
+    Literal,
+    Open,
+    Rest,
+    Var,
+    atom,
+    deref,
+    make_list,
+    split,
+)
+from agentd.language.to_syntax import NoSyntax, ToSyntax
 from schemas import terms as wire
 from schemas.records import Perception
 
@@ -27,7 +40,10 @@ class BadTerm(ValueError):
 
 def to_wire(term: Any) -> wire.Term:
     """Return the wire form of a run-time term. Raises BadTerm for one that is nested too deeply (or without end)."""
-    return _to_wire(term, 0)
+    try:
+        return _ToWire().term(term, 0)
+    except NoSyntax as bad:
+        raise BadTerm(str(bad)) from None
 
 
 def from_wire(term: wire.Term) -> Any:
@@ -43,145 +59,83 @@ def perceived(perception: Perception) -> Literal:
     return Literal(signature(perception.name, len(arguments)), arguments, PERCEPT)
 
 
-def _to_wire(term: Any, depth: int) -> wire.Term:
-    if depth > MAX_DEPTH:
-        raise BadTerm(f"nested deeper than {MAX_DEPTH}")
-    term = deref(term)
-    match term:
-        case float():
-            return wire.number(term)
-        case str():
-            return term
-        case Literal():
-            return _literal(term, depth)
-        case Var():
-            return wire.Variable(_variable_name(term.name))
-        case List():
-            items, tail = split(term)
-            sent = [_to_wire(item, depth + 1) for item in items]
-            closed = type(tail) is List
-            return sent if closed else wire.OpenList(tuple(sent), _to_wire(tail, depth + 1))
-        case Code():
-            return _code(term)
-        case Expression() | Open():
-            return _expression(term, depth)
-        case Collection():
-            return _collection(term, depth)
-    raise BadTerm(f"a {type(term).__name__} cannot be sent")
+class _ToWire:
+    """Writes one message; its variables are named apart."""
 
+    def __init__(self) -> None:
+        self._syntax = ToSyntax(MAX_DEPTH)
 
-def _variable_name(name: str) -> str:
-    return name if name[:1].isupper() or name[:1] == "_" else f"_{name}"
+    def term(self, term: Any, depth: int) -> wire.Term:
+        if depth > MAX_DEPTH:
+            raise BadTerm(f"nested deeper than {MAX_DEPTH}")
+        term = deref(term)
+        match term:
+            case float():
+                return wire.number(term)
+            case str():
+                return term
+            case Literal():
+                return self._literal(term, depth)
+            case Var():
+                return wire.Variable(self._syntax.names.of(term))
+            case List():
+                items, tail = split(term)
+                sent = [self.term(item, depth + 1) for item in items]
+                closed = type(tail) is List
+                return sent if closed else wire.OpenList(tuple(sent), self.term(tail, depth + 1))
+            case Code():
+                return self._code(term)
+            case Expression() | Open():
+                return self._expression(term, depth)
+            case Collection():
+                return self._collection(term, depth)
+        raise BadTerm(f"a {type(term).__name__} cannot be sent")
 
+    def _several(self, terms: tuple[Any, ...], depth: int) -> tuple[wire.Term, ...]:
+        return tuple(self.term(term, depth + 1) for term in terms if type(term) is not Rest)
 
-def _several(terms: tuple[Any, ...], depth: int) -> tuple[wire.Term, ...]:
-    return tuple(_to_wire(term, depth + 1) for term in terms)
-
-
-def _literal(term: Literal, depth: int) -> wire.Term:
-    sig = term.sig
-    if not (term.args or term.annots or sig.negated) and sig.namespace == DEFAULT:
-        return {"true": True, "false": False}.get(sig.functor, wire.Atom(sig.functor))
-    return wire.Structure(
-        sig.functor,
-        _several(term.args, depth),
-        _several(term.annots, depth),
-        sig.negated,
-        "" if sig.namespace == DEFAULT else sig.namespace,
-    )
-
-
-def _expression(term: Expression | Open, depth: int) -> wire.Term:
-    if isinstance(term, Open) and term.literal is None and isinstance(deref(term.variable), Var):
-        return wire.Variable(
-            _variable_name(deref(term.variable).name),
-            _several(term.annots or (), depth),
-            term.negated,
-            term.namespace if isinstance(term.namespace, str) else "",
+    def _literal(self, term: Literal, depth: int) -> wire.Term:
+        sig = term.sig
+        if not (term.args or term.annots or sig.negated) and sig.namespace == DEFAULT:
+            return {"true": True, "false": False}.get(sig.functor, wire.Atom(sig.functor))
+        return wire.Structure(
+            sig.functor,
+            self._several(term.args, depth),
+            self._several(term.annots, depth),
+            sig.negated,
+            "" if sig.namespace == DEFAULT else sig.namespace,
         )
-    text = source_text(_syntax(term, depth))
-    return wire.Source("expression", text if text.startswith("(") else f"({text})")
 
-
-def _code(term: Code) -> wire.Term:
-    node = _with_values(term.syntax, term.values)
-    match node:
-        case syntax.Plan():
-            return wire.Source("plan", source_text(syntax.PlanTerm(node)))
-        case syntax.Trigger():
-            return wire.Source("trigger", source_text(syntax.TriggerTerm(node)))
-        case syntax.Rule():
-            return wire.Source("rule", source_text(syntax.RuleTerm(node)))
-        case syntax.Body():
-            return wire.Source("body", source_text(syntax.BodyTerm(node)))
-    raise BadTerm(f"a {type(node).__name__} cannot be sent")
-
-
-def _collection(term: Collection, depth: int) -> wire.Term:
-    if term.kind == "map":
-        pairs = tuple((_to_wire(key, depth + 1), _to_wire(value, depth + 1)) for key, value in term.content.items())
-        return wire.Map(pairs)
-    items = _several(tuple(term.content), depth)
-    return wire.Set(items) if term.kind == "set" else wire.Queue(items, term.kind == "priority")
-
-
-def _with_values(node: Any, values: dict[str, Any]) -> Any:
-    """Return a syntax tree with the variables that have values replaced by these."""
-    if isinstance(node, syntax.Variable):
-        return _syntax(values[node.name], 0) if node.name in values and node.annotations is None else node
-    if isinstance(node, tuple):
-        return tuple(_with_values(item, values) for item in node)
-    if is_dataclass(node) and not isinstance(node, type) and not isinstance(node, syntax.Position):
-        changed = {field.name: _with_values(getattr(node, field.name), values) for field in fields(node)}
-        return replace(node, **changed)
-    return node
-
-
-def _syntax(term: Any, depth: int) -> Any:
-    """Return the syntax that stands for a run-time term."""
-    if depth > MAX_DEPTH:
-        raise BadTerm(f"nested deeper than {MAX_DEPTH}")
-    term = deref(term)
-    match term:
-        case float():
-            return syntax.Number(term)
-        case str():
-            return syntax.String(term)
-        case Var():
-            return syntax.Variable(_variable_name(term.name))
-        case Literal(sig=sig):
-            return syntax.Structure(
-                sig.functor,
-                tuple(_syntax(argument, depth + 1) for argument in term.args),
-                syntax.ListTerm(tuple(_syntax(one, depth + 1) for one in term.annots)) if term.annots else None,
-                sig.negated,
-                None if sig.namespace == DEFAULT else sig.namespace,
+    def _expression(self, term: Expression | Open, depth: int) -> wire.Term:
+        if isinstance(term, Open) and term.literal is None and isinstance(deref(term.variable), Var):
+            return wire.Variable(
+                self._syntax.names.of(deref(term.variable)),
+                self._several(term.annots or (), depth),
+                term.negated,
+                term.namespace if isinstance(term.namespace, str) else "",
             )
-        case List():
-            items, tail = split(term)
-            closed = type(tail) is List
-            end = None if closed else _syntax(tail, depth + 1)
-            return syntax.ListTerm(tuple(_syntax(item, depth + 1) for item in items), end)
-        case Expression(operator=operator):
-            return _operation(operator, tuple(_syntax(operand, depth + 1) for operand in term.operands))
-        case Code():
-            node = _with_values(term.syntax, term.values)
-            kind = {syntax.Plan: syntax.PlanTerm, syntax.Trigger: syntax.TriggerTerm, syntax.Rule: syntax.RuleTerm}
-            return kind.get(type(node), syntax.BodyTerm)(node)
-    raise BadTerm(f"a {type(term).__name__} cannot be sent inside an expression")
+        text = source_text(self._syntax.term(term, depth))
+        return wire.Source("expression", text if text.startswith("(") else f"({text})")
 
+    def _code(self, term: Code) -> wire.Term:
+        node = self._syntax.code(term.syntax, term.values)
+        match node:
+            case syntax.Plan():
+                return wire.Source("plan", source_text(syntax.PlanTerm(node)))
+            case syntax.Trigger():
+                return wire.Source("trigger", source_text(syntax.TriggerTerm(node)))
+            case syntax.Rule():
+                return wire.Source("rule", source_text(syntax.RuleTerm(node)))
+            case syntax.Body():
+                return wire.Source("body", source_text(syntax.BodyTerm(node)))
+        raise BadTerm(f"a {type(node).__name__} cannot be sent")
 
-def _operation(operator: str, operands: tuple[Any, ...]) -> Any:
-    match operator:
-        case "&":
-            return syntax.And(*operands)
-        case "|":
-            return syntax.Or(*operands)
-        case "not":
-            return syntax.Not(*operands)
-        case "+" | "-" | "*" | "/" | "**" | "div" | "mod":
-            return syntax.Arithmetic(operator, operands)
-    return syntax.Relation(operator, *operands)
+    def _collection(self, term: Collection, depth: int) -> wire.Term:
+        if term.kind == "map":
+            pairs = ((self.term(key, depth + 1), self.term(value, depth + 1)) for key, value in term.content.items())
+            return wire.Map(tuple(pairs))
+        items = self._several(tuple(term.content), depth)
+        return wire.Set(items) if term.kind == "set" else wire.Queue(items, term.kind == "priority")
 
 
 class _FromWire:

@@ -212,4 +212,4 @@ def _each(items: Iterable[Item], end: str) -> _Pieces:
 def _number(value: float) -> str:
     if value == float("inf"):
         return "1e999"
-    return str(int(value)) if value == int(value) and value < 1e15 else repr(value)
+    return str(int(value)) if value < 1e15 and value == int(value) else repr(value)

@@ -203,7 +203,7 @@ def _ask_all(mind: Any, mail: Mail) -> None:
 
 
 def _ask_how(mind: Any, mail: Mail) -> None:
-    found = relevant_plans(mind, mail.content)
+    found = relevant_plans(mind, mail.content, told_by=atom(mind.name))
     if not mail.msg_id.startswith("sync"):
         if found:
             send(mind, mail.sender, "tellHow", make_list(found), mail.msg_id)

@@ -8,13 +8,19 @@ from typing import Any
 from agentd.language import syntax
 from agentd.language.errors import SyntaxErrors
 from agentd.language.instantiate import instantiate
+from agentd.language.order import sorted_annots
 from agentd.language.parser import parse_plan, parse_trigger
+from agentd.language.sources import is_source, source
 from agentd.language.terms import Code, Literal, deref, proper
+from agentd.language.to_syntax import ToSyntax
 from agentd.mind.code_terms import trigger_literal
 from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.plans import Plan
+from agentd.mind.plans import GENERATED, Plan
 from agentd.mind.resolving import is_ground, resolve
 from agentd.mind.unifier import Trail, undo, unify
+
+DEEPEST_LABEL = 100
+"""Terms in labels may be nested so deep."""
 
 
 def is_label(label: Any) -> bool:
@@ -30,23 +36,59 @@ def read_plan(text: str) -> syntax.Plan:
         raise Failed("unknown", f"the plan cannot be read: {errors}") from errors
 
 
-def add_plans(mind: Any, term: Any, source: Any, first: bool) -> None:
-    """Add a plan term, a text, or a list of both."""
+def add_plans(mind: Any, term: Any, teller: Any, first: bool) -> None:
+    """Add a plan term, a text, or a list of both. A plan that is there already gets one source more."""
     members = proper(term)
     for item in [term] if members is None else members:
         item = deref(item)
         if type(item) is str:
-            plan = mind.plans.make(read_plan(item))
+            node, values = read_plan(item), {}
         elif type(item) is Code and isinstance(item.syntax, syntax.Plan):
-            plan = mind.plans.make(item.syntax, {name: resolve(v) for name, v in item.values.items() if is_ground(v)})
+            node, values = item.syntax, {name: resolve(v) for name, v in item.values.items() if is_ground(v)}
         else:
             wrong_arguments("a plan, the text of a plan, or a list of them is needed")
-        plan.source = source
-        mind.plans.add(plan, first=first)
+        _add_plan(mind, node, values, teller, first)
 
 
-def remove_plans(mind: Any, term: Any, source: Any) -> None:
-    """Remove the plans with a label (or a list of labels) that come from a source."""
+def _add_plan(mind: Any, node: syntax.Plan, values: dict[str, Any], teller: Any, first: bool) -> None:
+    known = _same_plan(mind, node, values)
+    if known is not None:
+        if teller not in known.sources:
+            known.sources.append(teller)
+        return
+    label = node.label
+    if isinstance(label, syntax.Structure) and label.functor.startswith(GENERATED):
+        node = replace(node, label=replace(label, functor=""))
+    elif isinstance(label, syntax.Structure):
+        refuse_label(mind, label)
+    plan = mind.plans.make(node, values)
+    plan.sources = [teller]
+    mind.plans.add(plan, first=first)
+
+
+def refuse_label(mind: Any, label: Any) -> None:
+    """Fail where a plan of the library has this label already: labels name one plan each."""
+    if is_label(label) and any(p.label.sig.functor == label.functor for p in mind.plans):
+        raise Failed("internal_action", f"there is a plan with the label {label.functor} already")
+
+
+def _same_plan(mind: Any, node: syntax.Plan, values: dict[str, Any]) -> Plan | None:
+    """The plan of the library with the same trigger, context and body, whatever its label."""
+    plan: Plan
+    for plan in mind.plans:
+        other = plan.syntax
+        same = other.trigger == node.trigger and other.context == node.context and other.body == node.body
+        if same and plan.values == values and _rest(other) == _rest(node):
+            return plan
+    return None
+
+
+def _rest(node: syntax.Plan) -> tuple[Any, ...]:
+    return node.goal_condition, node.subplans
+
+
+def remove_plans(mind: Any, term: Any, teller: Any) -> None:
+    """Take a source away from the plans with a label (or a list of labels); a plan goes with its last one."""
     members = proper(term)
     for item in [term] if members is None else members:
         item = deref(item)
@@ -58,8 +100,10 @@ def remove_plans(mind: Any, term: Any, source: Any) -> None:
             name = item
         else:
             wrong_arguments("a plan label or plan is needed")
-        for plan in [p for p in mind.plans if p.label.sig.functor == name and p.source == source]:
-            mind.plans.remove(plan)
+        for plan in [p for p in mind.plans if p.label.sig.functor == name and teller in p.sources]:
+            plan.sources.remove(teller)
+            if not plan.sources:
+                mind.plans.remove(plan)
 
 
 def read_trigger(term: Any) -> Code:
@@ -75,9 +119,9 @@ def read_trigger(term: Any) -> Code:
     return wrong_arguments("a trigger in braces or its text is needed")
 
 
-def relevant_plans(mind: Any, term: Any) -> list[Code]:
+def relevant_plans(mind: Any, term: Any, told_by: Any = None) -> list[Code]:
     """The plans for a trigger, as terms."""
-    return [term_of(plan) for plan in plans_for(mind, read_trigger(term))]
+    return [term_of(plan, told_by) for plan in plans_for(mind, read_trigger(term))]
 
 
 def plans_for(mind: Any, trigger: Code) -> list[Plan]:
@@ -99,10 +143,16 @@ def _asked_fits(asked: Literal, plan: Plan) -> bool:
     return fits
 
 
-def term_of(plan: Plan) -> Code:
-    """A plan of the library as a term, with its label."""
-    node = plan.syntax
-    if not is_label(node.label):
-        annots = node.label.annotations if isinstance(node.label, syntax.Structure) else None
-        node = replace(node, label=syntax.Structure(plan.label.sig.functor, annotations=annots))
-    return Code(node, plan.values)
+def label_of(plan: Plan) -> Literal:
+    """The label of a plan, with the sources of the plan among its annotations."""
+    others = [a for a in plan.label.annots if not is_source(a)]
+    return plan.label.with_annots(sorted_annots((*others, *map(source, plan.sources))))
+
+
+def term_of(plan: Plan, told_by: Any = None) -> Code:
+    """A plan of the library as a term, with its label; ``told_by`` is its source for another agent."""
+    label = label_of(plan)
+    if told_by is not None:
+        others = [a for a in label.annots if not is_source(a)]
+        label = label.with_annots(sorted_annots((*others, source(told_by))))
+    return Code(replace(plan.syntax, label=ToSyntax(DEEPEST_LABEL).term(label)), plan.values)

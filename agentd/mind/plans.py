@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, Final
 
 from agentd.language import syntax
 from agentd.language.compile_plan import compile_fragment, compile_plan
@@ -20,6 +20,8 @@ from agentd.mind.nested import select_nested
 from agentd.mind.taken import asks_for_intention, select_noted
 
 _ATOMIC = signature("atomic")
+GENERATED: Final = "l__"
+"""How the labels begin that plans without one are given."""
 
 
 class Relevant:
@@ -66,7 +68,7 @@ class Plan:
         "outer",
         "select",
         "slots",
-        "source",
+        "sources",
         "special",
         "steps",
         "subplans",
@@ -91,8 +93,8 @@ class Plan:
         """Told of a failure that no plan above this one handles; only plans of the mind's own have it."""
         self.condition: Any = None
         """For ``<:``, the function that asks whether the goal's condition holds, once loaded."""
-        self.source: Any = SOURCE_SELF.args[0]
-        """Who the plan comes from: the agent itself, or the one who told it."""
+        self.sources: list[Any] = [SOURCE_SELF.args[0]]
+        """Who the plan comes from: the agent itself, those who told it."""
         self.tried: list[tuple[Any, tuple[str, ...]]] = []
         """The literals of the context in order, as `trace` numbers them, with their variables that have values then."""
         self.bound: tuple[str, ...] = ()
@@ -147,6 +149,16 @@ class Plan:
         self.condition = namespace.get("condition")
         for inner in self.subplans:
             inner.around = {**self.around, **self.slots}
+
+    def tracing(self) -> Any:
+        """The form of `select` that tells why it selects nothing."""
+        if self._library.compiler.form != "select":
+            return self.trace
+        if self.trace == self._first_trace:
+            code = compile_plan(self.syntax, self._library.compiler, self.values, self.around, "trace")
+            self.tried = code.tried
+            self.trace = self._load(code)[0]["trace"]
+        return self.trace
 
     def fragment(self, body: syntax.Body, values: dict[str, Any], following: Step | None) -> Step | None:
         """The first step of a body held by a variable, to run in a frame of this plan and lead on to ``following``."""
@@ -249,12 +261,15 @@ class PlanLibrary:
         if isinstance(node.label, syntax.Structure) and node.label.functor:
             made = Instantiation({}, {}).term(node.label)
             assert isinstance(made, Literal)
+            number = made.sig.functor.removeprefix(GENERATED)
+            if number != made.sig.functor and number.isdecimal():
+                self._labels = max(self._labels, int(number))
             return made
         self._labels += 1
         annots = (
             Instantiation({}, {}).annots(node.label.annotations) if isinstance(node.label, syntax.Structure) else ()
         )
-        return Literal(signature(f"l__{self._labels}"), (), annots)
+        return Literal(signature(f"{GENERATED}{self._labels}"), (), annots)
 
     def add(self, plan: Plan, first: bool = False) -> None:
         """Put a plan at the end of the library, or before all others."""

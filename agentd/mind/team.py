@@ -28,7 +28,11 @@ class Request:
             fail_waiting(mind, intention, Failed(reply.error, reply.message))
             return
         if self.use is not None:
-            self.use(reply.value)
+            try:
+                self.use(reply.value)
+            except Failed as failed:
+                fail_waiting(mind, intention, failed)
+                return
         mark = len(intention.trail)
         if self.result is not None and not unify(self.result, reply.value, intention.trail):
             undo(intention.trail, mark)

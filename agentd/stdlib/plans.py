@@ -11,7 +11,16 @@ from agentd.language.terms import Code, Literal, Var, deref, make_list
 from agentd.mind.annotations import with_source
 from agentd.mind.code_terms import parts_of, trigger_literal
 from agentd.mind.failed import Failed
-from agentd.mind.plan_terms import add_plans, is_label, plans_for, read_trigger, relevant_plans, remove_plans, term_of
+from agentd.mind.plan_terms import (
+    add_plans,
+    is_label,
+    label_of,
+    plans_for,
+    read_trigger,
+    relevant_plans,
+    remove_plans,
+    term_of,
+)
 from agentd.mind.resolving import detach, resolve, resolve_all
 from agentd.mind.unifier import Trail, undo, unify
 from agentd.mind.waiting import hear
@@ -40,7 +49,7 @@ def relevant(mind: Any, trail: Trail, trigger: Any, plans: Any, labels: Any = No
         return False
     if labels is None:
         return True
-    return unify(labels, make_list([p.label for p in plans_for(mind, read_trigger(trigger))]), trail)
+    return unify(labels, make_list([label_of(p) for p in plans_for(mind, read_trigger(trigger))]), trail)
 
 
 @internal_action(".relevant_plan", 2, backtracks=True)
@@ -70,7 +79,7 @@ def plan_label(mind: Any, trail: Trail, plan: Any, label: Any) -> Iterator[None]
     for found in list(mind.plans):
         if type(wanted) is Literal and wanted.sig.functor != found.label.sig.functor:
             continue
-        if (type(wanted) is not Var or unify(wanted, found.label, trail)) and unify(plan, term_of(found), trail):
+        if (type(wanted) is not Var or unify(wanted, label_of(found), trail)) and unify(plan, term_of(found), trail):
             yield None
         undo(trail, mark)
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.language.terms import List, Literal, Var, deref, proper
+from agentd.language.signatures import DEFAULT
+from agentd.language.terms import List, Literal, Var, atom, deref, proper
 from agentd.mind.failed import wrong_arguments
-from agentd.mind.loading import include_program, program_text
+from agentd.mind.loading import include_program
+from agentd.mind.program_text import program_text
 from agentd.mind.team import request
-from agentd.mind.unifier import Trail
+from agentd.mind.unifier import Trail, unify
 from agentd.stdlib.messages import name_of
 from agentd.stdlib.registry import internal_action
 from agentd.stdlib.strings import plain_text
@@ -92,6 +94,21 @@ def include(mind: Any, trail: Trail, file: Any, namespace: Any = None) -> bool:
     path = deref(file)
     if type(path) is not str:
         wrong_arguments("the file to include is a string")
-    name = deref(namespace) if namespace is not None else None
-    into = name.sig.functor if type(name) is Literal else "default"
-    return request(mind, "include", (path, into), use=lambda program: include_program(mind, program))
+    into = DEFAULT if namespace is None else _namespace(mind, trail, namespace)
+    return request(mind, "include", (path, into), use=lambda program: include_program(mind, program, into))
+
+
+def _namespace(mind: Any, trail: Trail, term: Any) -> str:
+    """The namespace that a file is included into; for a free variable a new one, which it is bound to."""
+    named = deref(term)
+    if type(named) is Literal and not named.args:
+        return named.sig.functor
+    if type(named) is not Var:
+        wrong_arguments("the namespace to include into is an atom or a free variable")
+    known = {predicate.sig.namespace for predicate in mind.beliefs.predicates()} | set(mind.namespaces)
+    number = 1
+    while f"ns_{number}" in known:
+        number += 1
+    mind.namespaces[f"ns_{number}"] = {}
+    unify(named, atom(f"ns_{number}"), trail)
+    return f"ns_{number}"

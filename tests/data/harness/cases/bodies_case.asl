@@ -16,7 +16,7 @@
      !made(4);
      ?made(V); !same(V, 4);
      .relevant_plans({ +!made(_) }, [Q], [QL]); .length([Q,QL], 2);
-     QL =.. [_, Name, _, As]; !same(Name, made_up); !same(As, [extra(7)]);
+     QL =.. [_, Name, _, As]; !same(Name, made_up); !same(As, [extra(7),source(self)]);
      .remove_plan(QL);
      .relevant_plans({ +!made(_) }, None); !same(None, []).
 
