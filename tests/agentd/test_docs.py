@@ -1,0 +1,85 @@
+"""The Python in the documentation runs and does what it says."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agentd import Environment
+from agentd.stdlib import registry
+from tests.agentd.teams import Stage
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def _blocks(page: str) -> list[tuple[str, str]]:
+    """The fenced blocks of a page: language and text."""
+    return re.findall(r"^```(\w*)\n(.*?)^```$", (DOCS / page).read_text(), re.MULTILINE | re.DOTALL)
+
+
+def _run(page: str) -> dict[str, Any]:
+    """Run all Python of a page, one block after another; the names that it made."""
+    names: dict[str, Any] = {}
+    for number, (language, text) in enumerate(_blocks(page)):
+        if language == "python":
+            exec(compile(text, f"{page}:{number}", "exec"), names)
+    return names
+
+
+def test_the_embedded_mind_prints_what_its_page_shows(capsys: pytest.CaptureFixture[str]) -> None:
+    _run("embedding.md")
+    (shown,) = [text for language, text in _blocks("embedding.md") if not language]
+    assert capsys.readouterr().out == shown
+
+
+def test_the_room_of_the_page_on_environments_is_one_to_live_in() -> None:
+    room: type[Environment] = _run("environments.md")["Room"]
+    stage = Stage(
+        {
+            "bob": """
+            !s.
+            +!s <- ?door(closed); open; ?door(open); !pull(3); !pull(30);
+                   .nano_time(A); walk_to(hall); .nano_time(B); ?at(P); .print(P, " after ", (B - A) / 1000000000).
+            +!pull(N) <- pull(N).
+            -!pull(N)[reason(R)] <- .print(R).
+            """
+        },
+        environment=room(),
+    )
+    stage.run()
+    assert stage.lines == [
+        "[bob] the environment has no action pull/1",
+        "[bob] the handle came off",
+        "[bob] hall after 2",
+    ]
+
+
+def test_the_actions_of_the_page_on_extending_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "ACTIONS", dict(registry.ACTIONS))
+    monkeypatch.setattr(registry, "FUNCTIONS", dict(registry.FUNCTIONS))
+    _run("extending.md")
+    stage = Stage(
+        {
+            "bob": """
+            !s.
+            +!s : compass.near(80, east)
+              <- .print(compass.opposite(90)); compass.near(190, P); .print(P);
+                 .findall(Q, compass.point(Q, D) & D > 100, L); .print(L);
+                 compass.settle(2); .print(settled); !wrong.
+            +!wrong <- compass.near(x, P).
+            -!wrong[error(E), error_msg(M)] <- .print(E, ": ", M).
+            """
+        }
+    )
+    stage.run()
+    assert stage.lines == [
+        "[bob] 270",
+        "[bob] south",
+        "[bob] [south,west]",
+        "[bob] settled",
+        "[bob] wrong_arguments: compass.near takes degrees first",
+    ]
+    assert stage.clock.now() == 2.0
