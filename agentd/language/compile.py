@@ -10,6 +10,7 @@ from agentd.language import syntax
 from agentd.language.namespaces import Qualifier
 from agentd.language.patterns import PATTERNS
 from agentd.language.signatures import DEFAULT
+from agentd.language.spelling import near
 
 Load = Callable[[str], syntax.Program]
 """Reads and parses an included file, given its path as `Find` has found it."""
@@ -68,6 +69,9 @@ def in_namespace(
     )
 
 
+DIRECTIVES = ("include", "register_function", "namespace")
+"""The directives that enclose nothing."""
+
 _MOST_INCLUDES = 200
 
 
@@ -116,7 +120,7 @@ class _Expansion:
             case syntax.Structure(functor="namespace", args=(syntax.Structure(), *_)):
                 self.warnings.append(f"{directive.position}: warning: a namespace without block has no effect")
             case syntax.Structure(functor=name):
-                raise DirectiveError(directive.position, f"unknown directive '{name}'")
+                raise DirectiveError(directive.position, f"unknown directive '{name}'{near(name, DIRECTIVES)}")
 
     def _include(self, directive: syntax.Directive, path: str, namespace: str) -> None:
         self._includes += 1
@@ -143,4 +147,5 @@ class _Expansion:
                 others = tuple(i for i in directive.items if not isinstance(i, syntax.Plan))
                 self._items(others + PATTERNS[name](args, plans), qualifier)
             case syntax.Structure(functor=name):
-                raise DirectiveError(directive.position, f"unknown directive '{name}'")
+                known = ("namespace", *PATTERNS)
+                raise DirectiveError(directive.position, f"unknown directive '{name}'{near(name, known)}")

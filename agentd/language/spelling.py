@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 
 _CLOSE = 0.6
 """How alike two words must be, by `difflib`: a letter or two wrong or missing in a short one."""
@@ -11,6 +10,8 @@ _CLOSE = 0.6
 
 def near(word: str, known: Iterable[str], close: float = _CLOSE) -> str:
     """``; did you mean x?`` for a near miss or the same name in a namespace, else nothing."""
+    from difflib import get_close_matches  # a program without mistakes starts without it
+
     names = sorted(known)
     found = [name for name in names if name.endswith(f"::{word}")] or get_close_matches(word, names, 1, close)
     return f"; did you mean {found[0]}?" if found else ""

@@ -1,0 +1,3 @@
+// What hides other findings: files that cannot be read.
+{ include("not_there.asl") }                       // file
+{ include("no_program.asl") }                      // syntax, there

@@ -1,0 +1,2 @@
+// Included by incomplete.asl: no program.
++!start <- .print("a") .print("b").                // syntax
