@@ -157,7 +157,10 @@ class Team:
                     continue
             busy = True
             for effect in mind.run(self.clock.now(), CYCLES_A_TURN):
-                self._carry_out(mind, effect)
+                if type(effect) is SendMail:
+                    self._send(mind, effect)
+                else:
+                    self._carry_out(mind, effect)
                 if self._stop is not None and self._stop[0] <= self.clock.now():
                     return True
         if self._kills:
@@ -187,8 +190,6 @@ class Team:
 
     def _carry_out(self, mind: Mind, effect: Effect) -> None:
         match effect:
-            case SendMail():
-                self._send(mind, effect)
             case Print(text=text, plain=plain):
                 self._write(f"{text}\n" if plain else f"[{mind.name}] {text}\n")
             case Log(level=level, text=text):
@@ -219,8 +220,10 @@ class Team:
             for receiver in self.minds.values():
                 if receiver is not mind:
                     receiver.feed(sent)
-        elif mail.receiver in self.minds:
-            self.minds[mail.receiver].feed(sent)
+        else:
+            addressee = self.minds.get(mail.receiver)
+            if addressee is not None:
+                addressee.feed(sent)
 
     # --- requests ---
 

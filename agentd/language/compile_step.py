@@ -7,7 +7,7 @@ from typing import Any
 from agentd.language import syntax
 from agentd.language.compile_queries import QUERIES, is_query
 from agentd.language.compile_terms import Scope
-from agentd.language.constants import signature_of
+from agentd.language.constants import is_plain_atom, signature_of
 from agentd.language.emit import Ref, tuple_of
 from agentd.language.signatures import signature
 from agentd.language.step_writer import StepWriter
@@ -60,7 +60,7 @@ def _achieve(writer: StepWriter, term: Any, new_focus: bool) -> None:
     if new_focus:
         if writer.body.library.has_meta:
             writer.function.emit(f"pending(m, {relevant}, {args}, {annots})")
-        writer.function.emit(f"m.post({relevant}, detach({args}), {annots})")
+        writer.function.emit(f"m.post({relevant}, detach({args}), {_resolved_annots(annots)})")
     else:
         writer.store(scope)
         if writer.body.library.has_meta:
@@ -119,6 +119,13 @@ def _internal(writer: StepWriter, term: syntax.InternalAction) -> None:
         writer.became(scope)
         return
     built = writer.compiler.action_arguments(term, scope)
+    for place, arg in enumerate(term.args[: action.names]):
+        if (
+            isinstance(arg, syntax.Structure)
+            and is_plain_atom(arg)
+            and not writer.body.library.is_function(arg.functor, 0)
+        ):
+            built[place] = writer.constant(arg.functor)
     args = "".join(f", {writer.function.assign(arg)}" for arg in built)
     function = writer.constant(action.function)
     if action.suspends:
@@ -146,17 +153,19 @@ def _change(writer: StepWriter, operator: Operator, term: Any) -> None:
     match operator:
         case Operator.ADD | Operator.ADD_FIRST | Operator.ADD_NEW_FOCUS:
             plans = writer.relevant("+", "", term)
-            call = f"believe(m, {focus}, {predicate}, {plans}, {_resolved(writer, term, scope)}, {annots})"
+            added = f"{_resolved(writer, term, scope)}, {_resolved_annots(annots)}"
+            call = f"believe(m, {focus}, {predicate}, {plans}, {added})"
         case Operator.ADD_LAST:
             plans = writer.relevant("+", "", term)
-            call = f"believe(m, {focus}, {predicate}, {plans}, {_resolved(writer, term, scope)}, {annots}, True)"
+            added = f"{_resolved(writer, term, scope)}, {_resolved_annots(annots)}"
+            call = f"believe(m, {focus}, {predicate}, {plans}, {added}, True)"
         case Operator.DELETE | Operator.DELETE_NEW_FOCUS:
             plans = writer.relevant("-", "", term)
             call = f"disbelieve(m, {focus}, {predicate}, {plans}, {args}, {annots}, trail)"
         case _:
             plans, gone = writer.relevant("+", "", term), writer.relevant("-", "", term)
-            resolved = _resolved(writer, term, scope)
-            call = f"replace(m, {focus}, {predicate}, {plans}, {gone}, {resolved}, {annots})"
+            added = f"{_resolved(writer, term, scope)}, {_resolved_annots(annots)}"
+            call = f"replace(m, {focus}, {predicate}, {plans}, {gone}, {added})"
     writer.store(scope)
     writer.function.emit(f"return {call}")
     writer.became(scope)
@@ -174,6 +183,11 @@ def _resolved(writer: StepWriter, term: syntax.Structure, scope: Scope) -> str:
         else:
             parts.append(f"{built} if type({built}) is float else resolve({built})")
     return tuple_of(parts)
+
+
+def _resolved_annots(annots: str) -> str:
+    """An expression for annotations without bound variables; constants have none."""
+    return annots if annots.isidentifier() else f"resolve_annots({annots})"
 
 
 def _wait(writer: StepWriter, term: syntax.InternalAction) -> None:

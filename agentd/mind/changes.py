@@ -19,9 +19,7 @@ from agentd.mind.waiting import hear
 def believe(
     mind: Any, focus: Any, predicate: Predicate, relevant: Any, args: Any, annots: Any, last: bool = False
 ) -> bool | None:
-    """``+b`` with resolved arguments: true when the intention has to wait for the plan of the event."""
-    if annots is not SELF:
-        annots = resolve_annots(annots)
+    """``+b``, all of it resolved: true when the intention has to wait for the plan of the event."""
     new = predicate.add(args, annots, last)
     if new is None:
         return None
@@ -74,8 +72,7 @@ def disbelieve(
 def replace(
     mind: Any, focus: Any, predicate: Predicate, relevant: Any, gone: Any, args: Any, annots: Any
 ) -> bool | None:
-    """``-+b``: removes the first belief of this name and arity if it is our own, then adds (rules 49, 50)."""
-    annots = annots if annots is SELF else resolve_annots(annots)
+    """``-+b``, all resolved: removes the first belief of this name and arity if it is our own, then adds (49, 50)."""
     for fact in reversed(predicate.entries.values()):
         if type(fact) is not Literal:
             continue
@@ -103,7 +100,7 @@ def change_term(mind: Any, intention: Intention, operator: str, term: Any) -> bo
     annots = with_source(term.annots)
     if operator in ("-", "--"):
         return disbelieve(mind, focus, predicate, gone, term.args, annots, intention.trail)
-    args = tuple([resolve(a) for a in detach(term.args)])
+    args, annots = tuple([resolve(a) for a in detach(term.args)]), resolve_annots(annots)
     if operator == "-+":
         return replace(mind, focus, predicate, added, gone, args, annots)
     return believe(mind, focus, predicate, added, args, annots, operator == "+>")

@@ -16,8 +16,8 @@ from agentd.mind.waiting import check_conditions
 
 def run_cycles(mind: Any, cycles: int) -> None:
     """Run up to so many cycles; the end of the first that has an effect, or leaves nothing to do, is the last."""
-    inputs, mailbox, events, running, effects = mind.inputs, mind.mailbox, mind.events, mind.running, mind.effects
-    timers, conditions, goal_conditions = mind.timers.heap, mind.conditions, mind.goal_conditions
+    inputs, mailbox, events, running, timers, conditions, goal_conditions = mind.queues
+    effects = mind.effects
     while cycles:
         cycles -= 1
         mind.cycle += 1

@@ -16,7 +16,7 @@ from agentd.mind.failed import Failed
 from agentd.mind.frames import STEP, Frame, Step
 from agentd.mind.goal_states import pending
 from agentd.mind.intentions import Intention
-from agentd.mind.resolving import detach, is_ground, resolve, resolve_all
+from agentd.mind.resolving import detach, is_ground, resolve, resolve_all, resolve_annots
 from agentd.mind.solve import solve
 
 
@@ -62,7 +62,7 @@ def achieve_term(mind: Any, intention: Intention, term: Any, new_focus: bool) ->
     if mind.plans.has_meta:
         pending(mind, relevant, literal.args, annots)
     if new_focus:
-        mind.post(relevant, detach(literal.args), annots)
+        mind.post(relevant, detach(literal.args), resolve_annots(annots))
         return None
     mind.events.append((relevant, literal.args, annots, intention))
     return True

@@ -16,6 +16,7 @@ from agentd.mind.communication import communication_error
 from agentd.mind.dropping import drop_desire
 from agentd.mind.failed import Failed, as_failed, wrong_arguments
 from agentd.mind.failure_facts import error_annots
+from agentd.mind.goal_states import raise_state
 from agentd.mind.inputs import Mail
 from agentd.mind.plan_terms import add_plans, relevant_plans, remove_plans
 from agentd.mind.resolving import Copier, detach, resolve, resolve_all
@@ -104,7 +105,8 @@ def _each(content: Any) -> Iterable[Any]:
 
 def _tell(mind: Any, mail: Mail) -> None:
     for content in _each(mail.content):
-        content = deref(content)
+        if type(content) is not Literal:
+            content = deref(content)
         if type(content) is Literal:
             args = content.args if content.ground else detach(resolve_all(content.args))
             predicate = mind.beliefs.predicate(content.sig)
@@ -125,16 +127,15 @@ def _untell(mind: Any, mail: Mail) -> None:
 
 
 def _achieve(mind: Any, mail: Mail) -> None:
-    content = mail.content
-    if type(content) is Literal:
-        relevant = mind.plans.relevant("+", "!", content.sig)
-        mind.new_goal(relevant, content.args, told_annots(mind, content, mail.sender))
-        return
     for content in _each(mail.content):
-        content = deref(content)
+        if type(content) is not Literal:
+            content = deref(content)
         if type(content) is Literal:
             relevant = mind.plans.relevant("+", "!", content.sig)
-            mind.new_goal(relevant, content.args, told_annots(mind, content, mail.sender))
+            annots = told_annots(mind, content, mail.sender)
+            if mind.plans.has_meta:
+                raise_state(mind, relevant, content.args, annots, "pending")
+            mind.post(relevant, content.args if content.ground else detach(content.args), annots)
         elif content is mail.content:
             raise Failed("body_var_not_literal", f"{text(content)} is no goal to achieve")
 

@@ -13,7 +13,6 @@ from agentd.language.compile_plan import compile_formula
 from agentd.language.emit import Ref
 from agentd.language.numbers import UndefinedNumber
 from agentd.language.signatures import Signature
-from agentd.language.sources import SELF
 from agentd.language.terms import Literal
 from agentd.mind.annotations import with_source
 from agentd.mind.beliefs import BeliefBase
@@ -31,7 +30,7 @@ from agentd.mind.intentions import Intention
 from agentd.mind.library import Library
 from agentd.mind.loading import copy_mind, load_program
 from agentd.mind.open_beliefs import OpenBeliefs
-from agentd.mind.plans import PlanLibrary, Relevant
+from agentd.mind.plans import PlanLibrary
 from agentd.mind.resolving import detach, resolve_all, resolve_annots
 from agentd.mind.runtime import RUNTIME
 from agentd.mind.selection import Event
@@ -116,6 +115,16 @@ class Mind:
         """The frames whose goals end when a condition holds (``<:``)."""
         self.listeners: list[Wait] = []
         self.conditions: list[Wait] = []
+        self.queues = (
+            self.inputs,
+            self.mailbox,
+            self.events,
+            self.running,
+            self.timers.heap,
+            self.conditions,
+            self.goal_conditions,
+        )
+        """What a cycle looks at, together: these are never replaced."""
         self.changes = 0
         """How often beliefs have changed: formulas that are waited for are asked again when it has grown."""
         self.changes_seen = 0
@@ -234,31 +243,28 @@ class Mind:
         return [] if self.recorder is None else views_of(self, self.recorder.records(), last)
 
     def post(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
-        """Queue an event that starts an intention of its own."""
+        """Queue an event that starts an intention of its own; arguments and annotations are resolved."""
         if len(self.events) + len(self.running) + len(self.waiting) >= MOST_FOCUSES:
             self.dropped_events += 1
             event = f"{relevant.text}{relevant.sig.indicator}"
             self.warn_once(f"more than {MOST_FOCUSES} events and intentions; events such as {event} are dropped")
             return
-        if annots is not SELF:
-            annots = resolve_annots(annots)
         self.events.append((relevant, args, annots, None))
 
     def add_goal(self, literal: Literal, operator: str = "!") -> None:
         """A goal of its own, with its event."""
-        self.new_goal(self.plans.relevant("+", operator, literal.sig), literal.args, with_source(literal.annots))
-
-    def new_goal(self, relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
-        """As `add_goal`, with the plans for the goal found already."""
+        relevant = self.plans.relevant("+", operator, literal.sig)
+        annots = resolve_annots(with_source(literal.annots))
         if self.plans.has_meta:
-            raise_state(self, relevant, args, annots, "pending")
-        self.post(relevant, detach(args), annots)
+            raise_state(self, relevant, literal.args, annots, "pending")
+        self.post(relevant, detach(literal.args), annots)
 
     def add_belief(self, literal: Literal, last: bool = False) -> None:
         """A belief with its event, as an intention of its own."""
         predicate = self.beliefs.predicate(literal.sig)
         relevant = self.plans.relevant("+", "", literal.sig)
-        believe(self, None, predicate, relevant, detach(resolve_all(literal.args)), with_source(literal.annots), last)
+        annots = resolve_annots(with_source(literal.annots))
+        believe(self, None, predicate, relevant, detach(resolve_all(literal.args)), annots, last)
 
     def new_intention(self) -> Intention:
         """An intention with the next id, not yet running."""

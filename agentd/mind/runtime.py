@@ -31,7 +31,7 @@ from agentd.mind.goals import achieve_term, perform, qualify, run_term, test_eve
 from agentd.mind.holding import held
 from agentd.mind.loops import begin_rounds, free_again, next_round, present
 from agentd.mind.relations import arithmetic, order, same, univ
-from agentd.mind.resolving import detach, resolve
+from agentd.mind.resolving import detach, resolve, resolve_annots
 from agentd.mind.solve import solve
 from agentd.mind.unifier import open_list, open_structure, subsets, undo, unify, value
 from agentd.mind.waiting import wait_until
@@ -79,6 +79,7 @@ RUNTIME: Final[dict[str, Any]] = {
     "qualify": qualify,
     "replace": replace,
     "resolve": resolve,
+    "resolve_annots": resolve_annots,
     "run_term": run_term,
     "same": same,
     "solve": solve,

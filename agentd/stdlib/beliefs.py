@@ -12,7 +12,7 @@ from agentd.mind.annotations import with_source
 from agentd.mind.beliefs import RuleClause
 from agentd.mind.changes import believe, raise_event
 from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.resolving import Copier, detach, resolve_all
+from agentd.mind.resolving import Copier, detach, resolve_all, resolve_annots
 from agentd.mind.rules import add_rule
 from agentd.mind.unifier import Trail, undo, unify
 from agentd.stdlib.registry import internal_action
@@ -44,7 +44,7 @@ def _assert(mind: Any, term: Any, last: bool) -> bool:
         return True
     if type(term) is not Literal:
         raise Failed("unknown", "only beliefs and rules can be asserted")
-    annots = resolve_all(term.annots) if last else with_source(term.annots)
+    annots = resolve_annots(term.annots if last else with_source(term.annots))
     predicate = mind.beliefs.predicate(term.sig)
     relevant = mind.plans.relevant("+", "", term.sig)
     believe(mind, None, predicate, relevant, detach(resolve_all(term.args)), annots, last)

@@ -36,18 +36,31 @@ def _present(mind: Any, name: str) -> str:
     return name
 
 
-@internal_action(".send", (3, 5), suspends=True)
-def send_message(
-    mind: Any, trail: Trail, to: Any, performative: Any, content: Any, answer: Any = None, limit: Any = None
+def _receivers(to: Any) -> list[str]:
+    return [name_of(member) for member in proper(to) or []] if type(to) is List else [name_of(to)]
+
+
+@internal_action(".send", 3, suspends=True, names=2)
+def send_message(mind: Any, trail: Trail, to: Any, performative: Any, content: Any) -> None:
+    """``.send(To, Performative, Content)``."""
+    if type(performative) is not str:
+        performative = name_of(performative)
+    content = detached(content)
+    if type(to) is str:
+        send(mind, _present(mind, to), performative, content)
+        return
+    for receiver in _receivers(deref(to)):
+        send(mind, _present(mind, receiver), performative, content)
+
+
+@internal_action(".send", (4, 5), suspends=True)
+def send_and_wait(
+    mind: Any, trail: Trail, to: Any, performative: Any, content: Any, answer: Any, limit: Any = None
 ) -> bool | None:
-    """``.send(To, Performative, Content[, Answer[, TimeoutMs]])``; with an answer the intention waits for it."""
+    """``.send(To, Performative, Content, Answer[, TimeoutMs])``: the intention waits for the answer to a question."""
     to = deref(to)
-    force, content = name_of(performative), detached(content)
-    if answer is None and type(to) is not List:
-        send(mind, _present(mind, name_of(to)), force, content)
-        return None
-    receivers = [name_of(to)] if type(to) is not List else [name_of(member) for member in proper(to) or []]
-    if answer is not None and force in _ASKS:
+    force, content, receivers = name_of(performative), detached(content), _receivers(to)
+    if force in _ASKS:
         return _ask(mind, receivers, type(to) is List, force, content, (answer, limit))
     reply_to = deref(answer)
     for receiver in receivers:

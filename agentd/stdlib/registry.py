@@ -22,13 +22,21 @@ from agentd.mind.failed import Failed
 class InternalAction:
     """A registered internal action."""
 
-    __slots__ = ("_guarded", "arities", "backtracks", "function", "name", "suspends")
+    __slots__ = ("_guarded", "arities", "backtracks", "function", "name", "names", "suspends")
 
     def __init__(
-        self, name: str, arities: range, function: Callable[..., Any], backtracks: bool, suspends: bool
+        self,
+        name: str,
+        arities: range,
+        function: Callable[..., Any],
+        backtracks: bool = False,
+        suspends: bool = False,
+        names: int = 0,
     ) -> None:
         self.name, self.arities, self.function = name, arities, function
         self.backtracks, self.suspends = backtracks, suspends
+        self.names = names
+        """So many arguments at the beginning may be atoms or strings alike: an atom in the program comes as a str."""
         self._guarded: Callable[..., Any] | None = None
 
     def guarded(self) -> Callable[..., Any]:
@@ -87,9 +95,17 @@ _MANY: Final = 1 << 30
 
 
 def internal_action(
-    name: str, arities: int | tuple[int, int | None], *, backtracks: bool = False, suspends: bool = False
+    name: str,
+    arities: int | tuple[int, int | None],
+    *,
+    backtracks: bool = False,
+    suspends: bool = False,
+    names: int = 0,
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Register an internal action: ``arities`` is one number, or the least and the greatest (None: any number)."""
+    """Register an internal action: ``arities`` is one number, or the least and the greatest (None: any number).
+
+    The first ``names`` arguments are names: one that the program writes as an atom comes as a str.
+    """
     if isinstance(arities, int):
         allowed = range(arities, arities + 1)
     else:
@@ -97,7 +113,7 @@ def internal_action(
         allowed = range(least, _MANY if most is None else most + 1)
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:
-        ACTIONS.setdefault(name, []).append(InternalAction(name, allowed, function, backtracks, suspends))
+        ACTIONS.setdefault(name, []).append(InternalAction(name, allowed, function, backtracks, suspends, names))
         return function
 
     return register
@@ -176,4 +192,4 @@ def find_action(name: str, arity: int) -> InternalAction | None:
     def wrong(mind: Any, trail: Any, *args: Any) -> bool:
         raise Failed("wrong_arguments", f"{name} does not take {arity} arguments")
 
-    return InternalAction(name, range(arity, arity + 1), wrong, False, False)
+    return InternalAction(name, range(arity, arity + 1), wrong)
