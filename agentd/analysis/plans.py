@@ -66,6 +66,7 @@ def unused_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
     passive = not survey.achieved  # a library, or an agent that others ask for all that it does
     open_goals = not elsewhere.complete or passive or survey.open_goals or elsewhere.open_goals
     planned = {placed.indicator for placed in survey.plans if placed.event == "+!"}
+    lost = {goal.name for goal in survey.achieved if goal.indicator not in planned}
     for family in survey.families:
         for placed in family:
             if placed.name is None or placed.is_test or placed.names_source:
@@ -73,6 +74,8 @@ def unused_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
             if placed.event == "-!" and not open_goals and placed.indicator not in goals | planned:
                 yield _unused(placed, f"there is no plan +!{placed.name}/{placed.arity}", planned)
             elif placed.event == "+!" and not open_goals and placed.indicator not in goals:
+                if near(placed.name, lost):
+                    continue  # told where the goal stands, with this plan's name
                 yield _unused(placed, f"nothing sets the goal !{placed.name}/{placed.arity}", goals)
 
 
