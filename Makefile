@@ -4,13 +4,14 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
+CODE := schemas commd bridged agentd argosy
 
-.PHONY: fly test soak bench-reasoner lint types contracts format check-python clean
+.PHONY: fly test soak bench-reasoner lint types contracts format check-python byte-code clean
 
-fly: $(VENV)/fly.stamp  ## fly the paper's first mission in simulation, with a live view
+fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
 
-test: $(VENV)/test.stamp  ## run all tests
+test: $(VENV)/test.stamp byte-code  ## run all tests
 	$(BIN)/python -m pytest $(ARGS)
 
 soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/soak.md
@@ -31,6 +32,10 @@ types: $(VENV)/lint.stamp
 
 contracts: $(VENV)/lint.stamp  ## who may import whom (docs/design.md)
 	$(BIN)/lint-imports
+
+# Where Python is told to write none (PYTHONDONTWRITEBYTECODE) each process would compile all of this for itself.
+byte-code: | $(BIN)/python
+	@$(BIN)/python -m compileall -q $(CODE)
 
 check-python:
 	@command -v $(PYTHON) >/dev/null || { echo "error: no $(PYTHON): sudo apt install python3 python3-venv"; exit 1; }
