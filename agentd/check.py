@@ -18,7 +18,7 @@ from agentd.analysis.directives import directives_as_beliefs, wrong_directives
 from agentd.analysis.elsewhere import Elsewhere, from_team
 from agentd.analysis.includes import Includes
 from agentd.analysis.kinds import Kind
-from agentd.analysis.library import standard_library
+from agentd.analysis.library import look_for_packages, standard_library
 from agentd.analysis.loops import busy_loops
 from agentd.analysis.mentions import Survey
 from agentd.analysis.messages import endless_asks, unknown_performatives
@@ -120,10 +120,11 @@ def findings_of(
 ) -> list[Finding]:
     """All findings about a program that has been surveyed."""
     found = surveyed.survey
+    unusable = look_for_packages(found)
     known_actions, known_functions = standard_library()
     internal = known_actions if internal is None else internal
     findings = list(surveyed.findings)
-    findings += internal_actions(found, internal, known_functions if functions is None else functions)
+    findings += internal_actions(found, internal, known_functions if functions is None else functions, unusable)
     if robot.actions is not None:
         findings += external_actions(found, robot.actions, internal)
         findings += action_types(found, robot.parameters)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from agentd.analysis.arities import Arities, arguments, takes
 from agentd.analysis.kinds import Kind, finding, warning
@@ -17,15 +17,22 @@ _OFTEN_UNDOTTED = frozenset(
 """Internal actions that beginners write without their dot, and no environment has as actions of its own."""
 
 
-def internal_actions(survey: Survey, actions: Arities, functions: Arities) -> Iterator[Finding]:
-    """Internal actions and functions that do not exist, or not with so many arguments."""
+def internal_actions(
+    survey: Survey, actions: Arities, functions: Arities, unusable: Mapping[str, str] | None = None
+) -> Iterator[Finding]:
+    """Internal actions and functions that do not exist, or not with so many arguments.
+
+    ``unusable`` says of packages that should provide some why they cannot.
+    """
     registered = {name for name, _ in survey.functions}
     for call in survey.calls:
         name, arity = call.action.name, len(call.action.args)
         if (name, arity) in survey.functions or (name, ANY_ARITY) in survey.functions:
             continue
         allowed = _merged(name, actions, functions)
-        if allowed is None:
+        if allowed is None and unusable and (reason := unusable.get(name.partition(".")[0])):
+            yield finding(Kind.UNKNOWN_FUNCTION, call.action.position, f"{name}/{arity} cannot be used: {reason}")
+        elif allowed is None:
             yield _unknown(call, {*actions, *functions, *registered})
         elif not any(takes(arities, arity) for arities in allowed):
             text = " or ".join(arguments(arities) for arities in allowed)

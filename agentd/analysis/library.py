@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from agentd.analysis.arities import Arities
+from agentd.analysis.mentions import Survey
 
 STATEMENTS: dict[str, range | set[int]] = {
     ".foreach": {2},
@@ -15,8 +16,21 @@ STATEMENTS: dict[str, range | set[int]] = {
 """Internal actions that the compiler reads as `for`, `while`, `if` and forks, with their numbers of arguments."""
 
 
+def look_for_packages(survey: Survey) -> dict[str, str]:
+    """Have the packages imported that provide names which a program uses; why some of them cannot be used."""
+    from agentd.stdlib.registry import ASKED, find_action
+
+    packages: dict[str, str] = {}
+    for call in survey.calls:
+        find_action(call.action.name, len(call.action.args))
+        package = call.action.name.partition(".")[0]
+        if reason := ASKED.get(package):
+            packages[package] = reason
+    return packages
+
+
 def standard_library() -> tuple[Arities, Arities]:
-    """The internal actions and the functions of the standard library."""
+    """The internal actions and the functions that are registered: those of the standard library and of packages."""
     from agentd.stdlib.registry import ACTIONS, FUNCTIONS
 
     actions = {name: _union(action.arities for action in group) for name, group in ACTIONS.items()} | STATEMENTS

@@ -176,6 +176,17 @@ def test_a_package_that_cannot_be_imported_is_named_where_it_is_used(
     assert "Traceback" not in done.stderr
 
 
+def test_a_check_of_a_program_knows_the_packages_that_are_installed(mylib: Path, program) -> None:
+    done = _agentd(mylib, "check", program("!s.\n+!s <- mylib.is_even(2);\n mylib.is_evn(2);\n hurt.act(1)."))
+    first, second = [line.partition("bob.asl:")[2] for line in done.stderr.splitlines() if "bob.asl" in line]
+    assert first.startswith("3:2: error: there is no function or internal action mylib.is_evn/1")
+    assert first.endswith("did you mean mylib.is_even?")
+    assert second.startswith(
+        "4:2: error: hurt.act/1 cannot be used: the plug-in hurt of my-package 2.3 cannot be loaded"
+    )
+    assert done.returncode == 1
+
+
 def test_a_package_cannot_replace_the_standard_library(mylib: Path, program) -> None:
     done = _agentd(mylib, "run", "--exit-when-idle", program("!s. +!s <- mylib.is_even(2); .print(heard)."))
     assert done.stdout == "[bob] heard\n"
