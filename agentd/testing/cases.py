@@ -56,17 +56,21 @@ class TestPaths(SourcePaths):
 
 def find_cases(places: Iterable[str], paths: TestPaths, wanted: str | None) -> Iterator[Case | Unread]:
     """The test plans of files and folders, in order, and what could not be read."""
-    files: list[str] = []
+    files: dict[str, bool] = {}
     for place in places:
         path = Path(place)
         if path.is_dir():
-            files += [str(file) for file in sorted(path.rglob("*.asl")) if _has_marks(file)]
+            for file in sorted(path.rglob("*.asl")):
+                if _has_marks(file):
+                    files.setdefault(str(file), False)
         else:
-            files.append(place)
-    files = list(dict.fromkeys(files))
+            files[place] = True
     several = frozenset(str(Path(file).resolve()) for file in files)
-    for file in files:
-        yield from _of_file(file, paths, wanted, several)
+    for name, was_named in files.items():
+        found = list(_of_file(name, paths, wanted, several))
+        if not found and was_named and wanted is None:
+            yield Unread(name, f"{name}: error: there is no test plan; mark one as @name[test] +!goal <- ...")
+        yield from found
 
 
 def _has_marks(file: Path) -> bool:
@@ -86,19 +90,15 @@ def _of_file(file: str, paths: TestPaths, wanted: str | None, several: frozenset
         yield Unread(file, str(error))
         return
     here = str(Path(file).resolve())
-    found = False
     for plan in program.plans:
         if not is_test(plan):
             continue
-        found = True
         standing = str(Path(plan.position.file).resolve())
         if standing != here and standing in several:
             continue  # it is run with the file that it stands in
         case = _case(file, plan, program)
         if isinstance(case, Unread) or wanted is None or _fits(case, wanted):
             yield case
-    if not found:
-        yield Unread(file, f"{file}: error: there is no test plan; mark one as @name[test] +!goal <- ...")
 
 
 def is_test(plan: syntax.Plan) -> bool:

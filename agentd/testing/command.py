@@ -47,8 +47,7 @@ def run(args: Namespace) -> int:
     begun = time.monotonic()
     try:
         settings = _settings(args)
-        make_environment(args.env)
-    except (UserCodeError, ValueError) as error:
+    except ValueError as error:
         print(f"agentd test: error: {error}", file=sys.stderr)
         return 2
     outcomes: list[Outcome] = []

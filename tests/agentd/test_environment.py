@@ -11,6 +11,8 @@ from typing import Any
 import pytest
 
 from agentd import ActionFailed, Deferred, Environment, literal
+from agentd.mind.inputs import PerceptAdded
+from agentd.percept_board import PerceptBoard
 from agentd.standalone import Team
 from agentd.user_code import UserCodeError, load_class
 from tests.agentd.teams import Stage
@@ -304,3 +306,20 @@ def test_a_module_that_fails_in_what_it_imports_itself_names_that(
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(UserCodeError, match="needs_more cannot be imported: ModuleNotFoundError: No module named"):
         load_class("needs_more:X", Environment)
+
+
+def test_what_is_told_of_percepts_is_what_has_changed_not_what_holds() -> None:
+    board = PerceptBoard()
+    board.join("bob")
+    for number in range(10_000):
+        board.add(literal("at", number), None)
+    assert len(board.take("bob")) == 10_000
+    board.remove(literal("at", 7), None)
+    board.add(literal("at", 20_000), "bob")
+    board.add(literal("at", 8), None)
+    board.add(literal("at", 9), "bob")
+    assert [type(item).__name__ for item in board.take("bob")] == ["PerceptRemoved", "PerceptAdded", "PerceptAdded"]
+    board.remove(literal("at", 9), None)
+    (still,) = board.take("bob")
+    assert still == PerceptAdded(literal("at", 9))
+    assert board.take("bob") == []

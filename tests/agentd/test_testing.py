@@ -320,6 +320,26 @@ def test_a_folder_is_searched_for_files_with_test_plans_and_each_plan_is_run_onc
     assert told.code == 0
 
 
+def test_a_folder_may_hold_programs_that_only_speak_of_tests(run, tmp_path: Path) -> None:
+    (tmp_path / "agent.asl").write_text("// tests are marked so: @name[test]\n+!work <- true.")
+    told = run("@t[test] +!t <- !force_pass.", ".")
+    assert (told.code, told.err) == (0, "")
+
+
+def test_an_action_that_a_thread_settles_is_waited_for_in_real_time(run, tmp_path: Path) -> None:
+    (tmp_path / "slow.py").write_text(
+        "import threading\n"
+        "from agentd import Deferred, Environment\n"
+        "class Slow(Environment):\n"
+        "    def execute(self, agent, action):\n"
+        "        later = Deferred()\n"
+        "        threading.Timer(0.05, later.succeed).start()\n"
+        "        return later\n"
+    )
+    told = run("@t[test] +!t <- act; !force_pass.", "--env", "slow.py:Slow")
+    assert told.code == 0, told.out
+
+
 def test_a_filter_chooses_by_a_part_of_the_name_or_a_pattern(run) -> None:
     program = "@walk[test] +!a <- !force_pass. @run_far[test] +!b <- !force_pass. @run_fast[test] +!c <- !force_pass."
     assert [line.split()[2] for line in run(program, "--filter", "run").lines] == ["run_far", "run_fast"]
