@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from agentd.language.place import BEGIN_TERM, BLOCKS, CLOSERS, END_TERM, Place, shown
+from agentd.language.errors import shown
+from agentd.language.place import BEGIN_TERM, BLOCKS, CLOSERS, END_TERM, Place
 
 _ENDS_FORMULA = frozenset((";", ".", "<-", ":-", ":", "<:", "|&|", "|||", ""))
 

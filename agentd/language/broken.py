@@ -10,10 +10,9 @@ import re
 import unicodedata
 from typing import Final, NamedTuple
 
-from agentd.language.errors import SYNTAX, Problem, problem_at
+from agentd.language.errors import SYNTAX, Problem, problem_at, shown
 from agentd.language.foreign import CHARACTERS, QUOTES, foreign_sign, sign_at
 from agentd.language.lexer import BROKEN
-from agentd.language.place import shown
 from agentd.language.source import Source
 from schemas.findings import Finding
 

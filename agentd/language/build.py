@@ -10,6 +10,7 @@ from typing import TypeAlias
 
 from agentd.language.build_terms import FORMULAS, KINDS, TermBuilder
 from agentd.language.depth import MOST_BLOCKS, BlockDepths
+from agentd.language.errors import shown
 from agentd.language.source import Source
 from agentd.language.syntax import (
     Arithmetic,
@@ -104,7 +105,9 @@ class Builder(TermBuilder):
         for begin, _ in open_blocks:
             line, _column = self.source.place(begin.at)
             name = begin.directive.functor
-            message = f"{{ begin {name} }} of line {line} is not closed; put {{ end }} after the last of its items"
+            message = (
+                f"{{ begin {shown(name)} }} of line {line} is not closed; put {{ end }} after the last of its items"
+            )
             self.refuse(self._end_of_text, message)
         return Program(self.source.file, tuple(items))
 
@@ -186,7 +189,9 @@ class Builder(TermBuilder):
             if word == "end":
                 self.refuse(at, "the end of a block is written { end }")
             else:
-                self.refuse(at, f"a directive is written {{ {word}(...) }} or {{ begin {call.functor}(...) }}")
+                self.refuse(
+                    at, f"a directive is written {{ {shown(word)}(...) }} or {{ begin {shown(call.functor)}(...) }}"
+                )
         return _Begin(call, at)
 
     def call(self, at: int, name: str, arguments: tuple[Term, ...] | None) -> Structure:
@@ -271,7 +276,7 @@ class Builder(TermBuilder):
         return Step(kind, term, self.position(at))
 
     def _refuse_operator(self, at: int, operator: str, action: InternalAction) -> None:
-        message = f"{operator} cannot be applied to an internal action; write {action.name} without {operator}"
+        message = f"{operator} cannot be applied to an internal action; write {shown(action.name)} without {operator}"
         self.refuse(at, message)
 
     def _changed(self, at: int, term: Term) -> Term:
@@ -279,7 +284,9 @@ class Builder(TermBuilder):
         if isinstance(term, TriggerTerm):
             return PlanTerm(Plan(term.trigger, position=term.position), term.position)
         if isinstance(term, InternalAction):
-            message = f"an internal action is no belief: {term.name} takes no + or -; is a ';' missing before it?"
+            message = (
+                f"an internal action is no belief: {shown(term.name)} takes no + or -; is a ';' missing before it?"
+            )
             self.refuse(at, message)
         elif not isinstance(term, Structure | Variable | PlanTerm | RuleTerm):
             self.refuse(at, f"{KINDS[type(term)]} is no belief; + and - change beliefs, or plans and rules in {{ }}")

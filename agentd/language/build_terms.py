@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias, TypeGuard
 
-from agentd.language.errors import Problem, problem_on
+from agentd.language.errors import Problem, problem_on, shown
 from agentd.language.source import Source
 from agentd.language.syntax import (
     And,
@@ -138,7 +138,7 @@ class TermBuilder:
         if isinstance(term, String):
             message += "; strings are joined with .concat"
         elif isinstance(term, Structure) and not term.args and not term.negated:
-            message = f"{operator} computes with numbers, its operand must not be the atom {term.functor}"
+            message = f"{operator} computes with numbers, its operand must not be the atom {shown(term.functor)}"
             message += "; a variable begins with a capital letter"
         self.refuse(at, message)
 
@@ -246,7 +246,7 @@ class TermBuilder:
         for at, call in self._calls:
             if call.functor not in self.functions:
                 message = (
-                    f"{call.functor}/{len(call.args)} is not a function; arithmetic is done with numbers, variables "
+                    f"{shown(call.functor)}/{len(call.args)} is not a function; arithmetic is done with numbers, variables "
                     "and functions such as math.abs(X), or one that { register_function(...) } names"
                 )
                 self.refuse(at, message)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from agentd.language.place import BEGIN_TERM, BLOCKS, SIGNS, Place, shown
+from agentd.language.errors import shown
+from agentd.language.place import BEGIN_TERM, BLOCKS, SIGNS, Place
 
 _BEGIN_FORMULA = (BEGIN_TERM - {"NUMBER", "STRING", "LSQB"}) | frozenset(
     ("BANG", "BANG_BANG", "QUERY", "IF", "WHILE", "FOR", "ADD_FIRST", "ADD_LAST", "NOT", "MINUS_PLUS")

@@ -15,6 +15,16 @@ _WIDTH = 110
 """Characters of a source line that are shown."""
 
 
+_LONGEST = 40
+"""Characters of a token that a message shows."""
+
+
+def shown(text: str) -> str:
+    """A token as a message shows it: in one line, and not all of a very long one."""
+    text = text.replace("\n", "\\n")
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
 @dataclass(frozen=True, slots=True, order=True)
 class Problem:
     """A finding with the source line that it is about; ``caret`` is the column under which the mark goes (0: none)."""

@@ -11,11 +11,12 @@ from contextlib import suppress
 from functools import lru_cache
 
 from agentd.language.endings import capital_action, change_without_semicolon
+from agentd.language.errors import shown
 from agentd.language.examples import ANYWHERE, IN_THEIR_PLACE
 from agentd.language.expected import expected
 from agentd.language.lalr import Stopped, machine
 from agentd.language.lexer import Tokens, lexicon, tokenize
-from agentd.language.place import Place, shown
+from agentd.language.place import Place
 from agentd.language.source import Source
 from agentd.language.telltales import TELLTALES, only_scope, variable_alone
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from agentd.language.place import Place, shown
+from agentd.language.errors import shown
+from agentd.language.place import Place
 
 _SIGNS: Final = frozenset("=<>!\\~/:+*&|-%^")
 

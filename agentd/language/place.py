@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
+from agentd.language.errors import shown
 from agentd.language.lexer import END_OF_TEXT, Tokens
 from agentd.language.source import Source
 
@@ -15,9 +16,6 @@ SIGNS: Final = frozenset("+-^")
 
 BLOCKS: Final = frozenset(("if", "while", "for", "elif"))
 """The words that a condition in brackets and a block in braces follow."""
-
-_LONGEST: Final = 40
-"""Characters of a token that a message shows."""
 
 _PART_AFTER: Final = {"<-": "body", ":": "context", "<:": "context", ":-": "rule"}
 _PART_FROM: Final = {"@": "label", "+": "trigger", "-": "trigger", "^": "trigger", "!": "goal", "?": "goal"}
@@ -31,12 +29,6 @@ BEGIN_TERM: Final = frozenset(
     ("NAME", "QUOTED", "INTERNAL", "VARIABLE", "NUMBER", "STRING", "TRUE", "FALSE", "LPAR", "LSQB", "TILDE")
 )
 """The tokens that a term can begin with and that cannot go on with one."""
-
-
-def shown(text: str) -> str:
-    """A token as a message shows it: in one line, and not all of a very long one."""
-    text = text.replace("\n", "\\n")
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,9 @@ import re
 from collections.abc import Callable
 
 from agentd.language import brackets, endings, foreign
+from agentd.language.errors import shown
 from agentd.language.lalr import machine
-from agentd.language.place import BLOCKS, SIGNS, Place, shown
+from agentd.language.place import BLOCKS, SIGNS, Place
 
 _CONNECT = {"&": "a formula", "|": "a formula", "not": "a formula", "|&|": "a formula", "|||": "a formula"}
 _CHANGES = frozenset(("+", "-", "++", "--", "-+", "+<", "+>"))

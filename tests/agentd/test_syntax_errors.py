@@ -200,3 +200,23 @@ def test_a_byte_order_mark_is_no_error(tmp_path: Path) -> None:
     path = tmp_path / "mark.asl"
     path.write_bytes(b"\xef\xbb\xbfb(1).\r\n!g.\r\n")
     assert len(parse_file(path).items) == 2
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "+!g <- X = 1 + LONG.",
+        "+!g <- X = 1 + LONG(1).",
+        "+!g <- +.LONG.",
+        "+!g <- ?.LONG.",
+        "{ LONG LONG }",
+        "{ begin LONG }",
+        "b(1 LONG).",
+        'b(1 "LONG").',
+        "LONG LONG.",
+        "b(1LONG).",
+    ],
+)
+def test_a_message_stays_short_whatever_the_names(text: str) -> None:
+    (finding,) = errors_of(text.replace("LONG", "long" * 1000)).findings
+    assert len(finding.message) < 300
