@@ -246,8 +246,8 @@ class TermBuilder:
         for at, call in self._calls:
             if call.functor not in self.functions:
                 message = (
-                    f"{shown(call.functor)}/{len(call.args)} is not a function; arithmetic is done with numbers, variables "
-                    "and functions such as math.abs(X), or one that { register_function(...) } names"
+                    f"{shown(call.functor)}/{len(call.args)} is not a function; arithmetic is done with numbers, "
+                    "variables and functions such as math.abs(X), or one that { register_function(...) } names"
                 )
                 self.refuse(at, message)
 
