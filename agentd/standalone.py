@@ -30,6 +30,7 @@ from agentd.mind.effects import (
 )
 from agentd.mind.inputs import ActionDone, Mail, SignalRaised, TeamReply
 from agentd.paths import SourcePaths
+from agentd.telling import lines_of
 
 if TYPE_CHECKING:
     from agentd.environment import Environment
@@ -192,9 +193,9 @@ class Team:
         match effect:
             case Print(text=text, plain=plain):
                 self._write(f"{text}\n" if plain else f"[{mind.name}] {text}\n")
-            case Log(level=level, text=text):
+            case Log(level=level):
                 if level != "debug":
-                    print(f"[{mind.name}] {level}: {text}", file=sys.stderr)
+                    print(f"[{mind.name}] " + "\n".join(lines_of(effect)), file=sys.stderr)
             case PerformAction(id=number, name=name):
                 if self._world is not None:
                     self._world.perform(mind, effect)

@@ -11,7 +11,7 @@ from agentd.language.instantiate import instantiate
 from agentd.language.numbers import UndefinedNumber
 from agentd.language.printer import source_text
 from agentd.language.sources import SELF, is_source
-from agentd.language.terms import Literal, Var, deref
+from agentd.language.terms import Code, Literal, Var, deref
 from agentd.mind.decisions import Decision, Failure
 from agentd.mind.failed import Failed
 from agentd.mind.frames import ARGS, PLAN, RELEVANT, STEP, VARIABLES, Frame, Step
@@ -186,8 +186,8 @@ class _Views:
             cycle=record.cycle,
             time=record.time,
             intention=record.intention,
-            formula=failed_text(record.step, record.code),
-            position=_place(record.step),
+            formula=what_failed(record.failed, record.code),
+            position=_place(record.failed.step),
             error=record.failed.error,
             reason=reason_of(record.failed),
             given_up=given_up,
@@ -201,14 +201,18 @@ def _raised_by(relevant: Any) -> str:
 
 def event_text(relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...] = ()) -> str:
     """An event as people write it, ``+!g(1)``; the source ``self`` goes without saying."""
-    shown = () if annots is SELF else annots
+    shown = () if annots == SELF else annots
     return f"{relevant.text}" + short_text(Literal(relevant.sig, args, shown))
 
 
 def rejected_view(plan: Plan, reason: Any) -> RejectedView:
-    """Why a plan was not applicable, from what the function that selects it returned (or raised)."""
+    """Why a plan was not applicable, from what its function returned or raised; () if that is unknown."""
     if reason is None:
-        return RejectedView(plan_view(plan), "trigger", "", "", "its trigger does not match")
+        annotated = getattr(plan.syntax.trigger.literal, "annotations", None) is not None
+        message = f"its trigger {'and annotations do' if annotated else 'does'} not match"
+        return RejectedView(plan_view(plan), "trigger", "", "", message)
+    if reason == ():
+        return RejectedView(plan_view(plan), "context", "", "", "its context does not hold")
     if isinstance(reason, Exception):
         what = "it is too deep" if isinstance(reason, RecursionError) else str(reason) or type(reason).__name__
         return RejectedView(plan_view(plan), "error", "", "", f"its context cannot be computed: {what}")
@@ -268,8 +272,16 @@ def _place(step: Step | None) -> str:
 
 def failed_text(step: Step | None, code: Any) -> str:
     """A formula that failed, as written but with its values."""
-    operator = step.syntax.operator.value if step is not None and isinstance(step.syntax, syntax.Step) else ""
-    return operator + written(short_text(code))
+    if step is None or type(code) is Code or not isinstance(step.syntax, syntax.Step):
+        return short_text(code)
+    return step.syntax.operator.value + short_text(code)
+
+
+def what_failed(failed: Failed, code: Any) -> str:
+    """The formula that failed with its values, or the goal that found no plan."""
+    if failed.goal is None:
+        return failed_text(failed.step, code)
+    return event_text(failed.goal, code.args, code.annots)
 
 
 def reason_of(failed: Failed) -> str:

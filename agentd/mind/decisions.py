@@ -17,7 +17,8 @@ from typing import Any, Final, NamedTuple
 from agentd.language.signatures import Signature, signature
 from agentd.language.sources import PERCEPT, SELF, SOURCE_SELF
 from agentd.language.terms import Literal, deref, elements
-from agentd.mind.failed import Failed, InContext
+from agentd.mind.failed import Failed
+from agentd.mind.failure_facts import context_failed
 from agentd.mind.frames import VARIABLES, Frame, Step
 from agentd.mind.holding import held, held_all
 from agentd.mind.inputs import BeliefAdded, GoalAdded, Input, Mail, SignalRaised
@@ -75,9 +76,8 @@ class Failure(NamedTuple):
     cycle: int
     time: float
     intention: int
-    step: Step | None
     code: Any
-    """The formula as a term, with the values of its variables."""
+    """The formula or goal as a term, with the values of its variables."""
     failed: Failed
     frames: tuple[Frame, ...]
     """The frames that were given up, innermost first (at most `MOST_FRAMES`)."""
@@ -125,6 +125,11 @@ class Decisions:
         """What is remembered, oldest first."""
         return [entry if type(entry) is Failure else Decision(*entry) for entry in self._last]
 
+    def last_rejected(self) -> Sequence[tuple[Any, Any]]:
+        """The plans that were tried in vain for the last event, as `Decision.rejected` holds them."""
+        last = self._last[-1] if self._last else None
+        return () if type(last) is not tuple else Decision(*last).rejected or ()
+
     def select(
         self, mind: Any, trail: Trail, event: Any, rejected: list[tuple[Any, Any]] | None = None
     ) -> Frame | None:
@@ -153,8 +158,7 @@ class Decisions:
                 else:
                     rejected.append((plan, found))
         except Exception as error:
-            self._decided(event, shown, [*(rejected or ()), (plan, error)], None, None)
-            raise InContext(plan, error) from error
+            return self._select_after(trail, event, plan, [*(rejected or ()), self._broken(relevant, plan, error)])
         if frame is None or shown is not args or len(trail) > mark:
             self._decided(event, shown, rejected, frame, None if frame is None else frame[VARIABLES:])
             return frame
@@ -180,14 +184,36 @@ class Decisions:
             try:
                 found = plan.trace(mind, trail, relevant, args, annots, around)
             except Exception as error:
-                self._decided(event, shown, [*rejected, (plan, error)], None, None)
-                raise InContext(plan, error) from error
+                found = self._broken(relevant, plan, error)[1]
             if type(found) is list:
                 self._decided(event, shown, rejected, found, found[VARIABLES:])
                 return found
             undo(trail, mark)
             rejected.append((plan, found))
         return self.select(mind, trail, event, rejected or None)
+
+    def _select_after(self, trail: Trail, event: Any, broken: Any, rejected: list[tuple[Any, Any]]) -> Frame | None:
+        """The plans after one whose context could not be computed."""
+        relevant, args, annots, _ = event
+        mind, shown, mark = self._mind, held_all(args), len(trail)
+        frame: Frame | None = None
+        for plan in relevant.plans[relevant.plans.index(broken) + 1 :]:
+            try:
+                found = plan.trace(mind, trail, relevant, args, annots)
+            except Exception as error:
+                found = self._broken(relevant, plan, error)[1]
+            if type(found) is list:
+                frame = found
+                break
+            undo(trail, mark)
+            rejected.append((plan, found))
+        self._decided(event, shown, rejected, frame, None if frame is None else frame[VARIABLES:])
+        return frame
+
+    def _broken(self, relevant: Any, plan: Any, error: Exception) -> tuple[Any, Exception]:
+        """A plan whose context could not be computed, which is told; an internal action may raise anything."""
+        context_failed(self._mind, relevant, plan, error)
+        return plan, error.with_traceback(None)
 
     def select_noted(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
         """As `select`, for programs whose contexts ask for the intention in hand."""
@@ -218,11 +244,12 @@ class Decisions:
         start = (mind.cycle, mind.now, event, below, asked, rejected, frame)
         self._note((*start, held_all(annots), begun, origin, args, held))
 
-    def failed(self, intention: Any, step: Step | None, code: Any, failed: Failed, frames: Any, handler: Any) -> None:
+    def failed(self, intention: Any, failed: Failed, frames: Sequence[Frame], handler: Any) -> None:
         """Note a failure: see `Failure`."""
         mind = self._mind
+        failed.__traceback__ = failed.__context__ = None  # they would keep alive what the failed call has used
         number = 0 if intention is None else intention.id
-        record = Failure(mind.cycle, mind.now, number, step, held(code), failed, tuple(frames), handler)
+        record = Failure(mind.cycle, mind.now, number, held(failed.code), failed, tuple(frames), handler)
         self._note(record)
 
     def _append(self, entry: Any) -> None:

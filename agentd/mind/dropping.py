@@ -161,6 +161,7 @@ def fail_too_deep(mind: Any, intention: Intention) -> None:
     step = intention.last
     place = stack[-1][PLAN].syntax.position if step is None else step.syntax.position
     code = Literal(stack[-1][RELEVANT].sig, stack[-1][ARGS])
+    failure.step, failure.goal, failure.code = step, stack[-1][RELEVANT], code
     fail(mind, intention, error_annots(failure, code, place.line, place.file), str(place), failure)
 
 
@@ -181,6 +182,7 @@ def end_goal(mind: Any, intention: Intention, place: int, succeeded: bool) -> No
             mind.running.append(intention)
         return
     literal = Literal(frame[RELEVANT].sig, frame[ARGS], frame[ANNOTS])
-    failure = Failed("goal_failed", "the goal was failed by .fail_goal")
+    failure = Failed("goal_failed", "the goal was failed by .fail_goal", code=literal)
+    failure.goal = frame[RELEVANT]
     fail(mind, intention, error_annots(failure, literal, 0, ""), f"{frame[PLAN].head}", failure)
     undo(trail, min(len(trail), frame[MARK]))

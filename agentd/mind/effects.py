@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+from agentd.language.syntax import Position
+
 
 @dataclass(slots=True)
 class PerformAction:
@@ -51,6 +53,10 @@ class Log:
 
     level: str
     text: str
+    details: tuple[str, ...] = ()
+    """Further lines."""
+    at: Position | None = None
+    """The place in the program that it is about."""
 
 
 @dataclass(slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from agentd.language.numbers import UndefinedNumber
@@ -17,14 +18,12 @@ class Failed(Exception):
     def __init__(self, error: str, message: str = "", annots: tuple[Any, ...] = (), code: Any = None) -> None:
         super().__init__(message or error)
         self.error, self.message, self.annots, self.code = error, message, annots, code
-
-
-class InContext(Exception):
-    """The context of a plan could not be computed."""
-
-    def __init__(self, plan: Any, error: Exception) -> None:
-        super().__init__(str(error))
-        self.plan, self.error = plan, error
+        self.step: Any = None
+        """The `agentd.mind.frames.Step` that failed, or that raised the goal that found no plan."""
+        self.goal: Any = None
+        """For a goal that found no plan: the `agentd.mind.plans.Relevant` of its event. ``code`` is its literal."""
+        self.tried: Sequence[Any] = ()
+        """For a goal that found no applicable plan: the `agentd.mind.decision_views.RejectedView` of each."""
 
 
 def as_failed(error: Exception) -> Failed:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 from agentd.language.order import sorted_annots
 from agentd.language.term_text import text
 from agentd.language.terms import Literal
 from agentd.mind.communication import communication_error
+from agentd.mind.decisions import MOST_FRAMES
+from agentd.mind.diagnosis import rejected_plans
 from agentd.mind.effects import Log
 from agentd.mind.failed import Failed
 from agentd.mind.failure_facts import (
@@ -16,24 +19,27 @@ from agentd.mind.failure_facts import (
     code_of,
     error_annots,
     goal_text,
-    tried,
     without_facts,
     written,
 )
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, Frame, Step
 from agentd.mind.goal_states import raise_state
 from agentd.mind.intentions import Intention
+from agentd.mind.reports import failure_report
 from agentd.mind.resolving import detach, resolve_all
 from agentd.mind.unifier import undo
 
 MOST_RETRIES: Final = 100
 """So often an intention's failure plan that fails itself is tried again before the intention ends."""
+_MOST_GOALS: Final = 5
+"""So many of the goals that end with a failure are named."""
 _MOST_NOTED: Final = 1000
 
 
 def step_failed(mind: Any, intention: Intention, step: Step, frame: Frame, failure: Failed) -> None:
     """A formula of the intention's innermost plan has failed."""
     code = failure.code if failure.code is not None else code_of(step, frame)
+    failure.step, failure.code = step, code
     position = step.syntax.position
     annots = error_annots(failure, code, position.line, position.file)
     where = f"{position}: {brief(written(step, code))}"
@@ -61,9 +67,14 @@ def goal_failed(mind: Any, relevant: Any, args: Any, annots: Any, intention: Int
     if intention is not None and intention.stack:
         line, source = _calling_line(mind, intention)
         where = f"{source}:{line}: {trigger}"
-    failure = Failed(error, message)
+    failure = Failed(error, message, code=literal)
+    failure.goal = relevant
+    if intention is not None and intention.stack:
+        failure.step = intention.last
     extra = error_annots(failure, literal, line, source)
     handler = relevant.counterpart("-")
+    if not (handler.plans or (intention is not None and _has_handler(intention))):
+        failure.tried = rejected_plans(mind, (relevant, args, annots, intention))
     if handler.plans:
         facts = sorted_annots(tuple(annots) + extra)
         if relevant.goal == "?" and intention is not None:
@@ -73,9 +84,16 @@ def goal_failed(mind: Any, relevant: Any, args: Any, annots: Any, intention: Int
             mind.events.append((handler, args, facts, intention))
         return
     if intention is None:
-        mind.effects.append(Log("warning", f"{message}{tried(relevant)}"))
+        _note(mind, None, failure, (), None)
+        mind.effects.append(failure_report(mind, failure, (), (), ""))
         return
     fail(mind, intention, extra, where, failure)
+
+
+def _note(mind: Any, intention: Intention | None, failure: Failed, frames: Sequence[Frame], handler: Any) -> None:
+    """Remember a failure, in minds that do."""
+    if mind.recorder is not None:
+        mind.recorder.failed(intention, failure, frames, handler)
 
 
 def _end_unanswered(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
@@ -91,9 +109,10 @@ def _end_unanswered(mind: Any, intention: Intention, extra: tuple[Any, ...], whe
 def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
     """Look for the handler from the innermost goal down; without one the intention is dropped with a warning."""
     stack = intention.stack
-    heads = [] if _has_handler(intention) else [goal_text(frame) for frame in reversed(stack[-5:])]
-    plan = stack[-1][PLAN] if stack else None
-    because = "no handler -! for it"
+    depth = len(stack)
+    frames = stack[: -1 - MOST_FRAMES : -1]
+    goals = [] if _has_handler(intention) else [goal_text(frame) for frame in frames[:_MOST_GOALS]]
+    because = ""
     while stack:
         top = stack.pop()
         undo(intention.trail, top[MARK])
@@ -111,6 +130,7 @@ def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, fa
                 break
             if not stack and relevant.plans:
                 if _handled_again(mind, intention, top, extra):
+                    _note(mind, intention, failure, frames[:depth], relevant)
                     return
                 because = f"its failure plan has failed {MOST_RETRIES} times"
         elif relevant.operator == "+" and relevant.goal:
@@ -121,19 +141,18 @@ def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, fa
             if handler.plans:
                 annots = sorted_annots((*top[ANNOTS], *extra))
                 mind.events.append((handler, top[ARGS], annots, intention))
+                _note(mind, intention, failure, frames[: depth - len(stack)], handler)
                 return
             if relevant is mind.plans.kqml:
                 communication_error(mind, failure.error, str(failure))
                 _go_on(mind, intention)
                 return
     mind.gone(intention)
+    _note(mind, intention, failure, frames, None)
     if intention.branch is not None:
         intention.branch.failed(mind, intention, extra, where, failure)
         return
-    head = f" in plan {plan.head}" if plan is not None else ""
-    why = f": {failure}" if str(failure) != failure.error else ""
-    stacked = f" (goals: {', '.join(heads)})" if len(heads) > 1 else ""
-    mind.effects.append(Log("warning", f"{where}: {failure.error}{why}{head}, {because}{stacked}"))
+    mind.effects.append(failure_report(mind, failure, goals, frames, because))
 
 
 def _go_on(mind: Any, intention: Intention) -> None:

@@ -11,6 +11,7 @@ from agentd.language.numbers import UndefinedNumber
 from agentd.language.signatures import signature
 from agentd.language.term_text import text
 from agentd.language.terms import Code, Literal, atom
+from agentd.mind.effects import Log
 from agentd.mind.failed import Failed
 from agentd.mind.frames import ARGS, RELEVANT, Frame, Step
 from agentd.mind.intentions import values_of
@@ -80,28 +81,25 @@ def error_annots(failure: Failed, code: Any, line: int, source: str) -> tuple[An
     return (*found, *own)
 
 
-def tried(relevant: Any) -> str:
-    """Which plans were relevant for a goal that none was applicable to, for people."""
-    if not relevant.plans:
-        return ""
-    places = ", ".join(f"{p.head} (line {p.syntax.position.line})" for p in relevant.plans[:3])
-    return f"; relevant were {places}"
-
-
 def facts_of(annots: tuple[Any, ...]) -> tuple[str, str]:
     """The error and the message among the annotations of a failure event."""
     facts = {a.sig: a.args[0] for a in as_they_are(annots) if type(a) is Literal and len(a.args) == 1}
     return text(facts.get(_ERROR, atom("unknown"))), str(facts.get(_MESSAGE, ""))
 
 
-def unhandled(relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> str:
-    """What to say when there are handlers for a failed goal and none fits: what failed, where, and which they are."""
+def context_failed(mind: Any, relevant: Any, plan: Any, error: Exception) -> None:
+    """Tell that the context of a plan could not be computed; the other plans are tried."""
+    what = "it is too deep" if isinstance(error, RecursionError) else str(error) or type(error).__name__
+    position = None if plan is None else plan.syntax.position
+    mind.effects.append(
+        Log("warning", f"the context of a plan for {relevant!r} cannot be computed: {what}", at=position)
+    )
+
+
+def failure_of(annots: tuple[Any, ...]) -> tuple[Failed, syntax.Position | None]:
+    """The failure that the annotations of an event ``-!g`` describe, and the line that it is on."""
     facts = {a.sig: a.args[0] for a in as_they_are(annots) if type(a) is Literal and len(a.args) == 1}
-    said = [text(facts[_ERROR])] if _ERROR in facts else []
-    if facts.get(_MESSAGE):
-        said.append(str(facts[_MESSAGE]))
-    where = f"{facts[_SOURCE]}:{facts[_LINE]:g}: " if facts.get(_LINE) and facts.get(_SOURCE) else ""
-    code = f"{brief(text(facts[_CODE]))}: " if _CODE in facts else ""
-    event = f"{relevant.text}{brief(text(Literal(relevant.sig, as_they_are(args))))}"
-    handlers = ", ".join(f"{plan.head} at {plan.syntax.position}" for plan in relevant.plans[:3])
-    return f"{where}{code}{': '.join(said)}; no handler of {event} fits ({handlers}), the intention ends"
+    failed = Failed(text(facts.get(_ERROR, atom("unknown"))), str(facts.get(_MESSAGE, "")), code=facts.get(_CODE, ""))
+    line, source = facts.get(_LINE), facts.get(_SOURCE)
+    known = type(line) is float and line > 0 and type(source) is str
+    return failed, syntax.Position(str(source), int(line or 0), 0) if known else None

@@ -154,7 +154,7 @@ class Mind:
         self.recorder: Decisions | None = None
         if decisions or on_decision is not None:
             tell = None if on_decision is None else (lambda record: on_decision(view_of(self, record)))
-            self.recorder = Decisions(self, decisions, tell)
+            self.recorder = Decisions(self, max(1, decisions), tell)
         load_program(self, program)
 
     def _provide(self, ref: Ref) -> Any:

@@ -13,7 +13,7 @@ from agentd.mind.unifier import Trail, undo
 def select_nested(mind: Any, trail: Trail, event: Any) -> Frame | None:
     """The frame of the first applicable plan for an event in programs with nested plans: those in sight come first."""
     relevant, args, annots, intention = event
-    frame = nested_frame(mind, trail, relevant, args, annots, intention)
+    frame: Frame | None = nested_frame(mind, trail, relevant, args, annots, intention)
     mark = len(trail)
     for plan in relevant.plans if frame is None else ():
         frame = plan.select(mind, trail, relevant, args, annots)

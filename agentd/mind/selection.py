@@ -7,15 +7,15 @@ from typing import Any
 from agentd.language.terms import Literal
 from agentd.mind import failure
 from agentd.mind.communication import communication_error
-from agentd.mind.effects import Log
 from agentd.mind.execution import condition_holds, end_frames
-from agentd.mind.failed import Failed, InContext
-from agentd.mind.failure_facts import facts_of, unhandled
+from agentd.mind.failed import Failed
+from agentd.mind.failure_facts import context_failed, facts_of
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame
 from agentd.mind.goal_states import raise_state
 from agentd.mind.intentions import Intention
 from agentd.mind.messages import handle_event
 from agentd.mind.plans import Plan
+from agentd.mind.reports import unhandled_report
 from agentd.mind.resolving import resolve_all
 from agentd.mind.unifier import undo
 from agentd.mind.waiting import hear, resume_waiting
@@ -43,12 +43,8 @@ def take_event(mind: Any, event: Event) -> bool:
                     break
                 if len(trail) > mark:
                     undo(trail, mark)
-    except InContext as trouble:
-        _context_failed(mind, relevant, trouble.plan, trouble.error)
-        undo(trail, mark)
-        frame = None
     except Exception as error:  # an internal action may raise anything; it must not end the mind
-        _context_failed(mind, relevant, plan, error)
+        context_failed(mind, relevant, plan, error)
         undo(trail, mark)
         frame = None if plan is None else _of_the_others(mind, trail, event, plan)
     if frame is None:
@@ -87,7 +83,7 @@ def _of_the_others(mind: Any, trail: list[Any], event: Event, failed: Plan) -> F
         try:
             frame: Frame | None = plan.select(mind, trail, relevant, args, annots)
         except Exception as error:
-            _context_failed(mind, relevant, plan, error)
+            context_failed(mind, relevant, plan, error)
             frame = None
         if frame is not None:
             return frame
@@ -110,12 +106,6 @@ def _entered(mind: Any, intention: Intention, frame: Frame) -> None:
             mind.goal_conditions.append((intention, frame))
 
 
-def _context_failed(mind: Any, relevant: Any, plan: Plan | None, error: Exception) -> None:
-    what = "it is too deep" if isinstance(error, RecursionError) else str(error) or type(error).__name__
-    where = "" if plan is None else f"{plan.syntax.position}: "
-    mind.effects.append(Log("warning", f"{where}the context of a plan for {relevant!r} cannot be computed: {what}"))
-
-
 def _no_plan(
     mind: Any, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], intention: Intention | None
 ) -> bool:
@@ -131,7 +121,7 @@ def _no_plan(
         failure.goal_failed(mind, relevant, args, annots, intention)
         return True
     event = f"{relevant.text}{Literal(relevant.sig, resolve_all(args))}"
-    mind.effects.append(Log("error", unhandled(relevant, args, annots)))
+    mind.effects.append(unhandled_report(mind, (relevant, args, annots, intention)))
     if intention is not None:
         mind.gone(intention)
         if intention.branch is not None:

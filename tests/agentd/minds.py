@@ -9,6 +9,7 @@ from agentd.language.instantiate import instantiate
 from agentd.language.parser import parse_program, parse_term
 from agentd.mind import Mind
 from agentd.mind.effects import Effect, Log, Print
+from agentd.telling import line_of
 
 MOST_CYCLES = 5_000_000
 
@@ -60,7 +61,7 @@ class World:
 
     @property
     def logs(self) -> list[str]:
-        return [e.text for e in self.effects if isinstance(e, Log)]
+        return [line_of(e) for e in self.effects if isinstance(e, Log)]
 
     def of(self, kind: type) -> list[Any]:
         return [e for e in self.effects if isinstance(e, kind)]

@@ -1,0 +1,139 @@
+"""Why no plan was applicable, found at the moment of failure in minds that keep no decision records.
+
+A context is asked again only if that changes nothing: nothing but beliefs, rules, comparisons and internal actions that
+have no effect. The state is the one of the decision, since it is asked in the same step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+from agentd.language import syntax
+from agentd.language.constants import signature_of
+from agentd.mind.beliefs import RuleClause
+from agentd.mind.decision_views import RejectedView, rejected_view
+from agentd.mind.intentions import Intention
+from agentd.mind.nested import nested_plans
+from agentd.mind.unifier import undo
+
+_WITHOUT_EFFECT: Final = frozenset(
+    (
+        ".all_names",
+        ".atom",
+        ".belief",
+        ".concat",
+        ".count",
+        ".delete",
+        ".desire",
+        ".difference",
+        ".empty",
+        ".eval",
+        ".findall",
+        ".ground",
+        ".intend",
+        ".intention",
+        ".internal_action",
+        ".intersection",
+        ".length",
+        ".list",
+        ".literal",
+        ".lower_case",
+        ".map.get",
+        ".map.key",
+        ".map.value",
+        ".max",
+        ".member",
+        ".min",
+        ".my_name",
+        ".nth",
+        ".number",
+        ".plan_label",
+        ".prefix",
+        ".relevant_plan",
+        ".relevant_plans",
+        ".relevant_rules",
+        ".replace",
+        ".reverse",
+        ".setof",
+        ".sort",
+        ".string",
+        ".structure",
+        ".sublist",
+        ".substring",
+        ".suffix",
+        ".suspended",
+        ".term2string",
+        ".type",
+        ".union",
+        ".upper_case",
+    )
+)
+"""Internal actions that a context may be asked again with."""
+_RANDOM: Final = "math.random"
+
+
+def rejected_plans(mind: Any, event: Any) -> tuple[RejectedView, ...]:
+    """Why each plan that is relevant for an event was not applicable just now."""
+    if mind.recorder is not None:
+        return tuple(rejected_view(plan, reason) for plan, reason in mind.recorder.last_rejected())
+    relevant, args, annots, intention = event
+    return tuple(
+        _rejected(mind, plan, around, (relevant, args, annots), intention)
+        for plan, around in _candidates(mind, relevant, intention)
+    )
+
+
+def _candidates(mind: Any, relevant: Any, intention: Intention | None) -> Iterator[tuple[Any, Any]]:
+    if mind.plans.has_nested:
+        yield from nested_plans(mind, relevant, intention)
+    for plan in relevant.plans:
+        yield plan, None
+
+
+def _rejected(mind: Any, plan: Any, around: Any, event: Any, intention: Intention | None) -> RejectedView:
+    if not harmless(mind, plan.syntax.context):
+        return rejected_view(plan, ())
+    trail: list[Any] = [] if intention is None else intention.trail
+    mark, told = len(trail), len(mind.effects)
+    try:
+        found = plan.tracing()(mind, trail, *event, around)
+    except Exception as error:  # as when the plan was tried
+        found = error
+    undo(trail, mark)
+    del mind.effects[told:]
+    return rejected_view(plan, () if type(found) is list else found)
+
+
+def harmless(mind: Any, formula: Any, seen: frozenset[Any] = frozenset()) -> bool:
+    """Whether asking a formula (or building a term) has no effect."""
+    match formula:
+        case syntax.InternalAction(name=name, args=args):
+            known = name in _WITHOUT_EFFECT or (mind.compiler.is_function(name, len(args)) and name != _RANDOM)
+            return known and all(harmless(mind, arg, seen) for arg in args)
+        case syntax.And(left=left, right=right) | syntax.Or(left=left, right=right):
+            return harmless(mind, left, seen) and harmless(mind, right, seen)
+        case syntax.Not(operand=operand):
+            return harmless(mind, operand, seen)
+        case syntax.Relation(left=left, right=right):
+            return harmless(mind, left, seen) and harmless(mind, right, seen)
+        case syntax.Arithmetic(operands=operands):
+            return all(harmless(mind, operand, seen) for operand in operands)
+        case syntax.Structure(args=args):
+            return all(harmless(mind, arg, seen) for arg in args) and _harmless_rules(mind, formula, seen)
+        case syntax.ListTerm(items=items):
+            return all(harmless(mind, item, seen) for item in items)
+        case syntax.Variable(namespace=None) | syntax.Number() | syntax.String() | None:
+            return True
+    return False
+
+
+def _harmless_rules(mind: Any, formula: syntax.Structure, seen: frozenset[Any]) -> bool:
+    if isinstance(formula.namespace, syntax.Variable):
+        return False
+    sig = signature_of(formula)
+    if sig in seen:
+        return True
+    predicate = mind.beliefs.known(sig)
+    rules = [] if predicate is None else [e for e in predicate.entries.values() if type(e) is RuleClause]
+    return all(harmless(mind, rule.syntax.body, seen | {sig}) for rule in rules)
