@@ -1,12 +1,21 @@
-"""Fixtures that several floors share: free loopback ports and a real router."""
+"""What several floors share: free loopback ports, a router's endpoint, and how examples are generated.
+
+Hypothesis makes the same examples in each run and judges no times: a test that failed yesterday fails today, and a busy
+machine fails none. `make test ARGS=--hypothesis-profile=exploring` looks for new ones.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from tests.support import ports
+
+settings.register_profile("exploring", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("reproducible", settings.get_profile("exploring"), derandomize=True, database=None)
+settings.load_profile("reproducible")
 
 
 @pytest.fixture

@@ -211,7 +211,9 @@ def test_a_program_that_is_a_folder_is_one_line(mission: Path, tmp_path: Path) -
     assert found.startswith("survey.yaml:4:14: error: agents.scout.program: ")
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 @given(st.data())
 def test_whatever_the_files_hold_there_are_findings_and_no_traceback(mission: Path, data: st.DataObject) -> None:
     noise = st.text(st.sampled_from("abcXYZ_0123456789.,:;!?+-*/()[]{}<>&|~@#\"'\\ \n\t\x00é"), max_size=8)
