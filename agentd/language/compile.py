@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 from pathlib import PurePosixPath
 
 from agentd.language import syntax
-from agentd.language.namespaces import Qualifier
-from agentd.language.patterns import PATTERNS
+from agentd.language.namespaces import Qualifier, local_names
+from agentd.language.patterns import PATTERNS, WrongPattern
 from agentd.language.signatures import DEFAULT
-from agentd.language.spelling import near
 
 Load = Callable[[str], syntax.Program]
 """Reads and parses an included file, given its path as `Find` has found it."""
@@ -57,6 +57,14 @@ def in_namespace(
     program: syntax.Program, namespace: str, load: Load | None = None, find: Find = beside
 ) -> CompiledProgram:
     """`compile_program` of a file that is loaded into a namespace."""
+    try:
+        return _expanded(program, namespace, load, find)
+    except RecursionError:
+        start = syntax.Position(program.file, 1, 1)
+        raise DirectiveError(start, "a formula of this program is nested too deep") from None
+
+
+def _expanded(program: syntax.Program, namespace: str, load: Load | None, find: Find) -> CompiledProgram:
     expansion = _Expansion(load, find)
     expansion.file(program, namespace)
     return CompiledProgram(
@@ -69,10 +77,30 @@ def in_namespace(
     )
 
 
-DIRECTIVES = ("include", "register_function", "namespace")
-"""The directives that enclose nothing."""
-
 _MOST_INCLUDES = 200
+
+_NO_RETRY = "a plan of bdg that fails is not tried again: Jason's retry finds the goal intended already; ebdg goes on"
+
+# What to say when the arguments of a directive are not what it needs.
+_ALONE = {
+    "include": 'include needs a file, and maybe a namespace: { include("file.asl", n) }',
+    "register_function": "register_function needs a name, a number of arguments and a rule: "
+    '{ register_function("f", 2, "r") }',
+    "namespace": "namespace needs a name: { begin namespace(n) } ... { end }",
+}
+DIRECTIVES = tuple(_ALONE)
+"""The directives that enclose nothing."""
+_BLOCKS = {"namespace": _ALONE["namespace"]}
+
+
+def _wrong(name: str, known: dict[str, str]) -> str:
+    if name in known:
+        return known[name]
+    if known is _ALONE and name in PATTERNS:
+        return f"the pattern {name} encloses its plans: {{ begin {name}(...) }} ... {{ end }}"
+    from agentd.language.spelling import near  # a program without errors starts without what compares words
+
+    return f"unknown directive '{name}'{near(name, [*known, *PATTERNS])}"
 
 
 class _Expansion:
@@ -86,11 +114,11 @@ class _Expansion:
         self.functions: list[tuple[str, int, str]] = []
         self.warnings: list[str] = []
         self._includes = 0
-        self._local = 0
+        self._local = count(1)
 
     def file(self, program: syntax.Program, namespace: str) -> None:
         self.warnings.extend(str(w) for w in program.warnings)
-        self._items(program.items, Qualifier(namespace, namespace))
+        self._items(program.items, Qualifier(namespace, namespace, local_names(program.items, self._local)))
 
     def _items(self, items: tuple[syntax.Item, ...], qualifier: Qualifier) -> None:
         for item in items:
@@ -120,7 +148,7 @@ class _Expansion:
             case syntax.Structure(functor="namespace", args=(syntax.Structure(), *_)):
                 self.warnings.append(f"{directive.position}: warning: a namespace without block has no effect")
             case syntax.Structure(functor=name):
-                raise DirectiveError(directive.position, f"unknown directive '{name}'{near(name, DIRECTIVES)}")
+                raise DirectiveError(directive.position, _wrong(name, _ALONE))
 
     def _include(self, directive: syntax.Directive, path: str, namespace: str) -> None:
         self._includes += 1
@@ -137,15 +165,16 @@ class _Expansion:
     def _block(self, directive: syntax.Directive, qualifier: Qualifier) -> None:
         assert directive.items is not None
         match directive.name:
-            case syntax.Structure(functor="namespace", args=(syntax.Structure(functor=name), *rest)):
-                if any(isinstance(r, syntax.Structure) and r.functor == "local" for r in rest):
-                    self._local += 1
-                    name = f"{name}#{self._local}"
-                self._items(directive.items, Qualifier(name, qualifier.default, qualifier.names))
+            case syntax.Structure(functor="namespace", args=(syntax.Structure(functor=name), *_)):
+                name = qualifier.local.get(name, name)
+                self._items(directive.items, Qualifier(name, qualifier.default, qualifier.local))
             case syntax.Structure(functor=name, args=args) if name in PATTERNS:
-                plans = tuple(i for i in directive.items if isinstance(i, syntax.Plan))
-                others = tuple(i for i in directive.items if not isinstance(i, syntax.Plan))
-                self._items(others + PATTERNS[name](args, plans), qualifier)
+                try:
+                    items = PATTERNS[name](directive.position, args, directive.items)
+                except WrongPattern as wrong:
+                    raise DirectiveError(directive.position, f"the pattern {name} {wrong}") from wrong
+                if name == "bdg":
+                    self.warnings.append(f"{directive.position}: warning: {_NO_RETRY}")
+                self._items(items, qualifier)
             case syntax.Structure(functor=name):
-                known = ("namespace", *PATTERNS)
-                raise DirectiveError(directive.position, f"unknown directive '{name}'{near(name, known)}")
+                raise DirectiveError(directive.position, _wrong(name, _BLOCKS))

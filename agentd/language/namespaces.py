@@ -2,27 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 from agentd.language import syntax
 from agentd.language.signatures import DEFAULT
 
-_QUERIES = {".findall": 1, ".setof": 1, ".count": 0, ".eval": 1, ".abolish": 0, ".desire": 0, ".intend": 0}
+_QUERIES = {
+    **dict.fromkeys((".findall", ".setof", ".eval"), 1),
+    **dict.fromkeys((".count", ".abolish", ".belief", ".asserta", ".assertz", ".wait", ".foreach", ".loop"), 0),
+    **dict.fromkeys(
+        (".desire", ".intend", ".drop_desire", ".drop_intention", ".drop_event", ".drop_future_intention"), 0
+    ),
+    **dict.fromkeys((".succeed_goal", ".fail_goal", ".suspend", ".resume", ".suspended"), 0),
+}
 """Internal actions whose argument at this place is a formula or a goal, which belongs to the namespace as well."""
 
 
 class Qualifier:
     """Qualifies beliefs, goals, triggers and formulas, but not the arguments inside them.
 
-    ``current`` is the namespace of the block, ``default`` what ``::p`` means in it.
+    ``current`` is the namespace of the block, ``default`` what ``::p`` means in it. ``local`` gives the names by which
+    the mind knows the local namespaces of the file: no other file can name them (rule 103).
     """
 
-    def __init__(self, current: str, default: str, names: dict[str, str] | None = None) -> None:
-        self.current, self.default, self.names = current, default, names or {}
+    def __init__(self, current: str, default: str, local: dict[str, str]) -> None:
+        self.current, self.default, self.local = current, default, local
 
     def item(self, item: Any) -> Any:
         """A belief, rule, goal or plan with its namespace put in."""
+        if self.local:
+            item = _with_local_names(item, self.local)
         if self.current == DEFAULT and self.default == DEFAULT:
             return item
         match item:
@@ -90,3 +101,39 @@ class Qualifier:
             case syntax.Fork(branches=branches):
                 return replace(node, branches=tuple(self.body(b) for b in branches))
         return node
+
+
+def local_names(items: Iterable[syntax.Item], number: Iterator[int]) -> dict[str, str]:
+    """The local namespaces that a file declares, each with a name that no other file has for it."""
+    found: dict[str, str] = {}
+    pending = list(items)
+    while pending:
+        item = pending.pop()
+        if not isinstance(item, syntax.Directive) or item.items is None:
+            continue
+        pending.extend(item.items)
+        match item.name:
+            case syntax.Structure(
+                functor="namespace", args=(syntax.Structure(functor=name), syntax.Structure(functor="local"))
+            ):
+                if name not in found:
+                    found[name] = f"{name}#{next(number)}"
+    return found
+
+
+def _with_local_names(node: Any, names: dict[str, str]) -> Any:
+    """A node with the namespaces that are local to its file under the names that the mind knows them by."""
+    if isinstance(node, tuple):
+        return tuple(_with_local_names(part, names) for part in node)
+    if not is_dataclass(node) or isinstance(node, syntax.Position | type):
+        return node
+    changes: dict[str, Any] = {}
+    for field in fields(node):
+        part = getattr(node, field.name)
+        if field.name == "namespace" and isinstance(part, str):
+            changed: Any = names.get(part, part)
+        else:
+            changed = _with_local_names(part, names)
+        if changed is not part:
+            changes[field.name] = changed
+    return replace(node, **changes) if changes else node

@@ -1,0 +1,79 @@
+"""Directives: what is wrong with one is told in words; included files and namespaces find one another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from agentd.language.compile import DirectiveError, compile_program
+from agentd.language.parser import parse_file, parse_program
+from agentd.mind import Mind
+from tests.agentd.minds import World, run
+
+
+@pytest.mark.parametrize(
+    ("directive", "told"),
+    [
+        ('{ inlcude("a.asl") }', "unknown directive 'inlcude'; did you mean include?"),
+        ("{ include(a) }", "include needs a file"),
+        ("{ register_function(f, 2, g) }", "register_function needs a name, a number of arguments and a rule"),
+        ("{ namespace(n) } b.", None),
+        ("{ begin dgg(g) } { end }", "unknown directive 'dgg'; did you mean dg?"),
+        ("{ begin namespace } { end }", "namespace needs a name"),
+        ("{ begin dg } { end }", "the pattern dg needs a goal"),
+        ("{ begin dg(3) } { end }", "the pattern dg needs a goal"),
+        ("{ begin smc(g) } { end }", "the pattern smc needs a literal as argument 2"),
+        ("{ begin bc(g, maybe(g)) } { end }", "the pattern bc knows no pattern 'maybe'"),
+        ("{ begin sga(g) } { end }", "the pattern sga needs a trigger, a context and a goal"),
+        ('{ begin sga("+!", c, g) } { end }', "the pattern sga cannot read its arguments"),
+        ("{ dg(g) }", "the pattern dg encloses its plans"),
+    ],
+)
+def test_a_wrong_directive_is_told_with_its_place_and_what_it_needs(directive: str, told: str | None) -> None:
+    program = parse_program(f"b(1).\n{directive}", "a.asl")
+    if told is None:
+        assert "has no effect" in compile_program(program).warnings[0]
+        return
+    with pytest.raises(DirectiveError) as refused:
+        compile_program(program)
+    assert str(refused.value).startswith("a.asl:2:1: error: ")
+    assert told in str(refused.value)
+
+
+def test_bdg_warns_that_it_does_not_try_again() -> None:
+    assert any("not tried again" in line for line in run("{ begin bdg(g) } +!g <- .print(a). { end }").logs)
+
+
+def test_files_include_one_another_by_paths_relative_to_themselves(tmp_path: Path) -> None:
+    (tmp_path / "lib" / "deep").mkdir(parents=True)
+    (tmp_path / "main.asl").write_text('{ include("lib/a.asl") } !s. +!s <- !a; !n::b; ?n::k(X); .print(X).')
+    (tmp_path / "lib" / "a.asl").write_text('{ include("deep/b.asl", n) } +!a <- .print("a").')
+    (tmp_path / "lib" / "deep" / "b.asl").write_text('{ include("../c.asl") } +!b <- .print("b"); ?k(X); .print(X).')
+    (tmp_path / "lib" / "c.asl").write_text("k(7).")
+    world = World(Mind("bob", compile_program(parse_file(tmp_path / "main.asl"), parse_file))).settle()
+    assert world.prints == ["a", "b", "7", "7"]
+
+
+def test_a_file_that_is_not_there_is_told_where_it_is_included(tmp_path: Path) -> None:
+    (tmp_path / "main.asl").write_text('b.\n{ include("nowhere.asl") }')
+    with pytest.raises(DirectiveError) as refused:
+        compile_program(parse_file(tmp_path / "main.asl"), parse_file)
+    assert 'main.asl:2:1: error: cannot include "nowhere.asl"' in str(refused.value)
+
+
+def test_files_that_include_one_another_without_end_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.asl").write_text('{ include("a.asl") }')
+    with pytest.raises(DirectiveError, match="include one another without end"):
+        compile_program(parse_file(tmp_path / "a.asl"), parse_file)
+
+
+def test_a_local_namespace_is_another_one_in_each_file(tmp_path: Path) -> None:
+    part = "{ begin namespace(priv, local) } k(NAME). +!ask <- ?k(X); .print(X). { end } +!go_NAME <- !priv::ask."
+    (tmp_path / "a.asl").write_text(part.replace("NAME", "a"))
+    (tmp_path / "b.asl").write_text(part.replace("NAME", "b"))
+    (tmp_path / "main.asl").write_text(
+        '{ include("a.asl") } { include("b.asl") } !s. +!s <- if (priv::k(_)) { .print(never) }; !go_a; !go_b.'
+    )
+    world = World(Mind("bob", compile_program(parse_file(tmp_path / "main.asl"), parse_file))).settle()
+    assert world.prints == ["a", "b"]
