@@ -8,7 +8,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 
 from agentd.compose import compose, endings
-from agentd.host import Host, Part
+from agentd.host import DECISIONS, Host, Part
 from agentd.language.compile import CompiledProgram, DirectiveError, compile_program
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file
@@ -33,6 +33,13 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_router_argument(parser)
     parser.add_argument("--speed", type=float, help="mission seconds per wall second (simulation only)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the minds' random numbers")
+    parser.add_argument(
+        "--decisions",
+        type=int,
+        default=DECISIONS,
+        metavar="N",
+        help=f"decisions that each agent remembers for observers (default {DECISIONS}; 0: none)",
+    )
 
 
 def run(args: Namespace) -> int:
@@ -44,7 +51,7 @@ def run(args: Namespace) -> int:
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
     """Compile the agents' programs, join the bus under each agent's name, and reason."""
     clock = Clock(args.speed or mission.speed)
-    parts = [prepare(mission, name, args.seed) for name in chosen(mission, args)]
+    parts = [prepare(mission, name, args.seed, args.decisions) for name in chosen(mission, args)]
     name = parts[0].name
     endpoint = args.router or mission.router.endpoint
     async with open_bus(
@@ -81,7 +88,7 @@ def chosen(mission: Mission, args: Namespace) -> list[str]:
     return list(dict.fromkeys(agents))
 
 
-def prepare(mission: Mission, agent: str, seed: int) -> Part:
+def prepare(mission: Mission, agent: str, seed: int, decisions: int = DECISIONS) -> Part:
     """Read and compile what an agent is made of. Raises Findings with everything that is wrong with it."""
     robot = mission.agents[agent].robot
     deadlines: dict[str, float] = {}
@@ -90,7 +97,7 @@ def prepare(mission: Mission, agent: str, seed: int) -> Part:
         deadlines = {name: float(entry.deadline) for name, entry in manifest.actions.items()}
     program = compiled(compose(mission, agent))
     done, failed = endings(mission, agent, "done"), endings(mission, agent, "failed")
-    return Part(agent, program, robot, deadlines, done, failed, seed)
+    return Part(agent, program, robot, deadlines, done, failed, seed, decisions)
 
 
 def compiled(program: Program) -> CompiledProgram:

@@ -31,12 +31,13 @@ from agentd.mind.inputs import (
 from agentd.perceiving import Perceiving
 from agentd.roster import Roster
 from agentd.telling import line_of
+from agentd.viewing import decisions_of, intentions_of
 from agentd.wire import BadTerm, from_wire, perceived, to_wire
 from commd.bus import Bus, Query, Token
 from commd.clock import Clock
 from commd.output import stdout
 from schemas import keys
-from schemas.records import Health, IntentionView, Message, MindView, Perception
+from schemas.records import Health, Message, MindView, Perception
 
 Team: TypeAlias = "Callable[[Host, TeamRequest], Awaitable[TeamReply]]"
 """Who fulfils what a mind asks of its team."""
@@ -49,6 +50,8 @@ INPUTS = 20_000
 ASK_TIMEOUT = 30.0
 """Mission seconds after which a synchronous ask without a limit of its own is answered with the atom `timeout`."""
 LAST_PRINTS = 20
+DECISIONS = 200
+"""Decisions and failures that an agent remembers if nobody says otherwise."""
 DEFAULT_DEADLINE = 60.0
 """Mission seconds for an action that the manifest does not know: its bridge says so at once."""
 LEAVE = 2.0
@@ -67,6 +70,8 @@ class Part:
     done: dict[str, Formula]
     failed: dict[str, Formula]
     seed: int = 0
+    decisions: int = DECISIONS
+    """How many of its last decisions the agent remembers; 0: none."""
 
 
 class Host:
@@ -89,6 +94,7 @@ class Host:
             ask_timeout=ASK_TIMEOUT,
             epoch=clock.epoch,
             zone=clock.zone,
+            decisions=part.decisions,
         )
         self._wake = asyncio.Event()
         self._prints: deque[str] = deque(maxlen=LAST_PRINTS)
@@ -295,24 +301,19 @@ class Host:
     def view(self) -> MindView:
         """Return what the agent believes and intends now."""
         mind = self._mind
+        decisions, failures = decisions_of(mind)
         return MindView(
             header=self._bus.header("mind", self.part.name),
             agent=self.part.name,
             cycle=mind.cycle,
             beliefs=tuple(belief.annotated for belief in mind.belief_views()),
-            intentions=tuple(
-                IntentionView(
-                    id=view.id,
-                    state=view.state,
-                    reason=view.reason,
-                    stack=tuple(goal.trigger for goal in view.stack),
-                    at=view.stack[0].position if view.stack else "",
-                )
-                for view in mind.intention_views()
-            ),
+            intentions=intentions_of(mind),
             prints=tuple(self._prints),
             done={text: mind.query(formula) for text, formula in self.part.done.items()},
             failed={text: mind.query(formula) for text, formula in self.part.failed.items()},
+            decisions=decisions,
+            failures=failures,
+            dropped=mind.dropped,
         )
 
     def health(self) -> Health:
@@ -324,7 +325,7 @@ class Host:
         counters["cycles"] = self._mind.cycle
         missed = self._perceiving.percepts.missed if self._perceiving else 0
         return Health(
-            drops=self._mind.dropped_events + self._mailing.counters["dropped"] + stdout().dropped,
+            drops=sum(self._mind.dropped.values()) + self._mailing.counters["dropped"] + stdout().dropped,
             bad_input=self.counters["bad_percepts"] + self.counters["bad_mail"],
             counters={**{name: float(count) for name, count in sorted(counters.items())}, "percepts_missed": missed},
         )

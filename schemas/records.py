@@ -161,6 +161,86 @@ class IntentionView(Record, frozen=True, kw_only=True):
     """`file:line` of the next formula."""
 
 
+class PlanView(Record, frozen=True, kw_only=True):
+    """A plan as observers see it."""
+
+    label: str = ""
+    """As written, with annotations; empty if it has none."""
+    trigger: str
+    position: str = ""
+    """`file:line`."""
+    bindings: dict[str, str] = {}
+    """The variables that had a value, as text."""
+
+
+class RejectedView(Record, frozen=True, kw_only=True):
+    """A plan that was tried in vain."""
+
+    plan: PlanView
+    why: Literal["trigger", "context", "error"]
+    """Its trigger does not unify with the event, its context does not hold, or the context cannot be computed."""
+    literal: str = ""
+    """The part of the context that failed, as written."""
+    filled: str = ""
+    """The same with the values that its variables had."""
+    message: str = ""
+    """Why, in words."""
+
+
+class FailureView(Record, frozen=True, kw_only=True):
+    """A formula that failed, or a goal for which there was no plan."""
+
+    cycle: int
+    time: float
+    """Mission seconds."""
+    intention: int = 0
+    formula: str
+    """With the values of its variables."""
+    position: str = ""
+    """`file:line`."""
+    error: str
+    """The name that the program sees as `error(E)`."""
+    reason: str = ""
+    """Why, in words."""
+    given_up: tuple[str, ...] = ()
+    """The goals that ended with it, the innermost first."""
+    handled_by: str = ""
+    """The event that goes on from here, such as `-!fly/1`; empty if nothing handles it."""
+
+
+class DecisionView(Record, frozen=True, kw_only=True):
+    """An event of an agent and the plan that was chosen for it, with those that were not and why."""
+
+    cycle: int
+    time: float
+    """Mission seconds."""
+    event: str
+    """As text with its annotations; the source `self` goes without saying."""
+    kind: str
+    """Operator and kind of the event, such as `+!`."""
+    name: str
+    """Functor and arity."""
+    source: str = ""
+    """Who told it: an agent, `percept`, `self`."""
+    intention: int = 0
+    """The intention that the chosen plan is part of."""
+    goal: str = ""
+    """The event of the plan that raised this one and waits for it."""
+    cause: str = ""
+    """Where the event comes from, in words."""
+    asked_at: str = ""
+    """`file:line` of the formula that raised it."""
+    rejected: tuple[RejectedView, ...] = ()
+    """The plans tried in vain before the chosen one, in order."""
+    chosen: PlanView | None = None
+    untried: tuple[PlanView, ...] = ()
+    """The relevant plans after the chosen one."""
+    outcome: Literal["running", "ended", "failed", "dropped", "none"] = "none"
+    """What became of the chosen plan so far; `none`: no plan was applicable."""
+    failure: FailureView | None = None
+    """What failed in it."""
+
+
 class MindView(Record, frozen=True, kw_only=True):
     """What an agent believes and intends now."""
 
@@ -171,6 +251,12 @@ class MindView(Record, frozen=True, kw_only=True):
     intentions: tuple[IntentionView, ...] = ()
     prints: tuple[str, ...] = ()
     """The last lines that the agent printed, oldest first."""
+    decisions: tuple[DecisionView, ...] = ()
+    """The last decisions, oldest first."""
+    failures: tuple[FailureView, ...] = ()
+    """The failures of formulas and goals since the first of these decisions, oldest first."""
+    dropped: dict[str, int] = {}
+    """What was dropped because too much waited: `events` and `messages`."""
     done: dict[str, bool] = {}
     """The mission's `done` formulas of this agent and whether they hold."""
     failed: dict[str, bool] = {}

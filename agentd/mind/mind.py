@@ -207,6 +207,12 @@ class Mind:
         return bool(self.events or self.running or self.mailbox)
 
     @property
+    def dropped(self) -> dict[str, int]:
+        """What was dropped because too much waited, by kind; kinds of which nothing was dropped are left out."""
+        counts = {"events": self.dropped_events, "messages": self.dropped_mail}
+        return {kind: count for kind, count in counts.items() if count}
+
+    @property
     def wake_at(self) -> float | None:
         """The earliest mission time at which something is due that no input announces; None if there is none."""
         return self.timers.next_due()
