@@ -6,6 +6,7 @@ machine fails none. `make test ARGS=--hypothesis-profile=exploring` looks for ne
 
 from __future__ import annotations
 
+import faulthandler
 from collections.abc import Callable
 
 import pytest
@@ -16,6 +17,14 @@ from tests.support import ports
 settings.register_profile("exploring", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("reproducible", settings.get_profile("exploring"), derandomize=True, database=None)
 settings.load_profile("reproducible")
+
+END_PATIENCE = 60.0
+"""Seconds that the interpreter has to end after the last test."""
+
+
+def pytest_unconfigure() -> None:
+    """Show where the run hangs at its end, and end it: a Zenoh session that a failed test left open has threads."""
+    faulthandler.dump_traceback_later(END_PATIENCE, exit=True)
 
 
 @pytest.fixture
