@@ -30,6 +30,8 @@ class CompiledProgram:
     functions: tuple[tuple[str, int, str], ...] = ()
     """Functions that the program registers: name, number of arguments, and the rule that computes it."""
     warnings: tuple[str, ...] = ()
+    namespaced: bool = False
+    """Whether other namespaces than the default one may occur in it."""
 
 
 class DirectiveError(ValueError):
@@ -74,6 +76,7 @@ def _expanded(program: syntax.Program, namespace: str, load: Load | None, find: 
         tuple(expansion.plans),
         tuple(expansion.functions),
         tuple(expansion.warnings),
+        expansion.namespaced,
     )
 
 
@@ -113,11 +116,13 @@ class _Expansion:
         self.plans: list[syntax.Plan] = []
         self.functions: list[tuple[str, int, str]] = []
         self.warnings: list[str] = []
+        self.namespaced = False
         self._includes = 0
         self._local = count(1)
 
     def file(self, program: syntax.Program, namespace: str) -> None:
         self.warnings.extend(str(w) for w in program.warnings)
+        self.namespaced |= program.scoped or namespace != DEFAULT
         self._items(program.items, Qualifier(namespace, namespace, local_names(program.items, self._local)))
 
     def _items(self, items: tuple[syntax.Item, ...], qualifier: Qualifier) -> None:
@@ -166,6 +171,7 @@ class _Expansion:
         assert directive.items is not None
         match directive.name:
             case syntax.Structure(functor="namespace", args=(syntax.Structure(functor=name), *_)):
+                self.namespaced = True
                 name = qualifier.local.get(name, name)
                 self._items(directive.items, Qualifier(name, qualifier.default, qualifier.local))
             case syntax.Structure(functor=name, args=args) if name in PATTERNS:

@@ -29,7 +29,7 @@ class MatchCompiler(TermCompiler):
             if node.anonymous:
                 then(scope)
             elif node.name not in scope:
-                then({**scope, node.name: value})
+                self._match_new(node.name, value, scope, then)
             else:
                 self._match_known(scope[node.name], value, scope, then)
             return
@@ -43,6 +43,14 @@ class MatchCompiler(TermCompiler):
             self._match_list(node, value, scope, then)
         else:
             self.match_built(node, value, scope, then)
+
+    def _match_new(self, name: str, value: str, scope: Scope, then: Next) -> None:
+        """A variable without a value takes any term but, where there are such, a literal of another namespace."""
+        if not self.library.namespaced:
+            then({**scope, name: value})
+            return
+        with self.function.block(f"if in_default({value}):"):
+            then({**scope, name: value})
 
     def match_built(self, node: syntax.Term, value: str, scope: Scope, then: Next) -> None:
         """Build the pattern as a term and unify."""

@@ -56,7 +56,7 @@ class RelationCompiler(MatchCompiler):
                 self.function.emit(f"{linked}.ref = {other}")
             then(inner)
             return
-        if self._is_new(left, scope) and not _qualified(right):
+        if self._is_new(left, scope):
             inner = dict(scope)
             value = self.function.assign(self.build(right, inner))
             if left.anonymous:
@@ -64,7 +64,7 @@ class RelationCompiler(MatchCompiler):
                 return
             self.match(left, value, inner, then)
             return
-        if self._is_new(right, scope) and not _qualified(left):
+        if self._is_new(right, scope):
             inner = dict(scope)
             value = self.function.assign(self.build(left, inner))
             self.match(right, value, inner, then)
@@ -81,7 +81,3 @@ class RelationCompiler(MatchCompiler):
     @staticmethod
     def _is_new(node: Any, scope: Scope) -> bool:
         return is_plain_variable(node) and (node.anonymous or node.name not in scope)
-
-
-def _qualified(node: Any) -> bool:
-    return getattr(node, "namespace", None) is not None

@@ -81,7 +81,7 @@ def parse_trigger(text: str, file: str = "<trigger>") -> Trigger:
 def _program(source: Source) -> Program:
     program, tokens = _parse(source, "program")
     assert isinstance(program, Program)
-    return replace(program, warnings=tuple(tokens.warnings))
+    return replace(program, warnings=tuple(tokens.warnings), scoped="::" in source.text)
 
 
 @lru_cache(maxsize=1)

@@ -346,11 +346,15 @@ Item: TypeAlias = Belief | Rule | Goal | Plan | Directive
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A source file: its items in file order, and the warnings of the parser (deviation D1 and the like)."""
+    """A source file: its items in file order, and the warnings of the parser (deviation D1 and the like).
+
+    ``scoped`` says that a namespace may be named in it.
+    """
 
     file: str
     items: tuple[Item, ...] = ()
     warnings: tuple[Finding, ...] = ()
+    scoped: bool = field(default=False, compare=False)
 
     def plans(self) -> Iterator[Plan]:
         """All plans, also those in blocks, in file order; sub-plans stay inside their plan."""

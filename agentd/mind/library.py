@@ -20,6 +20,8 @@ class Library:
         """Whether the program has plans for the states of goals, ``^!g``."""
         self.form: Form = "select"
         """How plans are to be selected: plainly, with the reasons why they are not, or with all their options."""
+        self.namespaced = False
+        """Whether the program knows other namespaces: then plain variables must refuse their literals (rule 100)."""
         self._own: dict[tuple[str, int], Callable[..., Any]] = {}
         self.unknown: dict[tuple[str, int], syntax.Position] = {}
         """Internal actions that the program uses and nobody knows, with the first place of each."""

@@ -20,6 +20,7 @@ from agentd.mind.rules import add_rule
 def load_program(mind: Any, program: CompiledProgram) -> None:
     """Give a new mind its program: functions, plans, initial beliefs and goals, and tell the warnings."""
     _register_functions(mind, program)
+    mind.compiler.namespaced |= program.namespaced
     mind.plans.extend(list(program.plans))
     _begin(mind, program)
 
@@ -36,6 +37,7 @@ def include_program(mind: Any, program: CompiledProgram | None, namespace: str =
         for node in program.plans:
             refuse_label(mind, node.label)
     _register_functions(mind, program)
+    mind.compiler.namespaced |= program.namespaced
     for node in program.plans:
         mind.plans.add(mind.plans.make(node))
     _begin(mind, program)

@@ -33,7 +33,7 @@ from agentd.mind.loops import begin_rounds, free_again, next_round, present
 from agentd.mind.relations import arithmetic, order, same, univ
 from agentd.mind.resolving import detach, resolve, resolve_annots
 from agentd.mind.solve import solve
-from agentd.mind.unifier import open_list, open_structure, subsets, undo, unify, value
+from agentd.mind.unifier import in_default, open_list, open_structure, subsets, undo, unify, value
 from agentd.mind.waiting import wait_until
 
 RUNTIME: Final[dict[str, Any]] = {
@@ -66,6 +66,7 @@ RUNTIME: Final[dict[str, Any]] = {
     "fork": fork,
     "held": held,
     "free_again": free_again,
+    "in_default": in_default,
     "join": join,
     "make_list": make_list,
     "open_list": open_list,

@@ -202,6 +202,12 @@ def subsets(left: tuple[Any, ...], right: tuple[Any, ...], trail: Trail) -> Any:
         undo(trail, mark)
 
 
+def in_default(term: Any) -> bool:
+    """Whether a plain variable takes a term: no literal of another namespace (rule 100)."""
+    term = deref(term)
+    return type(term) is not Literal or term.sig.namespace == DEFAULT
+
+
 def open_structure(term: Any, sig: Any, trail: Trail) -> Any:
     """The arguments of a term that shall be a structure of this signature; None if it is something else.
 
