@@ -10,11 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from agentd.check import check_program
+from agentd.analysis.elsewhere import Elsewhere
+from agentd.check import Robot, findings_of, read_survey
 from agentd.compose import compose, endings
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file, parse_literal
 from agentd.language.syntax import Formula, Program, Structure
+from agentd.paths import SourcePaths
 from argosy.mentions import beliefs_of, mentioned
 from argosy.outline import Outline, outline
 from argosy.processes import check_links, only_real
@@ -168,7 +170,9 @@ def _against(program: Program, manifest: Manifest | None, told: set[tuple[str, i
     """Check a program against what its robot can do and tell, and what the mission and other agents may tell."""
     actions = manifest.action_arities() if manifest is not None else {}
     percepts = manifest.percept_arities() if manifest is not None else {}
-    return check_program(program, actions, {**percepts, **OF_THE_DAEMONS}, beliefs=told)
+    parameters = {name: entry.params for name, entry in manifest.actions.items()} if manifest is not None else {}
+    robot = Robot(actions, {**percepts, **OF_THE_DAEMONS}, parameters)
+    return findings_of(read_survey(program, SourcePaths()), robot, Elsewhere(beliefs=frozenset(told)))
 
 
 def _endings(

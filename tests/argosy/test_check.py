@@ -71,6 +71,16 @@ def test_the_shipped_missions_are_right(shipped: Path) -> None:
     ("old", "new", "expected"),
     [
         ("takeoff(5)", "take_off(5)", "scout.asl:2:69: error: there is no action take_off/1; did you mean takeoff?"),
+        (
+            "takeoff(5)",
+            "takeoff(500)",
+            "scout.asl:2:77: error: the action takeoff takes altitude: float 1..120 m, not 500",
+        ),
+        (
+            "takeoff(5)",
+            'takeoff("5")',
+            "scout.asl:2:77: error: the action takeoff takes altitude: float 1..120 m, not ",
+        ),
         ("takeoff(5)", "takeoff(5, 1)", "scout.asl:2:69: error: the action takeoff takes 1 argument, not 2"),
         (
             "state(Mode, true, _)",
