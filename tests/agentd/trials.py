@@ -27,6 +27,7 @@ HANG: Final = 20.0
 PATIENCE: Final = 200.0
 """An input may take so many times as long as good programs of its length do, and of `_SHORT` characters at least."""
 _SHORT: Final = 1000
+LONGEST_MESSAGE: Final = 400
 CYCLES: Final = 200
 TIRED: Final = 5.0
 """Seconds of processor time after which a program that runs is left alone: it may compute as long as it likes."""
@@ -43,14 +44,14 @@ def parsed(text: str) -> Program | None:
             program = parse_program(text, "a.asl")
     except SyntaxErrors as errors:
         lines = text.count("\n") + 1
-        assert errors.findings
+        assert errors.findings, "refused without a word"
         for finding in errors.findings:
-            assert finding.file == "a.asl"
-            assert 1 <= finding.line <= lines
-            assert finding.column >= 1
-            assert finding.message
-            assert "\n" not in finding.message
-        assert len(str(errors)) < 500 * len(errors.findings)
+            assert finding.file == "a.asl", "a finding of another file"
+            assert 1 <= finding.line <= lines, f"line {finding.line} of {lines}"
+            assert finding.column >= 1, "no column"
+            assert finding.message.strip(), "no message"
+            assert "\n" not in finding.message, "a message of several lines"
+            assert len(finding.message) < LONGEST_MESSAGE, "a message that nobody reads to its end"
         return None
     return program
 

@@ -1,0 +1,75 @@
+"""Run-time terms: equality, hashes, the standard order, and the way over the bus and back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from agentd.language.order import compare, distinct, ordered, sorted_annots
+from agentd.language.signatures import signature
+from agentd.language.terms import Literal, equal
+from agentd.wire import BadTerm, from_wire, to_wire
+from schemas.codec import Codec, Wire
+from schemas.records import Perception
+from tests.agentd.generated_terms import any_terms, ground, made_again
+
+FEW = settings(max_examples=100, deadline=None)
+SLOW_TO_MAKE = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much)
+
+
+@FEW
+@given(ground)
+def test_a_term_equals_its_copy_and_has_its_hash(term: Any) -> None:
+    other = made_again(term)
+    assert term == other
+    assert hash(term) == hash(other)
+
+
+@FEW
+@given(ground, ground)
+def test_terms_are_equal_just_when_neither_comes_before_the_other(one: Any, other: Any) -> None:
+    assert equal(one, other) == (compare(one, other) == 0)
+    if equal(one, other):
+        assert hash(one) == hash(other)
+
+
+@FEW
+@given(ground, ground, ground)
+def test_the_standard_order_is_total(a: Any, b: Any, c: Any) -> None:
+    assert compare(a, a) == 0
+    assert (compare(a, b) > 0) == (compare(b, a) < 0)
+    low, middle, high = ordered([a, b, c])
+    assert compare(low, middle) <= 0
+    assert compare(middle, high) <= 0
+    assert compare(low, high) <= 0
+    assert distinct([a, b, c, a, b, c]) == distinct([c, b, a])
+
+
+@pytest.mark.parametrize("wire", ["json", "msgpack"])
+@FEW
+@given(term=ground)
+def test_a_ground_term_comes_back_from_the_bus_as_it_went(term: Any, wire: Wire) -> None:
+    codec = Codec(Perception)
+    sent = Perception(name="b", parameters=(to_wire(term),))
+    back = codec.decode(codec.encode(sent, wire), codec.encoding(wire))
+    assert equal(from_wire(back.parameters[0]), term)
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=SLOW_TO_MAKE)
+@given(any_terms)
+def test_any_term_that_crosses_the_bus_is_sent_on_as_it_came(term: Any) -> None:
+    try:
+        sent = to_wire(term)
+    except BadTerm:
+        return
+    assert to_wire(from_wire(sent)) == sent
+
+
+@FEW
+@given(ground, ground)
+def test_annotations_are_a_set(one: Any, other: Any) -> None:
+    left = Literal(signature("b"), (), sorted_annots([one, other, one]))
+    right = Literal(signature("b"), (), sorted_annots([other, one]))
+    assert left == right
