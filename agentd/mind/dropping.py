@@ -14,6 +14,7 @@ from agentd.mind.failed import Failed
 from agentd.mind.failure import fail
 from agentd.mind.failure_facts import error_annots
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP
+from agentd.mind.goal_states import of_goals, raise_state
 from agentd.mind.intention_terms import ahead
 from agentd.mind.intentions import Intention, values_of
 from agentd.mind.questions import Question
@@ -103,6 +104,7 @@ def drop_intention(mind: Any, goal: Literal, trail: Trail) -> bool:
         mark = len(trail)
         if find_goal(intention, goal, trail) is not None:
             own |= intention is mind.current
+            of_goals(mind, intention, "dropped", "finished")
             drop(mind, intention)
         undo(trail, mark)
     return own
@@ -175,6 +177,9 @@ def end_goal(mind: Any, intention: Intention, place: int, succeeded: bool) -> No
     trail[:] = kept
     frame = stack[place]
     if succeeded:
+        if mind.plans.has_meta:
+            for state in ("achieved", "finished"):
+                raise_state(mind, frame[RELEVANT], frame[ARGS], frame[ANNOTS], state)
         stack.pop()
         while stack and stack[-1][0] is None:
             stack.pop()

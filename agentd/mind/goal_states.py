@@ -7,6 +7,7 @@ from typing import Any
 from agentd.language.order import sorted_annots
 from agentd.language.signatures import signature
 from agentd.language.terms import Literal, atom
+from agentd.mind.frames import ANNOTS, ARGS, RELEVANT
 from agentd.mind.resolving import resolve_all
 
 
@@ -16,6 +17,17 @@ def raise_state(mind: Any, relevant: Any, args: tuple[Any, ...], annots: tuple[A
     if meta.plans:
         told = Literal(signature("state", 1), (atom(state),))
         mind.post(meta, resolve_all(args), sorted_annots((*resolve_all(annots), told)))
+
+
+def of_goals(mind: Any, intention: Any, *states: str) -> None:
+    """These states of all goals of an intention, innermost first, in programs with plans for them."""
+    if not mind.plans.has_meta:
+        return
+    for frame in reversed(intention.stack):
+        relevant = frame[RELEVANT]
+        if relevant.operator == "+" and relevant.goal:
+            for state in states:
+                raise_state(mind, relevant, frame[ARGS], frame[ANNOTS], state)
 
 
 def pending(mind: Any, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:

@@ -10,6 +10,7 @@ from agentd.language.terms import Literal, deref
 from agentd.mind import dropping
 from agentd.mind.dropping import drop
 from agentd.mind.failed import wrong_arguments
+from agentd.mind.goal_states import of_goals
 from agentd.mind.intention_terms import reason_of, stack_of, state_of
 from agentd.mind.taken import intention_in_hand
 from agentd.mind.unifier import Trail, undo, unify
@@ -55,6 +56,7 @@ def _own_end(mind: Any, own: bool) -> bool | None:
 @internal_action(".drop_intention", (0, 1), suspends=True)
 def drop_intention(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
     if goal is None:
+        of_goals(mind, mind.current, "dropped", "finished")
         drop(mind, mind.current)
         return True
     return _own_end(mind, dropping.drop_intention(mind, _goal(goal), trail))
@@ -168,6 +170,7 @@ def suspend(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
     """``.suspend`` the own intention, or ``.suspend(G)`` those with G."""
     if goal is None:
         mind.current.suspended = "suspended"
+        of_goals(mind, mind.current, "suspended")
         mind.suspended[mind.current.id] = mind.current
         return True
     pattern, own = _goal(goal), False
@@ -178,6 +181,7 @@ def suspend(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
         if not fits or intention.suspended is not None:
             continue
         intention.suspended = "suspended"
+        of_goals(mind, intention, "suspended")
         own |= intention is mind.current
         if intention in mind.running:
             mind.running.remove(intention)
@@ -204,6 +208,7 @@ def resume(mind: Any, trail: Trail, goal: Any) -> bool:
         undo(trail, mark)
         if fits and intention.suspended is not None:
             intention.suspended = None
+            of_goals(mind, intention, "resumed")
             if mind.suspended.pop(intention.id, None) is not None:
                 resume_waiting(mind, intention)
     return True
