@@ -13,6 +13,7 @@ import os
 from collections import Counter, deque
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from threading import Thread
 from typing import Any, Generic, Literal, TypeVar
 
 import zenoh
@@ -29,6 +30,8 @@ BACKLOG = 10_000
 """Samples and queries that may wait for the event loop before further ones are dropped and counted."""
 QUERIES = 256
 """Queries that may be served at the same time."""
+CLOSE_PATIENCE = 2.0
+"""Wall seconds for the last words of a session; with a router that hangs Zenoh would take 10 s, and then fail."""
 CLAIM_PATIENCE = 3.0
 """Seconds to wait for the token of a dead predecessor to go (the lease of a hung one) before refusing to start."""
 
@@ -380,7 +383,20 @@ class Bus:
         for task in list(self._tasks):
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        await asyncio.to_thread(self._session.close)
+        closed = asyncio.Event()
+
+        def close() -> None:
+            try:
+                self._session.close()  # type: ignore[no-untyped-call]
+            except zenoh.ZError as error:
+                log.debug("not_closed why=%s", error)
+            self._soon(lambda _: closed.set())(None)
+
+        Thread(target=close, name="leaving", daemon=True).start()
+        try:
+            await asyncio.wait_for(closed.wait(), CLOSE_PATIENCE)
+        except TimeoutError:
+            log.warning("the router hangs: this session ends without a word to it")
 
 
 def _drop_query(query: zenoh.Query) -> None:

@@ -10,6 +10,7 @@ from unittest.mock import Mock
 
 import pytest
 
+from commd.bus import open_bus
 from commd.clock import Clock
 from commd.process import report_health
 from schemas import keys
@@ -56,6 +57,21 @@ def test_two_routers_on_one_endpoint_do_not_start_and_the_second_says_why(endpoi
             assert second.ends() == 1
             assert f"error: commd: cannot listen at {endpoint}" in second.text
             assert "Traceback" not in second.text
+
+
+def test_a_router_that_hangs_keeps_nobody_from_leaving(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
+    async def body() -> float:
+        with running("commd", "serve", MISSION, "--router", endpoint) as commd:
+            await asyncio.to_thread(commd.says, "router board=local")
+            async with open_bus(endpoint, fleet=FLEET, name="uav", daemon="agentd", stamp=time.time_ns) as bus:
+                await bus.claim("uav")
+                commd.signal(signal.SIGSTOP)
+                await until(lambda: not bus.router_up, "the router is missed")
+                started = time.monotonic()
+            return time.monotonic() - started
+
+    assert least(lambda: asyncio.run(asyncio.wait_for(body(), 60)), 3.0) < 3.0
+    assert "the router hangs: this session ends without a word to it" in caplog.text
 
 
 def test_a_bad_mission_ends_commd_with_its_findings(tmp_path: Path, endpoint: str) -> None:
