@@ -19,7 +19,7 @@ LONG_ENOUGH = 100.0
 
 
 def _output(path: Path) -> str:
-    world = World(Mind("bob", compile_program(parse_file(path), parse_file))).at(LONG_ENOUGH)
+    world = World(Mind("bob", compile_program(parse_file(path), parse_file), actions=())).at(LONG_ENOUGH)
     printed = []
     for effect in world.effects:
         if isinstance(effect, StopTeam):
