@@ -25,6 +25,7 @@ from agentd.mind.failure_facts import (
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, Frame, Step
 from agentd.mind.goal_states import raise_state
 from agentd.mind.intentions import Intention
+from agentd.mind.nested import nested_plans
 from agentd.mind.reports import failure_report
 from agentd.mind.resolving import detach, resolve_all
 from agentd.mind.unifier import undo
@@ -73,9 +74,10 @@ def goal_failed(mind: Any, relevant: Any, args: Any, annots: Any, intention: Int
         failure.step = intention.last
     extra = error_annots(failure, literal, line, source)
     handler = relevant.counterpart("-")
-    if not (handler.plans or (intention is not None and _has_handler(intention))):
+    handled = _handles(mind, handler, intention)
+    if not (handled or (intention is not None and _has_handler(intention))):
         failure.tried = rejected_plans(mind, (relevant, args, annots, intention))
-    if handler.plans:
+    if handled:
         facts = sorted_annots(tuple(annots) + extra)
         if relevant.goal == "?" and intention is not None:
             mind.events.append((handler, detach(args), resolve_all(facts), None))
@@ -88,6 +90,13 @@ def goal_failed(mind: Any, relevant: Any, args: Any, annots: Any, intention: Int
         mind.effects.append(failure_report(mind, failure, (), (), ""))
         return
     fail(mind, intention, extra, where, failure)
+
+
+def _handles(mind: Any, handler: Any, intention: Intention | None) -> bool:
+    """Whether there are failure plans for a goal, be it in the plan that called it (the innermost one now)."""
+    if handler.plans or not mind.plans.has_nested:
+        return bool(handler.plans)
+    return any(True for _ in nested_plans(mind, handler, intention))
 
 
 def _note(mind: Any, intention: Intention | None, failure: Failed, frames: Sequence[Frame], handler: Any) -> None:
@@ -138,7 +147,7 @@ def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, fa
                 raise_state(mind, relevant, top[ARGS], top[ANNOTS], "failed")
                 raise_state(mind, relevant, top[ARGS], top[ANNOTS], "finished")
             handler = relevant.counterpart("-")
-            if handler.plans:
+            if _handles(mind, handler, intention):
                 annots = sorted_annots((*top[ANNOTS], *extra))
                 mind.events.append((handler, top[ARGS], annots, intention))
                 _note(mind, intention, failure, frames[: depth - len(stack)], handler)
