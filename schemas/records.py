@@ -177,8 +177,9 @@ class RejectedView(Record, frozen=True, kw_only=True):
     """A plan that was tried in vain."""
 
     plan: PlanView
-    why: Literal["trigger", "context", "error"]
-    """Its trigger does not unify with the event, its context does not hold, or the context cannot be computed."""
+    why: Literal["trigger", "context", "error", "choice"]
+    """Its trigger does not unify with the event, its context does not hold or cannot be computed, or it was applicable
+    but the agent's own selection function did not choose it."""
     literal: str = ""
     """The part of the context that failed, as written."""
     filled: str = ""

@@ -30,7 +30,7 @@ def run_cycles(mind: Any, cycles: int) -> None:
             check_conditions(mind)
             check_goal_conditions(mind)
         if mind.atomic is not None:
-            if not _atomic_cycle(mind):
+            if not atomic_cycle(mind):
                 return
             if effects:
                 return
@@ -51,7 +51,7 @@ def run_cycles(mind: Any, cycles: int) -> None:
             return
 
 
-def _atomic_cycle(mind: Any) -> bool:
+def atomic_cycle(mind: Any) -> bool:
     """A cycle while an atomic plan runs: only its own events and formulas. False when it has to wait."""
     atomic = mind.atomic
     assert atomic is not None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from agentd.language import syntax
 from agentd.language.instantiate import instantiate
@@ -18,6 +18,9 @@ from agentd.mind.frames import ARGS, PLAN, RELEVANT, STEP, VARIABLES, Frame, Ste
 from agentd.mind.holding import short_text
 from agentd.mind.inputs import Mail
 from agentd.mind.plans import Plan
+
+PASSED_OVER: Final = "passed over"
+"""The reason why an applicable plan was not chosen: a selection function or rule took another."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +37,10 @@ class PlanView:
 class RejectedView:
     """A plan that was tried in vain.
 
-    ``why`` is ``trigger`` (it does not unify with the event), ``context`` or ``error`` (the context could not be
-    computed). For ``context``, ``literal`` is the part that failed as written and ``filled`` the same with the values
-    that its variables had; these are the plan's ``bindings``. ``message`` says it in words.
+    ``why`` is ``trigger`` (it does not unify with the event), ``context``, ``error`` (the context could not be
+    computed) or ``choice`` (it was applicable, but a selection function or rule did not choose it). For
+    ``context``, ``literal`` is the part that failed as written and ``filled`` the same with the values that its
+    variables had; these are the plan's ``bindings``. ``message`` says it in words.
     """
 
     plan: PlanView
@@ -211,6 +215,8 @@ def rejected_view(plan: Plan, reason: Any) -> RejectedView:
         annotated = getattr(plan.syntax.trigger.literal, "annotations", None) is not None
         message = f"its trigger {'and annotations do' if annotated else 'does'} not match"
         return RejectedView(plan_view(plan), "trigger", "", "", message)
+    if reason is PASSED_OVER:
+        return RejectedView(plan_view(plan), "choice", "", "", "it is applicable, but was not chosen")
     if reason == ():
         return RejectedView(plan_view(plan), "context", "", "", "its context does not hold")
     if isinstance(reason, Exception):

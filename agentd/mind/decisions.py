@@ -116,7 +116,8 @@ class Decisions:
         self._given: list[Any] = []
         self._given_in = 0
         """The inputs that may raise events, and the cycle in which they came."""
-        mind.compiler.form = "trace"
+        if mind.compiler.form == "select":
+            mind.compiler.form = "trace"
         plans = mind.plans
         plans.select, plans.select_nested, plans.select_noted = self.select, self.select_nested, self.select_noted
         mind.post, mind.on_input = self.post, self.on_input
@@ -160,7 +161,7 @@ class Decisions:
         except Exception as error:
             return self._select_after(trail, event, plan, [*(rejected or ()), self._broken(relevant, plan, error)])
         if frame is None or shown is not args or len(trail) > mark:
-            self._decided(event, shown, rejected, frame, None if frame is None else frame[VARIABLES:])
+            self.decided(event, shown, rejected, frame, None if frame is None else frame[VARIABLES:])
             return frame
         if annots is not SELF and annots is not PERCEPT:
             annots = held_all(annots)
@@ -186,7 +187,7 @@ class Decisions:
             except Exception as error:
                 found = self._broken(relevant, plan, error)[1]
             if type(found) is list:
-                self._decided(event, shown, rejected, found, found[VARIABLES:])
+                self.decided(event, shown, rejected, found, found[VARIABLES:])
                 return found
             undo(trail, mark)
             rejected.append((plan, found))
@@ -207,7 +208,7 @@ class Decisions:
                 break
             undo(trail, mark)
             rejected.append((plan, found))
-        self._decided(event, shown, rejected, frame, None if frame is None else frame[VARIABLES:])
+        self.decided(event, shown, rejected, frame, None if frame is None else frame[VARIABLES:])
         return frame
 
     def _broken(self, relevant: Any, plan: Any, error: Exception) -> tuple[Any, Exception]:
@@ -223,7 +224,7 @@ class Decisions:
         finally:
             mind.plans.taken = None
 
-    def _decided(self, event: Any, args: Any, rejected: Any, frame: Frame | None, values: list[Any] | None) -> None:
+    def decided(self, event: Any, args: Any, rejected: Any, frame: Frame | None, values: list[Any] | None) -> None:
         """Note a decision in full."""
         mind = self._mind
         relevant, _, annots, intention = event

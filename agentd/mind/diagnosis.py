@@ -12,7 +12,7 @@ from typing import Any, Final
 from agentd.language import syntax
 from agentd.language.constants import signature_of
 from agentd.mind.beliefs import RuleClause
-from agentd.mind.decision_views import RejectedView, rejected_view
+from agentd.mind.decision_views import PASSED_OVER, RejectedView, rejected_view
 from agentd.mind.intentions import Intention
 from agentd.mind.nested import nested_plans
 from agentd.mind.unifier import undo
@@ -102,7 +102,9 @@ def _rejected(mind: Any, plan: Any, around: Any, event: Any, intention: Intentio
         found = error
     undo(trail, mark)
     del mind.effects[told:]
-    return rejected_view(plan, () if type(found) is list else found)
+    if type(found) is list:
+        found = () if mind.options is None else PASSED_OVER
+    return rejected_view(plan, found)
 
 
 def harmless(mind: Any, formula: Any, seen: frozenset[Any] = frozenset()) -> bool:

@@ -17,6 +17,7 @@ from agentd.language.terms import Literal
 from agentd.mind.annotations import with_source
 from agentd.mind.beliefs import BeliefBase
 from agentd.mind.changes import believe
+from agentd.mind.choosing import Chooser, Selector, selectors_of
 from agentd.mind.cycle import atomic_can_run, run_cycles
 from agentd.mind.decision_views import DecisionView, FailureView, view_of, views_of
 from agentd.mind.decisions import Decisions
@@ -30,6 +31,7 @@ from agentd.mind.intentions import Intention
 from agentd.mind.library import Library
 from agentd.mind.loading import copy_mind, load_program
 from agentd.mind.open_beliefs import OpenBeliefs
+from agentd.mind.options import RULE, Options
 from agentd.mind.plans import PlanLibrary
 from agentd.mind.resolving import detach, resolve_all, resolve_annots
 from agentd.mind.runtime import RUNTIME
@@ -64,6 +66,8 @@ class Mind:
     asks without a limit of their own. ``epoch`` is the Unix time of mission time 0, and ``zone`` where it is told, for
     ``.date`` and ``.time``. ``decisions`` is how many of the last decisions and failures are remembered
     (`decision_views`); 0: none, which costs nothing. ``on_decision`` is told each of them as it is made.
+    ``select_message``, ``select_event``, ``select_option`` and ``select_intention`` choose in place of the defaults; a
+    subclass may have methods of these names instead (`agentd.mind.choosing`).
     """
 
     def __init__(
@@ -83,6 +87,10 @@ class Mind:
         zone: tzinfo = UTC,
         decisions: int = 0,
         on_decision: Callable[[DecisionView | FailureView], None] | None = None,
+        select_message: Selector | None = None,
+        select_event: Selector | None = None,
+        select_option: Selector | None = None,
+        select_intention: Selector | None = None,
     ) -> None:
         self.name, self.program = name, program
         self.actions = None if actions is None else frozenset(actions)
@@ -155,7 +163,24 @@ class Mind:
         if decisions or on_decision is not None:
             tell = None if on_decision is None else (lambda record: on_decision(view_of(self, record)))
             self.recorder = Decisions(self, max(1, decisions), tell)
+        self._cycles = run_cycles
+        self._choose(select_message, select_event, select_option, select_intention)
         load_program(self, program)
+        if self.beliefs.known(RULE) is not None:
+            self.choose_by_rule()
+
+    def _choose(self, *given: Selector | None) -> None:
+        selectors = selectors_of(self, given)
+        chooses = "select_option" in selectors
+        self.options = Options(self, selectors.pop("select_option")) if chooses else None
+        """What chooses among options, where that is not left to the order of the plans."""
+        if selectors:
+            self._cycles = Chooser(self, selectors).run_cycles
+
+    def choose_by_rule(self) -> None:
+        """Let the program's rules ``select__option`` choose among options, unless a selection function does."""
+        if self.options is None:
+            self.options = Options(self, None)
 
     def _provide(self, ref: Ref) -> Any:
         if ref.kind == "predicate":
@@ -186,7 +211,7 @@ class Mind:
         if now > self.now:
             self.now = now
         try:
-            run_cycles(self, cycles)
+            self._cycles(self, cycles)
         except RecursionError:
             self.effects.append(Log("error", "a term or rule is too deep; what it was needed for is lost"))
         current = self.current

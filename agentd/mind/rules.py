@@ -16,6 +16,8 @@ def add_rule(mind: Any, rule: syntax.Rule, values: dict[str, Any], last: bool = 
     clause = RuleClause(rule, partial(_compile_rule, mind), values)
     mind.beliefs.predicate(signature_of(rule.head)).add_rule(clause, last)
     mind.plans.note_formula(rule.body)
+    if rule.head.functor == "select__option":
+        mind.choose_by_rule()
     mind.changes += 1
 
 
