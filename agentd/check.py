@@ -15,12 +15,10 @@ from agentd.analysis.arities import Arities
 from agentd.analysis.beliefs import beliefs_never_added, events_never_perceived
 from agentd.analysis.calls import formulas_as_actions, internal_actions, undotted_internal_actions
 from agentd.analysis.directives import directives_as_beliefs, wrong_directives
-from agentd.analysis.elsewhere import Elsewhere, from_team
-from agentd.analysis.includes import Includes
+from agentd.analysis.elsewhere import Elsewhere
 from agentd.analysis.kinds import Kind
 from agentd.analysis.library import look_for_packages, standard_library
 from agentd.analysis.loops import busy_loops
-from agentd.analysis.mentions import Survey
 from agentd.analysis.messages import endless_asks, unknown_performatives
 from agentd.analysis.plans import (
     duplicate_labels,
@@ -29,13 +27,12 @@ from agentd.analysis.plans import (
     unused_belief_plans,
     unused_plans,
 )
-from agentd.analysis.survey import survey
+from agentd.analysis.subjects import Surveyed, read_subjects, read_survey
 from agentd.analysis.variables import singletons, unbound_variables
-from agentd.language.errors import SyntaxErrors
-from agentd.language.parser import parse_file
 from agentd.language.syntax import Program
 from agentd.paths import SourcePaths, read_folders
 from agentd.run import add_path_argument
+from agentd.stdlib.registry import find_action
 from schemas.findings import Finding, Findings
 from schemas.manifest_entries import Parameter
 
@@ -83,33 +80,6 @@ def check_program(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Surveyed:
-    """A program with its survey, and what was found while its files were read."""
-
-    survey: Survey
-    findings: tuple[Finding, ...]
-
-
-def read_survey(program: Program, paths: SourcePaths) -> Surveyed:
-    """Survey a program with the files that it includes."""
-    findings = list(program.warnings)
-    includes = Includes(program.file, paths, findings)
-    found = survey(program.items, includes)
-    if includes.missing:
-        found.open_plans = found.open_beliefs = found.open_goals = True
-    if any(placed.is_test for placed in found.plans):
-        _add_assertions(found)
-    return Surveyed(found, tuple(findings))
-
-
-def _add_assertions(found: Survey) -> None:
-    """Count the plans as there that `agentd test` adds to programs with test plans."""
-    from agentd.testing.cases import LIBRARY
-
-    found.plans += survey(parse_file(LIBRARY).items).plans
-
-
 def findings_of(
     surveyed: Surveyed,
     robot: Robot,
@@ -121,6 +91,9 @@ def findings_of(
     """All findings about a program that has been surveyed."""
     found = surveyed.survey
     unusable = look_for_packages(found)
+    for call in found.calls:
+        if not call.action.name.startswith("."):
+            find_action(call.action.name, len(call.action.args))  # loads the package that provides it
     known_actions, known_functions = standard_library()
     internal = known_actions if internal is None else internal
     findings = list(surveyed.findings)
@@ -164,7 +137,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `agentd check`."""
     parser.formatter_class = RawDescriptionHelpFormatter
     parser.description = _DESCRIPTION
-    parser.add_argument("files", nargs="+", metavar="FILE", help="program to check")
+    parser.add_argument("files", nargs="+", metavar="FILE", help="program to check, or a project file (.mas2j)")
     parser.add_argument("--manifest", help="manifest of the robot: a shipped one's name, or a file")
     parser.add_argument("--json", action="store_true", help="findings as a JSON array on stdout")
     add_path_argument(parser)
@@ -184,15 +157,15 @@ def run(args: Namespace) -> int:
     except (Findings, ValueError) as error:
         print(error, file=sys.stderr)
         return EXIT_BAD_INPUT
-    findings, shown = _check(args.files, robot, paths)
+    shown = _check(args.files, robot, paths)
     if args.json:
-        print(json.dumps([_fields(one) for one in findings], indent=2, ensure_ascii=False))
+        print(json.dumps([_fields(one) for one in shown], indent=2, ensure_ascii=False))
     else:
-        for text in shown:
+        for text in shown.values():
             print(text, file=sys.stderr)
-    if any(one.kind == Kind.FILE.label and not one.line for one in findings):
+    if any(one.kind == Kind.FILE.label and not one.line for one in shown):
         return EXIT_BAD_INPUT
-    return EXIT_FOUND if any(one.severity == "error" for one in findings) else EXIT_DONE
+    return EXIT_FOUND if any(one.severity == "error" for one in shown) else EXIT_DONE
 
 
 def _fields(one: Finding) -> dict[str, Any]:
@@ -211,23 +184,13 @@ def _robot(name: str | None) -> Robot:
     return Robot(manifest.action_arities(), {**manifest.percept_arities(), **OF_THE_DAEMONS}, parameters)
 
 
-def _check(files: Sequence[str], robot: Robot, paths: SourcePaths) -> tuple[list[Finding], list[str]]:
-    """The findings of all files, each once, and how they are shown; in the order of the files."""
-    read: dict[str, Surveyed] = {}
-    unread: dict[str, dict[Finding, str]] = {}
-    for file in files:
-        try:
-            read[file] = read_survey(parse_file(file), paths)
-        except SyntaxErrors as errors:
-            unread[file] = {problem.finding: str(problem) for problem in errors.problems}
-        except OSError as error:
-            finding = Finding(file, 0, 0, f"cannot be read: {error.strerror}", kind=Kind.FILE.label)
-            unread[file] = {finding: str(finding)}
-    # Nothing can be said of what is sent by those that could not be read.
-    elsewhere = Elsewhere() if unread else from_team(surveyed.survey for surveyed in read.values())
+def _check(files: Sequence[str], robot: Robot, paths: SourcePaths) -> dict[Finding, str]:
+    """The findings of all files and how they are shown, each once, in the order of the files."""
+    subjects = read_subjects(files, paths)
+    elsewhere = subjects.elsewhere()
     shown: dict[Finding, str] = {}
-    for file in files:
-        shown |= unread.get(file, {})
-        if file in read:
-            shown |= {one: str(one) for one in findings_of(read[file], robot, elsewhere)}
-    return list(shown), list(shown.values())
+    for file in subjects.order:
+        shown |= subjects.shown.get(file, {})
+        if file in subjects.programs:
+            shown |= {one: str(one) for one in findings_of(subjects.programs[file], robot, elsewhere)}
+    return shown

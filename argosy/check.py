@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Literal
 
 from agentd.analysis.elsewhere import Elsewhere
-from agentd.check import Robot, findings_of, read_survey
+from agentd.analysis.subjects import read_survey
+from agentd.check import Robot, findings_of
 from agentd.compose import compose, endings
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file, parse_literal

@@ -15,6 +15,7 @@ class Kind(enum.Enum):
     SYNTAX = "syntax", "the text is no program; nothing else is checked until it is one"
     MISSING_SEMICOLON = "missing-semicolon", "a formula on a new line without ; before it, read as if one stood there"
     FILE = "file", "a file that is checked or included cannot be read"
+    PROJECT = "project", "what a project file names and nobody here has, such as Java classes"
     UNKNOWN_DIRECTIVE = "unknown-directive", "a directive that does not exist, or with other arguments than it takes"
     DIRECTIVE_AS_BELIEF = "directive-as-belief", "include(...) and the like without braces: a belief and no directive"
     UNKNOWN_INTERNAL_ACTION = "unknown-internal-action", "an internal action that does not exist"

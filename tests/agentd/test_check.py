@@ -296,6 +296,36 @@ def test_the_command_ends_with_2_when_a_file_cannot_be_read_and_tells_the_errors
     assert f"{files[3]}: error: cannot be read: No such file or directory" in err
 
 
+def test_what_the_checked_files_send_to_one_another_is_known(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.asl").write_text("!go. +!go <- .send(b, tell, color(red)); .send(b, achieve, paint(1)).\n")
+    (tmp_path / "b.asl").write_text(
+        "!begin. +!begin <- .print(b). +!paint(_) : color(_) <- .print(yes). +!print(_) : colour(_) <- .print(no).\n"
+    )
+    assert check(str(tmp_path / "a.asl"), str(tmp_path / "b.asl")) == 0
+    assert [line.split("warning: ")[1] for line in capsys.readouterr().err.splitlines()] == [
+        "this plan is never used, unless by what others send: nothing sets the goal !print/1; did you mean paint?",
+        "nothing adds the belief colour/1: unless it is a percept or told, colour(_) is always false; "
+        "did you mean color?",
+    ]
+
+
+def test_a_project_is_checked_with_its_agents(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "src").mkdir()
+    (tmp_path / "src" / "ann.asl").write_text("+!begin(X) : size(Y) & X > Y <- .prnt(X).\n")
+    (tmp_path / "src" / "bob.asl").write_text("+!g <- a b.\n")
+    project = tmp_path / "team.mas2j"
+    project.write_text('MAS t { agents: ann [beliefs="size(1)", goals="begin(2)"]; bob; eve; aslSourcePath: "src"; }\n')
+    assert check(str(project)) == 1
+    told = capsys.readouterr().err
+    assert f"{project}:1:65: error: cannot read the program of the agent eve" in told
+    assert "ann.asl:1:41: error: there is no internal action .prnt/1" in told
+    assert "bob.asl:1:10: error: a ; is missing before 'b'" in told
+    assert "size" not in told
+    assert "begin" not in told
+
+
 def test_the_command_prints_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "a.asl"
     path.write_text("!go.\n")

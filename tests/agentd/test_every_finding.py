@@ -15,8 +15,8 @@ from agentd.check import add_arguments, run
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "tests" / "data" / "check"
 KINDS = {kind.label for kind in Kind}
-ONLY_ELSEWHERE = {"undotted-internal-action", "file", "syntax"}
-"""What is told only without a manifest, and what hides other findings and so stands in a file of its own."""
+ONLY_ELSEWHERE = {"undotted-internal-action", "file", "syntax", "project"}
+"""What is told only without a manifest, what hides other findings and so stands in a file of its own, and projects."""
 
 
 @pytest.fixture(autouse=True)
@@ -57,7 +57,8 @@ def test_every_kind_of_finding_has_its_line(capsys: pytest.CaptureFixture[str]) 
     program = "tests/data/check/every_finding.asl"
     told = kinds_found(capsys, "--manifest", "arducopter", program)
     assert {kind for _, _, kind in told} == KINDS - ONLY_ELSEWHERE
-    told = kinds_found(capsys, program) | kinds_found(capsys, "tests/data/check/incomplete.asl")
+    others = (program, "tests/data/check/incomplete.asl", "tests/data/check/team.mas2j")
+    told = set[tuple[str, int, str]]().union(*(kinds_found(capsys, other) for other in others))
     assert {kind for _, _, kind in told} >= ONLY_ELSEWHERE
 
 
@@ -69,3 +70,9 @@ def test_what_hides_other_findings_is_told_where_it_stands(capsys: pytest.Captur
 def test_the_findings_read_as_written_down(capsys: pytest.CaptureFixture[str]) -> None:
     assert check("--manifest", "arducopter", "tests/data/check/every_finding.asl") == 1
     assert capsys.readouterr().err == (FOLDER / "every_finding.out").read_text(encoding="utf-8")
+
+
+def test_the_agents_of_a_project_are_checked_as_one_team(capsys: pytest.CaptureFixture[str]) -> None:
+    assert kinds_found(capsys, "tests/data/check/team.mas2j") == {("team.mas2j", 3, "project")}
+    alone = kinds_found(capsys, "tests/data/check/bob.asl")
+    assert alone == set(), "an agent without goals of its own waits for those of others"

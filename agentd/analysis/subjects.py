@@ -1,0 +1,153 @@
+"""The programs that are checked together: files, and the agents of project files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from agentd.analysis.elsewhere import Elsewhere, from_team
+from agentd.analysis.includes import Includes
+from agentd.analysis.kinds import Kind, finding
+from agentd.analysis.mentions import Survey
+from agentd.analysis.survey import survey
+from agentd.language.errors import SyntaxErrors
+from agentd.language.parser import parse_file, parse_term
+from agentd.language.syntax import Belief, Goal, Item, ListTerm, Program, Structure
+from agentd.paths import SourcePaths
+from schemas.findings import Finding, Findings
+
+
+@dataclass(frozen=True, slots=True)
+class Surveyed:
+    """A program with its survey, and what was found while its files were read."""
+
+    survey: Survey
+    findings: tuple[Finding, ...]
+
+
+def read_survey(program: Program, paths: SourcePaths) -> Surveyed:
+    """Survey a program with the files that it includes."""
+    findings = list(program.warnings)
+    includes = Includes(program.file, paths, findings)
+    found = survey(program.items, includes)
+    if includes.missing:
+        found.open_plans = found.open_beliefs = found.open_goals = True
+    if any(placed.is_test for placed in found.plans):
+        _add_assertions(found)
+    return Surveyed(found, tuple(findings))
+
+
+def _add_assertions(found: Survey) -> None:
+    """Count the plans as there that `agentd test` adds to programs with test plans."""
+    from agentd.testing.cases import LIBRARY
+
+    found.plans += survey(parse_file(LIBRARY).items).plans
+
+
+@dataclass(slots=True)
+class Subjects:
+    """What was read: programs, and what is wrong with those that cannot be, by file.
+
+    ``order`` has the files in the order in which they were named; ``shown`` gives findings with the text that shows
+    them.
+    """
+
+    order: list[str] = field(default_factory=list)
+    programs: dict[str, Surveyed] = field(default_factory=dict)
+    shown: dict[str, dict[Finding, str]] = field(default_factory=dict)
+    incomplete: bool = False
+    """Whether a program could not be read: then nothing can be said of what it would send."""
+    percepts_unknown: bool = False
+    """Whether a project has an environment, whose percepts nobody knows."""
+
+    def elsewhere(self) -> Elsewhere:
+        """What the programs send to one another."""
+        if self.incomplete:
+            return Elsewhere()
+        found = from_team(surveyed.survey for surveyed in self.programs.values())
+        return replace(found, open_beliefs=True) if self.percepts_unknown else found
+
+
+def read_subjects(files: Sequence[str], paths: SourcePaths) -> Subjects:
+    """Read programs and projects."""
+    subjects = Subjects()
+    for file in files:
+        if file.endswith(".mas2j"):
+            _read_project(file, paths, subjects)
+        else:
+            _read(file, paths, (), subjects)
+    return subjects
+
+
+def _read(file: str, paths: SourcePaths, more: Iterable[Item], subjects: Subjects) -> None:
+    """Read a program, with what else its agents begin with."""
+    subjects.order.append(file)
+    try:
+        program = parse_file(file)
+    except SyntaxErrors as errors:
+        _cannot_be_read(file, {problem.finding: str(problem) for problem in errors.problems}, subjects)
+    except OSError as error:
+        unread = Finding(file, 0, 0, f"cannot be read: {error.strerror}", kind=Kind.FILE.label)
+        _cannot_be_read(file, {unread: str(unread)}, subjects)
+    else:
+        program = replace(program, items=(*program.items, *more))
+        subjects.programs[file] = read_survey(program, paths)
+
+
+def _cannot_be_read(file: str, shown: dict[Finding, str], subjects: Subjects) -> None:
+    subjects.shown.setdefault(file, {}).update(shown)
+    subjects.incomplete = True
+
+
+def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
+    from agentd.projects.parser import parse_project  # most checks are of programs
+    from agentd.projects.read import read_project
+
+    try:
+        told = read_project(file, paths, False).warnings
+    except SyntaxErrors as errors:
+        told = [finding for finding in errors.findings if finding.file == file]
+    except Findings as errors:
+        told = errors.findings
+    except OSError as error:
+        told = [Finding(file, 0, 0, f"cannot be read: {error.strerror}", kind=Kind.FILE.label)]
+    named = [one if one.kind else replace(one, kind=Kind.PROJECT.label) for one in told]
+    shown = subjects.shown[file] = {one: str(one) for one in named}
+    subjects.order.append(file)
+    try:
+        project = parse_project(Path(file).read_text(encoding="utf-8-sig"), file)
+    except (SyntaxErrors, OSError, UnicodeDecodeError):
+        subjects.incomplete = True
+        return
+    home = Path(file).parent
+    paths = SourcePaths(paths.names, (*paths.folders, *(home / path.text for path in project.source_paths)), home)
+    subjects.percepts_unknown |= project.environment is not None
+    for entry in project.agents:
+        wanted = entry.file.text if entry.file is not None else entry.name
+        try:
+            path = paths.find(wanted if Path(wanted).suffix else f"{wanted}.asl", file)
+        except OSError as error:
+            subjects.incomplete = True
+            text = f"cannot read the program of the agent {entry.name}: {error.strerror or error}"
+            unread = finding(Kind.FILE, entry.position, text)
+            if not any(entry.name in one.message for one in shown):  # told by the project's reader
+                shown[unread] = str(unread)
+            continue
+        options = [(option.name, option.value) for option in entry.options]
+        more = [item for name, value in options for item in _begins_with(name, value)]
+        if path not in subjects.programs:
+            _read(path, paths, more, subjects)
+
+
+def _begins_with(name: str, value: str) -> Iterator[Item]:
+    """The beliefs and goals of an option of a project; what is wrong with it is told by the project's reader."""
+    if name not in ("beliefs", "goals"):
+        return
+    try:
+        literals = parse_term(f"[{value}]")
+    except SyntaxErrors:
+        return
+    for literal in literals.items if isinstance(literals, ListTerm) else ():
+        if isinstance(literal, Structure):
+            yield Belief(literal) if name == "beliefs" else Goal(literal)
