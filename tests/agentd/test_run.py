@@ -83,6 +83,16 @@ def test_an_external_action_fails_because_there_is_no_environment(program) -> No
     assert done.stdout == "[agent] action_failed\n"
 
 
+def test_a_reader_who_leaves_ends_the_run_without_a_traceback(program) -> None:
+    command = [sys.executable, "-m", "agentd", "run", str(program('!s. +!s <- .print("on and on"); !s.'))]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"[agent] on and on\n"
+        process.stdout.close()
+        _, said = process.communicate(timeout=60)
+    assert (process.returncode, said) == (1, b"")
+
+
 def test_a_waiting_agent_sleeps(program) -> None:
     path = program("!s. +!s <- .print(ready); .wait(600000).")
     with subprocess.Popen([sys.executable, "-m", "agentd", "run", str(path)], stdout=subprocess.PIPE) as process:
