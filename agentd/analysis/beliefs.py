@@ -51,7 +51,7 @@ def beliefs_never_added(survey: Survey, percepts: Arities | None, elsewhere: Els
 def events_never_perceived(survey: Survey, percepts: Arities, elsewhere: Elsewhere) -> Iterator[Finding]:
     """Plans for a percept with a number of arguments that it does not have, or for what is no percept."""
     added = {mention.indicator for mention in (*survey.added, *survey.raised)} | elsewhere.beliefs | RAISED_BY_AGENTD
-    for placed in survey.plans:
+    for placed in (plan for family in survey.families for plan in family):
         if placed.event not in ("+", "-") or placed.name is None or placed.indicator in added or placed.names_source:
             continue
         arities = percepts.get(placed.name)

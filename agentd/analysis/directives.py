@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from agentd.analysis.kinds import Kind, finding, warning
 from agentd.analysis.mentions import Survey
-from agentd.language.patterns import PATTERNS
+from agentd.language.patterns import PATTERNS, WrongPattern
 from agentd.language.printer import source_text
 from agentd.language.spelling import near
 from agentd.language.syntax import Directive, Number, String, Structure
@@ -24,14 +24,24 @@ _BLOCKS = frozenset(("namespace", *PATTERNS))
 def wrong_directives(survey: Survey) -> Iterator[Finding]:
     """Directives that `agentd run` would refuse."""
     for directive in survey.directives:
-        name = directive.name.functor
-        known = _ALONE if directive.items is None else _BLOCKS
-        if name not in known:
-            end = " ... { end }" if directive.items is not None else ""
-            text = f"there is no directive {{ {'begin ' if end else ''}{name} }}{end}{_near(name, directive)}"
-            yield finding(Kind.UNKNOWN_DIRECTIVE, directive.position, text)
-        elif not _complete(directive) and name in _ALONE:
-            yield finding(Kind.UNKNOWN_DIRECTIVE, directive.position, _ALONE[name])
+        wrong = _wrong(directive)
+        if wrong:
+            yield finding(Kind.UNKNOWN_DIRECTIVE, directive.position, wrong)
+
+
+def _wrong(directive: Directive) -> str:
+    """What is wrong with a directive, or nothing."""
+    name = directive.name.functor
+    known = _ALONE if directive.items is None else _BLOCKS
+    if name not in known:
+        end = " ... { end }" if directive.items is not None else ""
+        return f"there is no directive {{ {'begin ' if end else ''}{name} }}{end}{_near(name, directive)}"
+    if name in PATTERNS:
+        try:
+            PATTERNS[name](directive.position, directive.name.args, directive.items or ())
+        except WrongPattern as wrong:
+            return f"the pattern {name} {wrong}"
+    return "" if _complete(directive) else _ALONE[name]
 
 
 def _near(name: str, directive: Directive) -> str:

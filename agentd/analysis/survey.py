@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from typing import NamedTuple, TypeAlias
 
 from agentd.analysis.mentions import ANY_ARITY, Call, Mention, PlacedPlan, Survey
+from agentd.language.patterns import PATTERNS, WrongPattern
 from agentd.language.syntax import (
     And,
     Arithmetic,
@@ -34,7 +36,6 @@ from agentd.language.syntax import (
     String,
     Structure,
     Term,
-    Trigger,
     TriggerTerm,
     Variable,
     While,
@@ -124,12 +125,19 @@ class _Walk:
                 self.found.functions.add((function, int(arity)))
             case "register_function", (String(function), *_):
                 self.found.functions.add((function, ANY_ARITY))
-            case "dg", (Structure() as goal, *_):
-                self._place(Plan(Trigger("+", "!", goal, item.position)), namespace)
+            case name, args if name in PATTERNS:
+                self._pattern(name, args, item, namespace)
             case _, args:
                 for term in args:
                     self._term(term, namespace)
         return item.items or (), namespace
+
+    def _pattern(self, name: str, args: tuple[Term, ...], item: Directive, namespace: str) -> None:
+        """Count the plans as there that a pattern adds to those in its block."""
+        with suppress(WrongPattern):  # told as a wrong directive
+            for plan in PATTERNS[name](item.position, args, item.items or ()):
+                if isinstance(plan, Plan) and plan not in (item.items or ()):
+                    self._place(plan, namespace)
 
     def _fact(self, item: Belief | Rule | Goal, namespace: str) -> None:
         match item:

@@ -82,6 +82,10 @@ def test_a_program_without_mistakes_has_no_findings() -> None:
         ("+!goal(_) <- !gaol(1).", "there is no plan for the goal !gaol/1; did you mean goal?"),
         ("{ begin namespace(n) } +!h. { end } +!g <- !h.", "there is no plan for the goal !h/0; did you mean n::h?"),
         ("{ begin namespace(n) } +!h <- lnd. { end }", "there is no action lnd/0; did you mean land?"),
+        ("+!g <- print(1).", "there is no action print/1; did you mean the internal action .print?"),
+        ("{ begin bc(g, foo) } { end }", "the pattern bc knows no pattern 'foo'"),
+        ("{ include }", 'include needs a file, and maybe a namespace: { include("file.asl") }'),
+        ("{ begin namespace(3) } { end }", "namespace needs a name: { begin namespace(n) } ... { end }"),
     ],
 )
 def test_a_mistake_is_an_error(text: str, message: str) -> None:
@@ -160,6 +164,16 @@ def test_what_may_be_a_mistake_is_a_warning(text: str, message: str) -> None:
         "+!g(X, X). +!g(_, _).",
         "+!g[source(a)]. +!g.",
         "@l +!g : altitude(_). +!g. -!g. +?g. +g. g.",
+        "{ begin dg(done(_)) } +!done(X) <- land; .print(X). { end } !done(1).",
+        "{ begin bc(done) } +!other <- land. { end } !done. !other.",
+        "+!g <- { !nothing(X); +b(X) } = _; P = { +!h(Y) : not_there(Y) <- !nowhere(Y) }; .print(P).",
+        "+!g : altitude(A) & not (altitude(B) & B > A) <- land.",
+        "+!g <- .findall(X, altitude(X) & X > 3, L); .print(L).",
+        "+!g <- while (true) { .wait(10) }; while (altitude(A) & A > 1) { -+high(A) }.",
+        "+!g <- .print(1); !g. -!g.",
+        "!g. +!g : altitude(_) <- land. +!kqml_received(A, B, C, D) <- .print(A, B, C, D).",
+        "@t[test] +!this_works <- !assert_true(altitude(_)).",
+        "+jag_shutting_down(T) <- .print(T).",
         "+!g(X) <- .print(X). { +!h : altitude(_) <- .print(1). +!h <- .print(2). } +!k <- !h.",
     ],
 )
@@ -320,7 +334,7 @@ def test_a_project_is_checked_with_its_agents(tmp_path: Path, capsys: pytest.Cap
     assert check(str(project)) == 1
     told = capsys.readouterr().err
     assert f"{project}:1:65: error: cannot read the program of the agent eve" in told
-    assert "ann.asl:1:41: error: there is no internal action .prnt/1" in told
+    assert "ann.asl:1:33: error: there is no internal action .prnt/1" in told
     assert "bob.asl:1:10: error: a ; is missing before 'b'" in told
     assert "size" not in told
     assert "begin" not in told
