@@ -7,6 +7,7 @@ from typing import Any
 from agentd.language import syntax
 from agentd.language.compile_match import MatchCompiler, Next
 from agentd.language.compile_terms import Scope
+from agentd.language.constants import is_plain_atom
 from agentd.language.variables import is_plain_variable, variables
 
 _COMPARISONS = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "==": "==", "\\==": "!="}
@@ -36,6 +37,10 @@ class RelationCompiler(MatchCompiler):
         left = self.function.assign(self.build(node.left, scope))
         right = self.function.assign(self.build(node.right, scope))
         operator = _COMPARISONS[node.operator]
+        if node.operator in ("==", "\\==") and (is_plain_atom(node.left) or is_plain_atom(node.right)):
+            # The same atom is nearly always the same object.
+            test = f"({left} is {right} or same({left}, {right}))"
+            return test if operator == "==" else f"(not {test})"
         if node.operator in ("==", "\\=="):
             slow = f"{'' if operator == '==' else 'not '}same({left}, {right})"
         else:

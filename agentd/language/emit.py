@@ -92,6 +92,10 @@ class Function:
     def fill(self, place: int, line: str, indent: int | None = None) -> None:
         self._lines[place] = "    " * (self._indent if indent is None else indent) + line
 
+    def uses(self, name: str) -> bool:
+        """Whether a name may occur in the lines written so far."""
+        return any(name in line for line in self._lines if line is not None)
+
     @property
     def indent(self) -> int:
         return self._indent

@@ -75,7 +75,8 @@ class StepWriter:
 
     def finish(self) -> None:
         """End the function and add it to the unit."""
-        self.function.fill(self.trail_line, "trail = i.trail", 1)
+        if self.function.uses("trail"):
+            self.function.fill(self.trail_line, "trail = i.trail", 1)
         self.unit.add(self.function)
 
     def step(self, number: int | None) -> str:

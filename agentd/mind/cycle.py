@@ -18,8 +18,7 @@ def run_cycles(mind: Any, cycles: int) -> None:
     """Run up to so many cycles; the end of the first that has an effect, or leaves nothing to do, is the last."""
     inputs, mailbox, events, running, timers, conditions, goal_conditions = mind.queues
     effects = mind.effects
-    while cycles:
-        cycles -= 1
+    for _ in range(cycles):
         mind.cycle += 1
         if inputs:
             take_inputs(mind)

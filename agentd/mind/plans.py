@@ -20,6 +20,7 @@ from agentd.mind.nested import select_nested
 from agentd.mind.taken import asks_for_intention, select_noted
 
 _ATOMIC = signature("atomic")
+_NEVER = object()
 GENERATED: Final = "l__"
 """How the labels begin that plans without one are given."""
 
@@ -27,13 +28,15 @@ GENERATED: Final = "l__"
 class Relevant:
     """The plans for one trigger: operator, kind of goal and signature. Plans with a variable trigger are among them."""
 
-    __slots__ = ("_library", "_others", "goal", "operator", "plans", "sig", "tail")
+    __slots__ = ("_library", "_others", "call", "goal", "operator", "plans", "sig", "tail")
 
     def __init__(self, library: PlanLibrary, operator: str, goal: str, sig: Signature) -> None:
         self.operator, self.goal, self.sig = operator, goal, sig
         self.plans: list[Plan] = []
-        self.tail = sig if goal == "!" else None
-        """What a goal called last must share with the running one for its frame to be dropped."""
+        self.tail, self.call = (sig, sig) if goal == "!" else (None, _NEVER)
+        """A plan has nothing left to do but to wait for the goal that it called last where its own ``tail`` is the
+        ``call`` of that goal: the same kind of goal. Then its frame is dropped, so that such recursion needs no memory.
+        """
         self._library = library
         self._others: dict[str, Relevant] = {}
 

@@ -56,14 +56,13 @@ def take_event(mind: Any, event: Event) -> bool:
         if trail:
             intention.trail = trail
     stack = intention.stack
-    if stack:
-        top = stack[-1]
-        if top[STEP] is None and top[RELEVANT].tail is relevant.tail is not None and not top[PLAN].special:
-            stack.pop()
-            if trail and len(trail) > top[MARK]:
-                intention.trim(top[MARK])
-                frame[MARK] = min(frame[MARK], len(trail))
-    stack.append(frame)
+    if stack and stack[-1][STEP] is None and stack[-1][RELEVANT].tail is relevant.call and not stack[-1][PLAN].special:
+        if len(trail) > stack[-1][MARK]:
+            _take_place(intention, frame)
+        else:
+            stack[-1] = frame
+    else:
+        stack.append(frame)
     if library.has_meta or frame[PLAN].special:
         _entered(mind, intention, frame)
         if not stack:
@@ -89,6 +88,14 @@ def _of_the_others(mind: Any, trail: list[Any], event: Event, failed: Plan) -> F
             return frame
         undo(trail, mark)
     return None
+
+
+def _take_place(intention: Intention, frame: Frame) -> None:
+    """Put a frame in the place of the one that called it last, and forget the bindings that only that one undoes."""
+    caller = intention.stack.pop()
+    intention.trim(caller[MARK])
+    frame[MARK] = min(frame[MARK], len(intention.trail))
+    intention.stack.append(frame)
 
 
 def _entered(mind: Any, intention: Intention, frame: Frame) -> None:
