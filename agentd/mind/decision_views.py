@@ -156,7 +156,8 @@ class _Views:
             return "failed", failure
         if id(frame) in self._alive:
             return "running", None
-        return ("ended" if frame[STEP] is None else "dropped"), None
+        dropped = frame[STEP] is not None or self._mind.recorder.was_dropped(frame)
+        return ("dropped" if dropped else "ended"), None
 
     def _goal(self, frame: Frame) -> str:
         """The event that a frame is for, as it was when its plan was chosen."""

@@ -113,6 +113,7 @@ class Decisions:
         self._last: deque[Any] = deque(maxlen=most)
         self._note: Callable[[Any], None] = self._last.append if tell is None else self._append
         self._post, self._on_input = mind.post, mind.on_input
+        self._dropped: deque[Frame] = deque(maxlen=most)
         self._given: list[Any] = []
         self._given_in = 0
         """The inputs that may raise events, and the cycle in which they came."""
@@ -252,6 +253,14 @@ class Decisions:
         number = 0 if intention is None else intention.id
         record = Failure(mind.cycle, mind.now, number, held(failed.code), failed, tuple(frames), handler)
         self._note(record)
+
+    def dropped(self, frames: Sequence[Frame]) -> None:
+        """Note the frames of plans that were dropped, the innermost last."""
+        self._dropped.extend(frames[-MOST_FRAMES:])
+
+    def was_dropped(self, frame: Frame) -> bool:
+        """Whether a plan was dropped, as far as is remembered."""
+        return any(frame is dropped for dropped in self._dropped)
 
     def _append(self, entry: Any) -> None:
         """Note a record and tell it."""

@@ -27,6 +27,15 @@ _ACHIEVING = (Operator.ACHIEVE, Operator.ACHIEVE_NEW_FOCUS)
 
 def drop(mind: Any, intention: Intention) -> None:
     """End an intention without any event; its action is cancelled and its branches go with it."""
+    _take_back(mind, intention)
+    if mind.recorder is not None:
+        mind.recorder.dropped(intention.stack)
+    mind.gone(intention)
+    intention.stack.clear()
+
+
+def _take_back(mind: Any, intention: Intention) -> None:
+    """Take an intention out of everything that it waits in; what it waits for is cancelled."""
     token: Any = mind.waiting.pop(intention.id, (None, None))[1]
     if isinstance(token, Wait):
         forget(mind, token)
@@ -50,8 +59,6 @@ def drop(mind: Any, intention: Intention) -> None:
         mind.events.clear()
         mind.events.extend(kept)
     intention.waiting = None
-    mind.gone(intention)
-    intention.stack.clear()
 
 
 def goal_frames(intention: Intention) -> Iterator[tuple[int, Literal]]:
@@ -156,9 +163,9 @@ def drop_desire(mind: Any, goal: Literal, trail: Trail) -> bool:
 
 def fail_too_deep(mind: Any, intention: Intention) -> None:
     """The innermost goal of an intention with too many plans fails."""
-    stack, trail = intention.stack[:], list(intention.trail)
-    drop(mind, intention)
-    intention.stack, intention.trail[:] = stack, trail
+    stack = intention.stack
+    _take_back(mind, intention)
+    mind.gone(intention)
     failure = Failed("recursion_too_deep", f"{len(stack)} goals are open, one inside the other")
     step = intention.last
     place = stack[-1][PLAN].syntax.position if step is None else step.syntax.position
@@ -169,12 +176,12 @@ def fail_too_deep(mind: Any, intention: Intention) -> None:
 
 def end_goal(mind: Any, intention: Intention, place: int, succeeded: bool) -> None:
     """A goal in the stack is over, achieved or failed: what stands above it goes, what it waited for is taken back."""
-    stack = [frame[:] for frame in intention.stack[: place + 1]]
-    trail = intention.trail
-    kept = list(trail)
-    drop(mind, intention)
-    intention.stack = stack
-    trail[:] = kept
+    stack, trail = intention.stack, intention.trail
+    _take_back(mind, intention)
+    mind.gone(intention)
+    if mind.recorder is not None:
+        mind.recorder.dropped(stack[place + 1 :])
+    del stack[place + 1 :]
     frame = stack[place]
     if succeeded:
         if mind.plans.has_meta:
