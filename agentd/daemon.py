@@ -7,15 +7,17 @@ import logging
 import sys
 from argparse import ArgumentParser, Namespace
 
+from agentd.agent_files import state_folder
 from agentd.compose import compose, endings
-from agentd.host import DECISIONS, Host, Part
+from agentd.crew import Crew
+from agentd.host import DECISIONS, Part
 from agentd.language.compile import CompiledProgram, DirectiveError, compile_program
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file
 from agentd.language.syntax import Program
 from commd.bus import open_bus
 from commd.clock import Clock
-from commd.process import EXIT_DONE, add_router_argument, report_health, run_daemon
+from commd.process import EXIT_DONE, add_router_argument, run_daemon
 from schemas.findings import Finding, Findings
 from schemas.manifest import load_manifest
 from schemas.mission import Mission, load_mission
@@ -32,6 +34,11 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--board", help="run the agents of this board")
     add_router_argument(parser)
     parser.add_argument("--speed", type=float, help="mission seconds per wall second (simulation only)")
+    parser.add_argument(
+        "--state",
+        metavar="DIR",
+        help="where .save_agent writes, in a folder per agent (default: the user's state folder)",
+    )
     parser.add_argument("--seed", type=int, default=0, help="seed of the minds' random numbers")
     parser.add_argument(
         "--decisions",
@@ -57,24 +64,12 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
     async with open_bus(
         endpoint, fleet=mission.fleet, name=name, daemon="agentd", stamp=clock.stamp, wire=mission.wire, stop=stop
     ) as bus:
-        hosts = [Host(bus, clock, part, frozenset(mission.agents)) for part in parts]
+        crew = Crew(bus, clock, mission, state_folder(args.state, mission.fleet), args.seed)
         for part in parts:
-            await bus.claim(part.name)
-        log.info("agents=%s", ",".join(part.name for part in parts))
-        reports = [asyncio.create_task(report_health(bus, host.part.name, clock, host.health)) for host in hosts]
-        await asyncio.gather(*(_run(host, stop) for host in hosts))
-        for report in reports:
-            report.cancel()
-    stopped = next((host.stopped for host in hosts if host.stopped is not None), None)
-    return stopped.exit_code if stopped is not None else EXIT_DONE
-
-
-async def _run(host: Host, stop: asyncio.Event) -> None:
-    """Run one agent; when its program stops the team, all agents of this daemon end."""
-    await host.run(stop)
-    if host.stopped is not None:
-        log.info("agent=%s stops the team", host.part.name)
-        stop.set()
+            await crew.add(part)
+        log.info("agents=%s", ",".join(crew.hosts))
+        await crew.run(stop)
+    return EXIT_DONE if crew.stopped is None else crew.stopped.exit_code
 
 
 def chosen(mission: Mission, args: Namespace) -> list[str]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter, deque
-from collections.abc import Coroutine
+from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 from agentd.acting import Acting, describe
 from agentd.bridge import BridgeWatch
@@ -17,7 +17,7 @@ from agentd.language.syntax import Formula
 from agentd.language.terms import Literal, atom
 from agentd.mailing import Mailing
 from agentd.mind import Mind
-from agentd.mind.effects import CancelAction, Effect, Log, PerformAction, Print, SendMail, StopTeam
+from agentd.mind.effects import CancelAction, Effect, Log, PerformAction, Print, SendMail, StopTeam, TeamRequest
 from agentd.mind.inputs import (
     ActionDone,
     Input,
@@ -26,17 +26,21 @@ from agentd.mind.inputs import (
     PerceptRemoved,
     PerceptReplaced,
     SignalRaised,
+    TeamReply,
 )
 from agentd.perceiving import Perceiving
+from agentd.roster import Roster
 from agentd.telling import line_of
 from agentd.viewing import decisions_of, intentions_of
 from agentd.wire import BadTerm, from_wire, perceived, to_wire
-from commd.bus import Bus, Query
+from commd.bus import Bus, Query, Token
 from commd.clock import Clock
 from commd.output import stdout
 from schemas import keys
 from schemas.records import Health, Message, MindView, Perception
 
+Team: TypeAlias = "Callable[[Host, TeamRequest], Awaitable[TeamReply]]"
+"""Who fulfils what a mind asks of its team."""
 log = logging.getLogger("agent")
 
 SLICE = 500
@@ -73,19 +77,20 @@ class Part:
 class Host:
     """One agent of a mission: its mind, and the mind's hands and ears."""
 
-    def __init__(self, bus: Bus, clock: Clock, part: Part, agents: frozenset[str]) -> None:
+    def __init__(self, bus: Bus, clock: Clock, part: Part, roster: Roster, team: Team, token: Token) -> None:
         self.part = part
         self.stopped: StopTeam | None = None
         """What the program said when it stopped the team."""
         self.counters: Counter[str] = Counter()
-        self._bus, self._clock, self._agents = bus, clock, agents
+        self._bus, self._clock, self._roster, self._team, self._token = bus, clock, roster, team, token
         self._mind = Mind(
             part.name,
             part.program,
             seed=part.seed,
             start=clock.now(),
             clock=clock.now,
-            agents=lambda: agents,
+            agents=lambda: roster.names,
+            has_team=True,
             ask_timeout=ASK_TIMEOUT,
             epoch=clock.epoch,
             zone=clock.zone,
@@ -102,7 +107,7 @@ class Host:
             watch = BridgeWatch(bus, part.robot, self._bridge_up, self._bridge_gone)
             self._acting = Acting(bus, part.name, self._perceiving, watch)
             self._spawn(self._perceiving.run())
-        bus.serve(keys.mind(bus.fleet, part.name), MindView, self._show)
+        self._hide = bus.serve(keys.mind(bus.fleet, part.name), MindView, self._show)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Reason until `stop` is set or the program stops the team. Sleeps while there is nothing to do."""
@@ -131,6 +136,19 @@ class Host:
         for task in list(self._tasks):
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def close(self) -> None:
+        """Leave the bus for good: nobody of this name is here any more."""
+        self._hide()
+        self._bus.withdraw(self._token)
+
+    def copy_from(self, other: Host) -> None:
+        """Take over what another agent believes and how it acts (``.clone``)."""
+        self._mind.copy_from(other._mind)
+
+    def tell(self, mail: Mail) -> None:
+        """Hand in a message that does not come by the bus: from the directory of services."""
+        self._feed(mail)
 
     def _feed(self, item: Input) -> None:
         self._mind.feed(item)
@@ -165,6 +183,8 @@ class Host:
                 self._send(effect)
             case StopTeam(delay=delay):
                 self._stop_after(effect, delay)
+            case TeamRequest():
+                self._spawn(self._ask_team(effect))
 
     def _stop_after(self, order: StopTeam, delay: float) -> None:
         """Stop the team, at once or after a delay that the agent is told of (Jason: `+jag_shutting_down(Ms)`)."""
@@ -178,6 +198,14 @@ class Host:
             return
         self._feed(SignalRaised.named("jag_shutting_down", delay * 1000.0))
         asyncio.get_running_loop().call_later(self._clock.to_wall(delay), now)
+
+    async def _ask_team(self, request: TeamRequest) -> None:
+        try:
+            self._feed(await self._team(self, request))
+        except Exception as error:  # the intention must not wait for ever for an answer that cannot come
+            why = f"defect in agentd: {type(error).__name__}: {error}"
+            self._feed(TeamReply(request.id, None, "unknown", why))
+            raise
 
     def _identity(self, number: int) -> str:
         return f"{self.part.name}:{self._bus.boot}:{number}"
@@ -209,12 +237,13 @@ class Host:
             self.counters["unsendable"] += 1
             log.warning("agent=%s mail_unsendable id=%s why=%s", self.part.name, mail.msg_id, bad)
             return
-        receivers = [mail.receiver] if mail.receiver is not None else sorted(self._agents - {self.part.name})
+        others = [name for name in self._roster.names if name != self.part.name]
+        receivers = [mail.receiver] if mail.receiver is not None else others
         for receiver in receivers:
             self._mailing.send(
                 Message(
                     header=self._bus.header("mail", self.part.name),
-                    id=f"{self._bus.boot}.{mail.msg_id}",
+                    id=f"{mail.msg_id}.{self._bus.boot}",
                     sender=self.part.name,
                     performative=mail.performative,
                     receiver=receiver,
@@ -251,7 +280,9 @@ class Host:
             self.counters["bad_mail"] += 1
             log.warning("agent=%s bad_mail sender=%s why=%s", self.part.name, message.sender, bad)
             return ""
-        self._feed(Mail(message.sender, message.performative, content, message.id, message.in_reply_to))
+        # The answer to a question of a former life keeps its whole id: nobody waits for it.
+        answered = message.in_reply_to.removesuffix(f".{self._bus.boot}")
+        self._feed(Mail(message.sender, message.performative, content, message.id, answered))
         return ""
 
     def _bridge_up(self) -> None:

@@ -35,7 +35,7 @@ class Mailing:
         self._queues: dict[str, asyncio.Queue[Message]] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._seen: OrderedDict[tuple[str, str], None] = OrderedDict()
-        bus.serve(keys.inbox(bus.fleet, agent), Mail, self._receive)
+        self._close = bus.serve(keys.inbox(bus.fleet, agent), Mail, self._receive)
 
     def send(self, message: Message) -> None:
         """Queue a message for its receiver."""
@@ -52,7 +52,8 @@ class Mailing:
                 log.warning("mail_dropped receiver=%s count=%d", message.receiver, self.counters["dropped"])
 
     async def drain(self, patience: float) -> None:
-        """Wait until what was sent has been handed over, at most `patience` wall seconds, then stop."""
+        """Take no mail any more; wait until what was sent has been handed over, at most `patience` wall seconds."""
+        self._close()
         waiting = [asyncio.create_task(queue.join()) for queue in self._queues.values()]
         if waiting:
             await asyncio.wait(waiting, timeout=patience)

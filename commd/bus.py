@@ -14,7 +14,7 @@ from collections import Counter, deque
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from threading import Thread
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 import zenoh
 
@@ -23,6 +23,8 @@ from schemas import keys
 from schemas.codec import BadRecord, Wire, codec
 from schemas.records import Header, Record
 
+Token: TypeAlias = zenoh.LivelinessToken
+"""What says on the bus that somebody is here."""
 log = logging.getLogger("bus")
 R = TypeVar("R", bound=Record)
 
@@ -102,7 +104,7 @@ class Bus:
         self._loop = asyncio.get_running_loop()
         self._seq: Counter[tuple[str, str]] = Counter()
         self._tasks: set[asyncio.Task[None]] = set()
-        self._held: list[zenoh.LivelinessToken] = []
+        self._held: list[Token] = []
         self._seen_keys: set[str] = set()
         """Keys whose first record has been looked through for fields that this version does not know."""
         self._routers: set[str] = set()
@@ -160,8 +162,11 @@ class Bus:
 
         self._session.declare_subscriber(key, self._hand_over(deliver))
 
-    def serve(self, key: str, record: type[R], handler: Callable[[Query[R]], Awaitable[None]]) -> None:
-        """Serve queries: `handler(query)` runs as a task of its own and the query ends when it returns."""
+    def serve(self, key: str, record: type[R], handler: Callable[[Query[R]], Awaitable[None]]) -> Callable[[], None]:
+        """Serve queries: `handler(query)` runs as a task of its own and the query ends when it returns.
+
+        Returns what ends the serving; without it, it lasts as long as the session.
+        """
 
         def deliver(query: zenoh.Query) -> None:
             if len(self._tasks) >= QUERIES:
@@ -173,7 +178,15 @@ class Bus:
             self._tasks.add(task)
             task.add_done_callback(self._served)
 
-        self._session.declare_queryable(key, self._hand_over(deliver, refuse=_drop_query))
+        queryable = self._session.declare_queryable(key, self._hand_over(deliver, refuse=_drop_query))
+
+        def withdraw() -> None:
+            try:
+                queryable.undeclare()  # type: ignore[no-untyped-call]
+            except zenoh.ZError as error:  # the session is closed already, and with it what it served
+                log.debug("not_withdrawn key=%s why=%s", key, error)
+
+        return withdraw
 
     def _served(self, task: asyncio.Task[None]) -> None:
         self._tasks.discard(task)
@@ -252,11 +265,16 @@ class Bus:
         except BadRecord as bad:
             return Reply(name, None, str(bad))
 
-    def token(self, key: str) -> zenoh.LivelinessToken:
+    def token(self, key: str) -> Token:
         """Declare a liveliness token; it goes when it is undeclared or when this process ends."""
         token = self._session.liveliness().declare_token(key)
         self._held.append(token)  # a token that nobody holds is gone
         return token
+
+    def withdraw(self, token: Token) -> None:
+        """Take a token back: what it stood for is here no longer."""
+        self._held.remove(token)
+        token.undeclare()  # type: ignore[no-untyped-call]
 
     def watch(self, key: str, handler: Callable[[str, bool], None]) -> None:
         """Call `handler(key, alive)` for every liveliness token that matches, those already there first."""
@@ -283,10 +301,11 @@ class Bus:
             self.counters["queries_unended"] += 1
         return sorted(set(names))
 
-    async def claim(self, name: str) -> zenoh.LivelinessToken:
+    async def claim(self, name: str) -> Token:
         """Declare that this daemon serves `name`. Raises AlreadyRunning if another live instance does.
 
-        A predecessor that just died may still have a token for the time of its lease, so this waits that long.
+        A predecessor that just died may still have a token for the time of its lease, so this waits that long. Claim
+        before a `watch` that covers the name begins: Zenoh answers from what the watch has seen, at first nothing.
         """
         until, everybody = self._loop.time() + CLAIM_PATIENCE, keys.alive(self.fleet, name, self.daemon, "*")
         ours = keys.alive(self.fleet, name, self.daemon, self.boot)

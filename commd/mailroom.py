@@ -12,6 +12,7 @@ from contextlib import aclosing
 
 from commd.bus import Bus, Query
 from schemas import keys
+from schemas.names import check_name
 from schemas.records import Health, Mail, Message, Receipt
 
 HAND_OVER_TIMEOUT = 5.0
@@ -23,8 +24,11 @@ class Mailroom:
 
     def __init__(self, bus: Bus, agents: set[str]) -> None:
         self.agents = agents
+        """The agents of the mission, there or not."""
         self.counters: Counter[str] = Counter()
         self._bus = bus
+        self._guests: set[str] = set()
+        """Agents made at run time that have been seen alive."""
         self._order: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
 
     async def post(self, query: Query[Mail]) -> None:
@@ -45,7 +49,7 @@ class Mailroom:
     async def deliver(self, message: Message) -> str:
         """Hand one message to its receiver. Returns why it was not taken, or an empty text."""
         self.counters["messages"] += 1
-        if message.receiver not in self.agents:
+        if not await self._is_known(message.receiver):
             self.counters["refused"] += 1
             return "receiver_not_found"
         inbox = keys.inbox(self._bus.fleet, message.receiver)
@@ -61,8 +65,23 @@ class Mailroom:
                         reason = ""
                     else:
                         reason = reply.record.refused.get(message.id, "not taken")
+        if reason:
+            self._guests.discard(message.receiver)
         self.counters["refused" if reason else "delivered"] += 1
         return reason
+
+    async def _is_known(self, name: str) -> bool:
+        """Whether an agent is of the mission, or was made at run time and is there."""
+        if name in self.agents or name in self._guests:
+            return True
+        try:
+            key = keys.alive(self._bus.fleet, check_name(name), "agentd", "*")
+        except ValueError:
+            return False
+        if not await self._bus.tokens(key):
+            return False
+        self._guests.add(name)
+        return True
 
     def health(self) -> Health:
         """Return the mail counters for the daemon's health."""

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from agentd.language import syntax
 from agentd.language.printer import source_text
-from agentd.language.term_text import code_text, text
+from agentd.language.term_text import text
 from agentd.language.terms import Code, Literal, deref
 from agentd.language.to_syntax import NoSyntax, ToSyntax
 from agentd.mind.beliefs import RuleClause
@@ -24,34 +24,40 @@ def program_text(mind: Any, goals: list[Any]) -> str:
     """The program, with these initial goals. What cannot be written is left out, and told in the log."""
     lines: list[str] = []
 
-    def add(shown: Callable[[], str], write: Callable[[ToSyntax], Any]) -> None:
+    def put(write: Callable[[ToSyntax, Any], Any], what: Any) -> None:
         try:
-            lines.append(source_text(write(ToSyntax(DEEPEST))))
+            lines.append(source_text(write(ToSyntax(DEEPEST), what)))
         except NoSyntax as why:
-            mind.effects.append(Log("warning", f".save_agent leaves out {shown()}: {why}"))
+            shown = what.head if type(what) is Plan else text(what)
+            mind.effects.append(Log("warning", f".save_agent leaves out {shown}: {why}"))
 
     for predicate in reversed(mind.beliefs.predicates()):  # initial beliefs come in from the last to the first
         for entry in reversed(predicate.entries.values()):
             if type(entry) is RuleClause:
-                rule = Code(entry.syntax, entry.values, bare=True)
-                add(lambda rule=rule: code_text(rule), lambda to, rule=rule: to.code(rule.syntax, rule.values))
+                put(_rule, Code(entry.syntax, entry.values, bare=True))
             elif type(entry) is Literal:
-                add(lambda fact=entry: text(fact), lambda to, fact=entry: syntax.Belief(to.term(fact)))
+                put(_belief, entry)
     for goal in goals:
-        add(lambda goal=goal: text(goal), lambda to, goal=goal: _goal(to, goal))
+        put(_goal, deref(resolve(goal)))
     for plan in mind.plans:
-        add(lambda plan=plan: plan.head, lambda to, plan=plan: _plan(to, plan))
+        put(_plan, plan)
     return "".join(f"{line}\n" for line in lines)
 
 
-def _goal(to: ToSyntax, goal: Any) -> syntax.Goal:
-    literal = deref(resolve(goal))
-    if type(literal) is not Literal:
+def _rule(to: ToSyntax, rule: Code) -> Any:
+    return to.code(rule.syntax, rule.values)
+
+
+def _belief(to: ToSyntax, fact: Literal) -> Any:
+    return syntax.Belief(to.term(fact))
+
+
+def _goal(to: ToSyntax, goal: Any) -> Any:
+    if type(goal) is not Literal:
         raise NoSyntax("it is no goal")
-    return syntax.Goal(to.term(literal))
+    return syntax.Goal(to.term(goal))
 
 
 def _plan(to: ToSyntax, plan: Plan) -> Any:
     """A plan with its label, generated ones too."""
-    node = to.code(plan.syntax, plan.values)
-    return replace(node, label=to.term(plan.label))
+    return replace(to.code(plan.syntax, plan.values), label=to.term(plan.label))

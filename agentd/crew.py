@@ -1,0 +1,256 @@
+"""The agents of one daemon: those of the mission, and those that they make at run time.
+
+What a mind asks of its team (`TeamRequest`) is carried out here: agents to make, clone and end, files to include and
+save, the directory of services. Agents made at run time live in the daemon of the agent that made them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from agentd.agent_files import AgentFiles, NotAllowed
+from agentd.directory import Directory, provider
+from agentd.host import Host, Part
+from agentd.language.compile import CompiledProgram, DirectiveError, compile_program, in_namespace
+from agentd.language.errors import SyntaxErrors
+from agentd.language.parser import parse_file
+from agentd.language.terms import EMPTY, atom, make_list
+from agentd.mind.effects import StopTeam, TeamRequest
+from agentd.mind.inputs import Mail, TeamReply
+from agentd.roster import Roster
+from commd.bus import AlreadyRunning, Bus, BusClosed
+from commd.clock import Clock
+from commd.process import report_health
+from schemas.mission import Mission
+from schemas.names import check_name
+
+MOST_MADE = 50
+"""So many agents made at run time may live in one daemon at once."""
+TURN = 1.0
+"""Wall seconds after which it is looked whether an agent made meanwhile has ended."""
+ENDING = 5.0
+"""Wall seconds that an agent which is killed has to leave before its killer goes on."""
+MOST_TRIES = 100
+"""So many names are tried for an agent whose own is taken."""
+log = logging.getLogger("crew")
+
+
+class Refused(Exception):
+    """A request that is not fulfilled: the error that the plan's handler sees, and why in words."""
+
+    def __init__(self, error: str, message: str) -> None:
+        super().__init__(message)
+        self.error = error
+
+
+class Crew:
+    """Runs the agents of a daemon until each has ended, and answers what they ask for."""
+
+    def __init__(self, bus: Bus, clock: Clock, mission: Mission, state: Path, seed: int) -> None:
+        self.hosts: dict[str, Host] = {}
+        self.stopped: StopTeam | None = None
+        """What a program said when it stopped the team."""
+        self.roster = Roster(bus, mission.agents)
+        self._bus, self._clock, self._mission, self._state, self._seed = bus, clock, mission, state, seed
+        self._made: dict[str, None] = {}
+        self._ends: dict[str, asyncio.Event] = {}
+        self._running: dict[asyncio.Task[None], str] = {}
+        self._stop = asyncio.Event()
+        self._directory = Directory()
+
+    async def add(self, part: Part) -> Host:
+        """Join the bus under an agent's name; it reasons from `run` on. Raises AlreadyRunning and BusClosed."""
+        token = await self._bus.claim(part.name)
+        host = Host(self._bus, self._clock, part, self.roster, self.answer, token)
+        self.hosts[part.name] = host
+        self.roster.add(part.name)
+        return host
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Let the agents reason until `stop` is set or a program stops the team."""
+        await self.roster.watch()
+        for host in list(self.hosts.values()):
+            self._begin(host)
+        watch = asyncio.create_task(stop.wait())
+        watch.add_done_callback(lambda _: self._end_all())
+        try:
+            while self._running:
+                ended, _ = await asyncio.wait(self._running, return_when=asyncio.FIRST_COMPLETED, timeout=TURN)
+                for task in ended:
+                    del self._running[task]
+                    task.result()
+        finally:
+            watch.cancel()
+
+    def _end_all(self) -> None:
+        self._stop.set()
+        for end in self._ends.values():
+            end.set()
+
+    def _begin(self, host: Host) -> None:
+        end = self._ends[host.part.name] = asyncio.Event()
+        if self._stop.is_set():
+            end.set()
+        task = asyncio.create_task(self._live(host, end))
+        self._running[task] = host.part.name
+
+    async def _live(self, host: Host, end: asyncio.Event) -> None:
+        """Run one agent; when its program stops the team, all agents of this daemon end."""
+        name = host.part.name
+        report = asyncio.create_task(report_health(self._bus, name, self._clock, host.health))
+        try:
+            await host.run(end)
+        finally:
+            report.cancel()
+        if host.stopped is not None:
+            log.info("agent=%s stops the team", name)
+            self.stopped = self.stopped or host.stopped
+            self._end_all()
+        if name in self._made:
+            self._gone(host)
+
+    def _gone(self, host: Host) -> None:
+        """An agent made at run time has ended: its name is free again."""
+        name = host.part.name
+        host.close()
+        del self._made[name], self.hosts[name], self._ends[name]
+        self.roster.remove(name)
+        self._directory.forget(name)
+
+    # --- what agents ask for ---
+
+    async def answer(self, host: Host, request: TeamRequest) -> TeamReply:
+        """Fulfil a request, or say why not."""
+        handlers: dict[str, Callable[..., Any]] = {
+            "create": self._create,
+            "clone": self._clone,
+            "kill": self._kill,
+            "include": self._include,
+            "save": self._save,
+            "df_register": self._register,
+            "df_deregister": self._deregister,
+            "df_search": self._search,
+            "df_subscribe": self._subscribe,
+        }
+        try:
+            handler = handlers.get(request.what)
+            if handler is None:
+                raise Refused("action_failed", f"agentd serve does not do what '{request.what}' asks for")
+            return TeamReply(request.id, await handler(host, *request.arguments))
+        except Refused as refused:
+            return TeamReply(request.id, None, refused.error, str(refused))
+        except (NotAllowed, SyntaxErrors, DirectiveError, AlreadyRunning, BusClosed) as error:
+            return TeamReply(request.id, None, "unknown", str(error))
+        except (OSError, UnicodeDecodeError) as error:
+            return TeamReply(request.id, None, "unknown", getattr(error, "strerror", None) or str(error))
+
+    def _files(self, host: Host) -> AgentFiles:
+        return AgentFiles([self._mission.path.parent], self._state / host.part.name)
+
+    async def _create(self, host: Host, name: str, path: str) -> str:
+        program = CompiledProgram(host.part.program.file)
+        if path:
+            found = self._files(host).readable(path, host.part.program.file)
+            program = await asyncio.to_thread(lambda: compile_program(parse_file(found), parse_file))
+        made = await self._make(name, program)
+        log.info("agent=%s made=%s program=%s", host.part.name, made.part.name, path or "none")
+        return made.part.name
+
+    async def _clone(self, host: Host, name: str) -> str:
+        made = await self._make(name, CompiledProgram(host.part.program.file), host)
+        log.info("agent=%s cloned=%s", host.part.name, made.part.name)
+        return made.part.name
+
+    async def _make(self, wanted: str, program: CompiledProgram, original: Host | None = None) -> Host:
+        """Find a free name, claim it on the bus, begin."""
+        try:
+            check_name(wanted)
+        except ValueError as error:
+            raise Refused("unknown", str(error)) from None
+        taken = {*self._mission.robots, *self._mission.boards}
+        for number in range(MOST_TRIES):
+            if len(self._made) >= MOST_MADE:
+                raise Refused("unknown", f"{MOST_MADE} agents made at run time are all that this daemon takes")
+            name = wanted if number == 0 else f"{wanted}_{number}"
+            if name in self.roster.names or name in taken or name in self._made:
+                continue
+            self._made[name] = None  # before anything is waited for: nobody else gets this name or the last place
+            part = Part(name, program, None, {}, {}, {}, self._seed + len(self.hosts))
+            try:
+                made = await self.add(part)
+            except AlreadyRunning:
+                del self._made[name]
+                continue
+            except BaseException:
+                del self._made[name]
+                raise
+            if original is not None:
+                made.copy_from(original)
+            self._begin(made)
+            return made
+        raise Refused("unknown", f"{MOST_TRIES} agents are called {wanted} or {wanted}_N already")
+
+    async def _kill(self, host: Host, name: str, delay: float) -> Any:
+        if name not in self.roster.names:
+            raise Refused("ia_failed", f"there is no agent '{name}'")
+        if name in self._mission.agents:
+            message = (
+                f"'{name}' is an agent of the mission: only those made at run time can be killed; .stopMAS ends all"
+            )
+            raise Refused("action_failed", message)
+        if name not in self.hosts:
+            raise Refused("action_failed", f"'{name}' lives in another daemon, which alone can end it")
+        end = self._ends[name]
+        if delay > 0:
+            asyncio.get_running_loop().call_later(self._clock.to_wall(delay), end.set)
+            return EMPTY
+        end.set()
+        self.roster.remove(name)
+        log.info("agent=%s killed=%s", host.part.name, name)
+        if name != host.part.name:
+            lives = [task for task, agent in self._running.items() if agent == name]
+            await asyncio.wait(lives, timeout=ENDING)
+        return EMPTY
+
+    async def _include(self, host: Host, path: str, namespace: str) -> CompiledProgram | None:
+        try:
+            found = self._files(host).readable(path, host.part.program.file)
+        except FileNotFoundError as error:
+            log.error("agent=%s cannot include: %s", host.part.name, error)
+            return None
+        return await asyncio.to_thread(lambda: in_namespace(parse_file(found), namespace, parse_file))
+
+    async def _save(self, host: Host, path: str, text: str) -> Any:
+        await asyncio.to_thread(self._files(host).save, path, text)
+        return EMPTY
+
+    def _whole_directory(self) -> Directory:
+        """The directory, if it holds the services of all. It is not known to other daemons."""
+        elsewhere = [name for name in self.roster.names if name not in self.hosts]
+        if elsewhere:
+            message = "services are known within one agentd only, and other agents run elsewhere: " + ", ".join(
+                elsewhere
+            )
+            raise Refused("action_failed", message)
+        return self._directory
+
+    async def _register(self, host: Host, service: str) -> Any:
+        for subscriber in self._whole_directory().register(host.part.name, service):
+            self.hosts[subscriber].tell(Mail("df", "tell", provider(host.part.name, service)))
+        return EMPTY
+
+    async def _deregister(self, host: Host, service: str) -> Any:
+        self._whole_directory().deregister(host.part.name, service)
+        return EMPTY
+
+    async def _search(self, host: Host, service: str) -> Any:
+        return make_list([atom(name) for name in self._whole_directory().search(service)])
+
+    async def _subscribe(self, host: Host, service: str) -> Any:
+        for agent in self._whole_directory().subscribe(host.part.name, service):
+            host.tell(Mail("df", "tell", provider(agent, service)))
+        return EMPTY

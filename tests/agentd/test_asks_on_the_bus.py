@@ -1,0 +1,54 @@
+"""Synchronous asks between agents of a mission: answered, timed out, and not mixed up with late answers."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+from tests.agentd.test_daemon import mission
+from tests.support.processes import running
+
+ANSWERS = """\
+v(7).
++?twice(X, Y) <- Y = X * 2.
++?never(_) <- .wait(never).
++?late(X) <- .wait(3000); X = 1; .print("late").
+"""
+ASKS = """\
+!go.
++late(_) <- .print("not here").
++!go
+   <- .send(b, askOne, v(_), v(X)); .print("v ", X); .send(b, askOne, twice(4, _), T); .print(T);
+      .send(b, askAll, v(_), L); .print(L); .send(b, askOne, none, N); .print(N);
+      .send(b, askHow, { +?twice(_, _) }, P); .length(P, K); .print(K, " plan");
+      .send(b, askOne, late(_), W, 1000); .print("limit ", W);
+      .send(b, askOne, never(_), F); .print("default ", F);
+      .send([a,b], askOne, v(_), Vs, 5000); .print(Vs);
+      .send(b, askOne, v(_)); .wait(v(7)[source(b)]); .print("end").
+"""
+
+
+def test_questions_are_answered_or_time_out_after_thirty_mission_seconds(tmp_path: Path, endpoint: str) -> None:
+    text = "mission: asks\nspeed: 20\nagents:\n  a: {program: a.asl}\n  b: {program: b.asl}\ndone: 'a: never'\n"
+    path = mission(tmp_path, text, a=ASKS, b=ANSWERS)
+    with (
+        running("commd", "serve", path, "--router", endpoint),
+        running("agentd", "serve", path, "b", "--router", endpoint) as b,
+        running("agentd", "serve", path, "a", "--router", endpoint) as a,
+    ):
+        a.says("[a] end")
+        b.says("[b] late")
+        for daemon in (a, b):
+            daemon.signal(signal.SIGTERM)
+            assert daemon.ends() == 0
+    assert [line for line in a.lines if line.startswith("[a]")] == [
+        "[a] v 7",
+        "[a] twice(4,8)[source(b)]",
+        "[a] [v(7)[source(b)]]",
+        "[a] false",
+        "[a] 1 plan",
+        "[a] limit timeout",
+        "[a] default timeout",
+        "[a] [false,v(7)[source(b)]]",
+        "[a] end",
+    ]
