@@ -150,6 +150,8 @@ class _Expansion:
                 args=(syntax.String(value=name), syntax.Number(value=arity), syntax.String(value=rule)),
             ):
                 self.functions.append((name, int(arity), rule))
+            case syntax.Structure(functor="namespace", args=(_, syntax.Structure(functor="local" | "global"))):
+                pass  # says of what kind a namespace is before it is used; `local_names` has seen it
             case syntax.Structure(functor="namespace", args=(syntax.Structure(), *_)):
                 self.warnings.append(f"{directive.position}: warning: a namespace without block has no effect")
             case syntax.Structure(functor=name):

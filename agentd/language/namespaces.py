@@ -109,9 +109,9 @@ def local_names(items: Iterable[syntax.Item], number: Iterator[int]) -> dict[str
     pending = list(items)
     while pending:
         item = pending.pop()
-        if not isinstance(item, syntax.Directive) or item.items is None:
+        if not isinstance(item, syntax.Directive):
             continue
-        pending.extend(item.items)
+        pending.extend(item.items or ())
         match item.name:
             case syntax.Structure(
                 functor="namespace", args=(syntax.Structure(functor=name), syntax.Structure(functor="local"))

@@ -68,8 +68,11 @@ def test_files_that_include_one_another_without_end_are_refused(tmp_path: Path) 
         compile_program(parse_file(tmp_path / "a.asl"), parse_file)
 
 
-def test_a_local_namespace_is_another_one_in_each_file(tmp_path: Path) -> None:
-    part = "{ begin namespace(priv, local) } k(NAME). +!ask <- ?k(X); .print(X). { end } +!go_NAME <- !priv::ask."
+@pytest.mark.parametrize("declared", ["", "{ namespace(priv, local) } "])
+def test_a_local_namespace_is_another_one_in_each_file(declared: str, tmp_path: Path) -> None:
+    kind = "" if declared else ", local"
+    part = f"{declared}{{ begin namespace(priv{kind}) }} "
+    part += "k(NAME). +!ask <- ?k(X); .print(X). { end } +!go_NAME <- !priv::ask."
     (tmp_path / "a.asl").write_text(part.replace("NAME", "a"))
     (tmp_path / "b.asl").write_text(part.replace("NAME", "b"))
     (tmp_path / "main.asl").write_text(

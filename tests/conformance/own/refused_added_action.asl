@@ -1,0 +1,3 @@
+// Rule 109: no + before an internal action.
+b(1).
++!s <- +.print(a).

@@ -1,0 +1,3 @@
+// A belief has no body.
+b(1).
+b(1) <- c.

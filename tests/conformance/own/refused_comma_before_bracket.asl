@@ -1,0 +1,3 @@
+// A comma without a term.
+b(1).
++!s <- f(a,).

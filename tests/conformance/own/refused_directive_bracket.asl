@@ -1,0 +1,4 @@
+// A directive is not closed.
+b(1).
+{ include("a.asl" }
+c.

@@ -1,0 +1,3 @@
+// An empty context.
+b(1).
++!s : <- a.

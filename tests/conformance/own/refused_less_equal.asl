@@ -1,0 +1,3 @@
+// Relations are written <= and >=.
+b(1).
++!s <- X =< 2.

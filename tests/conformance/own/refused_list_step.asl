@@ -1,0 +1,3 @@
+// A list is no formula.
+b(1).
++!s <- [a].

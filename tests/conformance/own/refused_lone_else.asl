@@ -1,0 +1,3 @@
+// Rule 107: else belongs to an if.
+b(1).
++!s <- else { b }.

@@ -1,0 +1,3 @@
+// Rule 23: no empty brackets.
+b(1).
++!s <- f().

@@ -1,0 +1,3 @@
+// A number is no formula.
+b(1).
++!s <- 3.

@@ -1,0 +1,4 @@
+// A comment is not closed.
+b(1).
+/* open
+c.

@@ -1,0 +1,3 @@
+// A quoted atom is not closed.
+b(1).
++!s <- X = 'abc.

@@ -1,0 +1,3 @@
+// Arithmetic is no formula.
+b(1).
++!s <- X + 1.

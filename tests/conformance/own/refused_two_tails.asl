@@ -1,0 +1,3 @@
+// Rule 21: a list has one tail.
+!s.
++!s <- X = [a|B,c].

@@ -1,0 +1,3 @@
+// A rule needs a head.
+b(1).
+X :- b.
