@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 from agentd.language.signatures import Signature
 from agentd.language.terms import Literal
-from agentd.mind.inputs import Input, PerceptAdded, PerceptRemoved
+from agentd.mind.inputs import PerceptsChanged
 
 _Key: TypeAlias = tuple[Signature, tuple[object, ...]]
 _Held: TypeAlias = dict[Signature, dict[tuple[object, ...], Literal]]
@@ -63,11 +63,14 @@ class PerceptBoard:
 
     def replace(self, literal: Literal, agent: str | None) -> None:
         with self._lock:
-            present = self._held(agent).get(literal.sig)
-            if present:
-                for args in [other for other in present if other != literal.args]:
-                    self._changed(present.pop(args), agent)
-            self._add(literal, agent)
+            held = self._held(agent)
+            old = held.get(literal.sig, {})
+            held[literal.sig] = {literal.args: literal}
+            for args, other in old.items():
+                if args != literal.args:
+                    self._changed(other, agent)
+            if literal.args not in old:
+                self._changed(literal, agent)
         if self.on_change is not None:
             self.on_change()
 
@@ -89,21 +92,22 @@ class PerceptBoard:
                 found.update({(literal.sig, literal.args): literal for literal in self._all(self._own.get(agent, {}))})
             return list(found.values())
 
-    def take(self, agent: str) -> list[Input]:
-        """What has to be told to an agent, removals first; it counts as told."""
+    def take(self, agent: str) -> PerceptsChanged | None:
+        """What has to be told to an agent, if anything; it counts as told."""
         untold = self._untold.get(agent)
         if not untold:
-            return []
+            return None
+        gone: list[Literal] = []
+        new: list[Literal] = []
         with self._lock:
-            changes, self._untold[agent] = untold, {}
-            removed: list[Input] = []
-            added: list[Input] = []
-            for (sig, args), literal in changes.items():
-                if self._holds(sig, args, agent):
-                    added.append(PerceptAdded(literal))
+            self._untold[agent] = {}
+            common, own = self._common, self._own.get(agent)
+            for (sig, args), literal in untold.items():
+                if args in common.get(sig, ()) or (own is not None and args in own.get(sig, ())):
+                    new.append(literal)
                 else:
-                    removed.append(PerceptRemoved(literal, tuple(range(len(args)))))
-        return removed + added
+                    gone.append(literal)
+        return PerceptsChanged(tuple(gone), tuple(new))
 
     def _held(self, agent: str | None) -> _Held:
         return self._common if agent is None else self._own.setdefault(agent, {})
@@ -121,10 +125,6 @@ class PerceptBoard:
                 untold[key] = literal
         elif agent in self._untold:
             self._untold[agent][key] = literal
-
-    def _holds(self, sig: Signature, args: tuple[object, ...], agent: str) -> bool:
-        own = self._own.get(agent)
-        return args in self._common.get(sig, ()) or (own is not None and args in own.get(sig, ()))
 
     @staticmethod
     def _all(held: _Held) -> list[Literal]:

@@ -160,6 +160,8 @@ class Team:
             for effect in mind.run(self.clock.now(), CYCLES_A_TURN):
                 if type(effect) is SendMail:
                     self._send(mind, effect)
+                elif type(effect) is PerformAction and self._world is not None:
+                    self._world.perform(mind, effect)
                 else:
                     self._carry_out(mind, effect)
                 if self._stop is not None and self._stop[0] <= self.clock.now():

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
-from agentd.language.signatures import signature
+from agentd.language.signatures import Signature, signature
 from agentd.language.terms import (
     FALSE,
     TRUE,
@@ -30,10 +31,10 @@ def term_of(value: Any) -> Any:
     kind = type(value)
     if kind is float or kind is str:
         return value
-    if kind is bool:
-        return TRUE if value else FALSE
     if kind is int:
         return float(value)
+    if kind is bool:
+        return TRUE if value else FALSE
     if kind in _TERMS:
         return value
     if kind is list or kind is tuple:
@@ -45,7 +46,13 @@ def term_of(value: Any) -> Any:
 
 def literal(functor: str, *arguments: Any) -> Literal:
     """A structure, or an atom without arguments; the arguments are Python values (see `term_of`) or terms."""
-    return Literal(signature(functor, len(arguments)), tuple([term_of(argument) for argument in arguments]))
+    return Literal(plain_signature(functor, len(arguments)), tuple([term_of(argument) for argument in arguments]))
+
+
+@lru_cache(maxsize=4096)
+def plain_signature(functor: str, arity: int) -> Signature:
+    """The signature of a positive literal in the default namespace."""
+    return signature(functor, arity)
 
 
 def value_of(term: Any) -> Any:

@@ -10,12 +10,12 @@ from itertools import count
 from typing import Any, TypeVar
 
 from agentd.environment import ActionFailed, Deferred, Environment
-from agentd.language.signatures import signature
 from agentd.language.terms import Literal
 from agentd.mind import Mind
 from agentd.mind.effects import CancelAction, PerformAction
 from agentd.mind.inputs import ActionDone
 from agentd.user_code import UserCodeError, describe_error
+from agentd.values import plain_signature
 
 _Result = TypeVar("_Result")
 
@@ -69,7 +69,7 @@ class World:
         """Have an action executed; its outcome is fed to the mind, now or later."""
         name, parameters = action.name, action.parameters
         try:
-            outcome = self._environment.execute(mind.name, Literal(signature(name, len(parameters)), parameters))
+            outcome = self._environment.execute(mind.name, Literal(plain_signature(name, len(parameters)), parameters))
         except ActionFailed as failed:
             mind.feed(ActionDone(action.id, False, str(failed)))
         except Exception as error:
@@ -77,14 +77,15 @@ class World:
             self._tell(reason)
             mind.feed(ActionDone(action.id, False, reason))
         else:
-            self._outcome(mind, action, outcome)
+            if outcome is True:
+                mind.feed(ActionDone(action.id, True))
+            else:
+                self._outcome(mind, action, outcome)
         if self._changed:
-            self.deliver()
+            self._tell_percepts()
 
     def _outcome(self, mind: Mind, action: PerformAction, outcome: Any) -> None:
-        if outcome is True:
-            mind.feed(ActionDone(action.id, True))
-        elif outcome is False:
+        if outcome is False:
             mind.feed(ActionDone(action.id, False, f"the environment could not do {action.name}"))
         elif isinstance(outcome, Deferred):
             self._waiting[mind.name, action.id] = outcome
@@ -110,20 +111,21 @@ class World:
 
     def deliver(self) -> None:
         """Call what is due, and feed the minds what has changed for them since the last time."""
-        if self._stirred.is_set():
-            self._stirred.clear()
-        now = self.now()
-        while self._calls and self._calls[0][0] <= now:
+        while self._calls and self._calls[0][0] <= self.now():
             self._guarded("after", heapq.heappop(self._calls)[2])
         if self._changed:
-            self._changed = False
-            for name, mind in self._minds.items():
-                for item in self._board.take(name):
-                    mind.feed(item)
+            self._tell_percepts()
         while self._settled:
             name, number, deferred = self._settled.popleft()
             if self._waiting.pop((name, number), None) is not None and deferred.outcome is not None:
                 self._minds[name].feed(ActionDone(number, *deferred.outcome))
+
+    def _tell_percepts(self) -> None:
+        self._changed = False
+        for name, mind in self._minds.items():
+            changed = self._board.take(name)
+            if changed is not None:
+                mind.feed(changed)
 
     def after(self, seconds: float, call: Callable[[], object]) -> None:
         """Call something in the environment's thread after so many seconds."""
@@ -149,6 +151,7 @@ class World:
         """Wait, in real time, until something comes from another thread, but no longer than this."""
         if not self.stirred:
             self._stirred.wait(seconds)
+            self._stirred.clear()
 
     def stop(self) -> None:
         """Let the environment end."""

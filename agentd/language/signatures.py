@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, Final
 from weakref import WeakValueDictionary
 
@@ -15,26 +16,24 @@ class Signature:
     Make one with `signature`.
     """
 
-    __slots__ = ("__weakref__", "arity", "functor", "namespace", "negated")
+    __slots__ = ("__weakref__", "arity", "functor", "name", "namespace", "negated")
 
     functor: str
     arity: int
     negated: bool
     namespace: str
+    name: str
+    """``~ns::p``: all but the arity."""
 
     def __init__(self, functor: str, arity: int, negated: bool, namespace: str) -> None:
         self.functor, self.arity, self.negated, self.namespace = functor, arity, negated, namespace
+        prefix = "" if namespace == DEFAULT else f"{namespace}::"
+        self.name = f"{'~' if negated else ''}{prefix}{functor}"
 
     @property
     def indicator(self) -> str:
         """``~ns::p/2``, as messages name a predicate."""
         return f"{self.name}/{self.arity}"
-
-    @property
-    def name(self) -> str:
-        """``~ns::p``: all but the arity."""
-        prefix = "" if self.namespace == DEFAULT else f"{self.namespace}::"
-        return f"{'~' if self.negated else ''}{prefix}{self.functor}"
 
     def __repr__(self) -> str:
         return self.indicator
@@ -46,6 +45,7 @@ class Signature:
 _signatures: WeakValueDictionary[tuple[str, int, bool, str], Signature] = WeakValueDictionary()
 
 
+@lru_cache(maxsize=8192)
 def signature(functor: str, arity: int = 0, negated: bool = False, namespace: str = DEFAULT) -> Signature:
     """The one `Signature` of these values."""
     key = (functor, arity, negated, namespace)

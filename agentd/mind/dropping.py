@@ -49,6 +49,7 @@ def _take_back(mind: Any, intention: Intention) -> None:
     elif isinstance(token, Question):
         token.forget(mind)
     if intention.action is not None:
+        mind.performing.pop(intention.action, None)
         mind.effects.append(CancelAction(intention.action))
         intention.action = None
     if intention in mind.running:

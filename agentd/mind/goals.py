@@ -97,14 +97,18 @@ def test_failed(mind: Any, intention: Intention) -> None:
 def perform(mind: Any, intention: Intention, action: Any) -> bool:
     """An external action: it goes out, and the intention waits for its end."""
     action = literal_of(action)
-    if not is_ground(action):
-        raise Failed("action_failed", f"the action {text(action)} has a variable without a value")
-    if mind.actions is not None and action.sig.name not in mind.actions:
+    name, args = action.sig.name, action.args
+    if args or action.annots:
+        if not is_ground(action):
+            raise Failed("action_failed", f"the action {text(action)} has a variable without a value")
+        args = resolve_all(args)
+    if mind.actions is not None and name not in mind.actions:
         raise Failed("action_failed", f"nobody can perform the action {action.sig.indicator}")
     mind.action_count += 1
-    intention.action = mind.action_count
-    mind.effects.append(PerformAction(mind.action_count, action.sig.name, resolve_all(action.args)))
-    mind.await_something(intention, f"action {action.sig.name}")
+    number = intention.action = mind.action_count
+    mind.performing[number] = intention
+    mind.effects.append(PerformAction(number, name, args))
+    mind.await_something(intention, f"action {name}")
     return True
 
 

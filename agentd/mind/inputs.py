@@ -41,6 +41,14 @@ class PerceptRemoved:
 
 
 @dataclass(slots=True)
+class PerceptsChanged:
+    """Percepts that hold no longer, then percepts that hold now; what holds no longer or already is passed over."""
+
+    gone: tuple[Literal, ...]
+    new: tuple[Literal, ...]
+
+
+@dataclass(slots=True)
 class Mail:
     """A message from another agent. ``in_reply_to`` is the id of the question that it answers, or ``""``."""
 
@@ -107,6 +115,7 @@ Input: TypeAlias = (
     PerceptReplaced
     | PerceptAdded
     | PerceptRemoved
+    | PerceptsChanged
     | Mail
     | ActionDone
     | TeamReply

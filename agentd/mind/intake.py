@@ -16,6 +16,7 @@ from agentd.mind.inputs import (
     PerceptAdded,
     PerceptRemoved,
     PerceptReplaced,
+    PerceptsChanged,
     SignalRaised,
     TeamReply,
 )
@@ -31,10 +32,12 @@ def take_inputs(mind: Any) -> None:
         if mind.on_input is not None:
             mind.on_input(mind.cycle, item)
         match item:
-            case PerceptReplaced() | PerceptAdded() | PerceptRemoved():
-                added += percepts.update(mind, item)
             case ActionDone():
                 _action_done(mind, item)
+            case PerceptsChanged():
+                percepts.change(mind, item, added)
+            case PerceptReplaced() | PerceptAdded() | PerceptRemoved():
+                percepts.update(mind, item, added)
             case TeamReply():
                 request = mind.requests.pop(item.id, None)
                 if request is not None:
@@ -47,18 +50,18 @@ def take_inputs(mind: Any) -> None:
                 mind.post(mind.plans.relevant("+", "", literal.sig), literal.args, with_source(literal.annots))
             case _:
                 pass
-    percepts.raise_additions(mind, added)
+    if added:
+        percepts.raise_additions(mind, added)
 
 
 def _action_done(mind: Any, done: ActionDone) -> None:
-    for intention, _ in list(mind.waiting.values()):
-        if intention.action != done.id:
-            continue
-        if done.ok:
-            resume_waiting(mind, intention)
-            return
-        facts = [Literal(signature("reason", 1), (done.reason,))] if done.reason else []
-        if done.state:
-            facts.append(Literal(signature("state", 1), (atom(done.state),)))
-        fail_waiting(mind, intention, Failed("action_failed", done.reason, tuple(facts)))
+    intention = mind.performing.pop(done.id, None)
+    if intention is None or intention.action != done.id:
         return
+    if done.ok:
+        resume_waiting(mind, intention)
+        return
+    facts = [Literal(signature("reason", 1), (done.reason,))] if done.reason else []
+    if done.state:
+        facts.append(Literal(signature("state", 1), (atom(done.state),)))
+    fail_waiting(mind, intention, Failed("action_failed", done.reason, tuple(facts)))

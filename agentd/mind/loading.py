@@ -13,6 +13,7 @@ from agentd.language.signatures import DEFAULT
 from agentd.mind.beliefs import RuleClause
 from agentd.mind.effects import Log
 from agentd.mind.functions import FunctionsOf, by_rule
+from agentd.mind.percepts import perceived
 from agentd.mind.plan_terms import refuse_label
 from agentd.mind.rules import add_rule
 
@@ -84,7 +85,8 @@ def copy_mind(mind: Any, other: Any) -> None:
                 add_rule(mind, entry.syntax, entry.values)
             else:
                 own.add(entry.args, entry.annots)
-    mind.percepts = {sig: dict(present) for sig, present in other.percepts.items()}
+    for sig, present in other.percepts.items():
+        perceived(mind, sig).args.update(present.args)
     for plan in other.plans:
         copy = mind.plans.make(plan.syntax, plan.values)
         copy.label, copy.sources = plan.label, list(plan.sources)

@@ -32,6 +32,7 @@ from agentd.mind.library import Library
 from agentd.mind.loading import copy_mind, load_program
 from agentd.mind.open_beliefs import OpenBeliefs
 from agentd.mind.options import RULE, Options
+from agentd.mind.percepts import Perceived
 from agentd.mind.plans import PlanLibrary
 from agentd.mind.resolving import detach, resolve_all, resolve_annots
 from agentd.mind.runtime import RUNTIME
@@ -141,7 +142,9 @@ class Mind:
         self.message_count = 0
         self.questions: dict[str, Any] = {}
         """Synchronous asks that wait for their answer, by message id."""
-        self.percepts: dict[Signature, dict[tuple[Any, ...], None]] = {}
+        self.percepts: dict[Signature, Perceived] = {}
+        self.performing: dict[int, Intention] = {}
+        """The intentions that wait for an action, by its id."""
         self.namespaces: dict[str, dict[str, Any]] = {}
         """Properties of namespaces (``.namespace_set_prop``)."""
         self.future_events: list[Timer] = []

@@ -2,72 +2,125 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from agentd.language.order import sorted_annots
+from agentd.language.signatures import Signature
 from agentd.language.sources import PERCEPT
 from agentd.language.terms import Literal
 from agentd.mind.changes import raise_event
-from agentd.mind.inputs import PerceptAdded, PerceptRemoved, PerceptReplaced
+from agentd.mind.inputs import PerceptAdded, PerceptRemoved, PerceptReplaced, PerceptsChanged
 from agentd.mind.resolving import detach, resolve_all
 
-Addition = tuple[Any, tuple[Any, ...], tuple[Any, ...]]
+Addition = tuple["Perceived", tuple[Any, ...], tuple[Any, ...]]
+"""A percept that is new: where it is kept, its arguments, and the annotations that the belief got."""
 
 
-def update(mind: Any, item: PerceptReplaced | PerceptAdded | PerceptRemoved) -> list[Addition]:
-    """Change the percepts. Deletion events are raised at once; those of additions are returned, to follow them."""
+class Perceived:
+    """The percepts of one signature, with what their changes concern."""
+
+    __slots__ = ("args", "gained", "lost", "predicate")
+
+    def __init__(self, mind: Any, sig: Signature) -> None:
+        self.args: dict[tuple[Any, ...], None] = {}
+        self.predicate = mind.beliefs.predicate(sig)
+        self.gained = mind.plans.relevant("+", "", sig)
+        self.lost = mind.plans.relevant("-", "", sig)
+
+
+def perceived(mind: Any, sig: Signature) -> Perceived:
+    """The percepts of a signature."""
+    found: Perceived | None = mind.percepts.get(sig)
+    if found is None:
+        found = mind.percepts[sig] = Perceived(mind, sig)
+    return found
+
+
+def forget(mind: Any, sig: Signature, args: tuple[Any, ...]) -> None:
+    """A belief is gone that may have been a percept: told anew, it is new."""
+    place = mind.percepts.get(sig)
+    if place is not None:
+        place.args.pop(args, None)
+
+
+def change(mind: Any, item: PerceptsChanged, added: list[Addition]) -> None:
+    """Take and add percepts. Deletion events are raised at once; those of ``added`` are to follow them."""
+    for literal in item.gone:
+        place, args = perceived(mind, literal.sig), _arguments(literal)
+        if args in place.args:
+            _remove(mind, place, args)
+    for literal in item.new:
+        place, args = perceived(mind, literal.sig), _arguments(literal)
+        if args not in place.args:
+            _add(mind, place, literal, args, added)
+
+
+def update(mind: Any, item: PerceptReplaced | PerceptAdded | PerceptRemoved, added: list[Addition]) -> None:
+    """As `change`, for the percepts that a literal and a key describe."""
     literal = item.literal
-    args = detach(resolve_all(literal.args))
-    present = mind.percepts.get(literal.sig)
-    if present is None:
-        present = mind.percepts[literal.sig] = {}
+    place, args = perceived(mind, literal.sig), _arguments(literal)
     match item:
         case PerceptReplaced(key=key):
-            unchanged = args in present
-            for old in _agreeing(present, args, key):
+            for old in _agreeing(place.args, args, key):
                 if old != args:
-                    _remove(mind, literal, old)
-            return [] if unchanged else _add(mind, literal, args)
-        case PerceptAdded():
-            return [] if args in present else _add(mind, literal, args)
+                    _remove(mind, place, old)
         case PerceptRemoved(key=key):
-            for old in _agreeing(present, args, key):
-                _remove(mind, literal, old)
-    return []
+            for old in _agreeing(place.args, args, key):
+                _remove(mind, place, old)
+            return
+    if args not in place.args:
+        _add(mind, place, literal, args, added)
+
+
+def raise_additions(mind: Any, added: Iterable[Addition]) -> None:
+    """Raise the events of percepts that are new."""
+    unheard = not (mind.listeners or mind.plans.has_nested)
+    for place, args, annots in added:
+        if place.gained.plans or not unheard:
+            raise_event(mind, None, place.gained, args, annots)
+
+
+def _arguments(literal: Literal) -> tuple[Any, ...]:
+    if literal.ground:
+        return literal.args
+    for arg in literal.args:
+        if type(arg) is not float and type(arg) is not str:
+            return detach(resolve_all(literal.args))
+    return literal.args
 
 
 def _agreeing(present: dict[tuple[Any, ...], None], args: tuple[Any, ...], key: tuple[int, ...]) -> list[Any]:
     """The percepts whose arguments at the positions ``key`` are these; one alone can be when the key is all of them."""
+    if not key:
+        return list(present)
     if len(key) == len(args):
         return [args] if args in present else []
     return [percept for percept in present if all(percept[k] == args[k] for k in key)]
 
 
-def _annots(literal: Literal) -> tuple[Any, ...]:
-    return sorted_annots((*literal.annots, *PERCEPT)) if literal.annots else PERCEPT
+def _add(mind: Any, place: Perceived, literal: Literal, args: tuple[Any, ...], added: list[Addition]) -> None:
+    place.args[args] = None
+    annots = sorted_annots((*literal.annots, *PERCEPT)) if literal.annots else PERCEPT
+    new = place.predicate.add(args, annots)
+    if new is not None:
+        mind.changes += 1
+        added.append((place, args, new))
 
 
-def _add(mind: Any, literal: Literal, args: tuple[Any, ...]) -> list[Addition]:
-    mind.percepts[literal.sig][args] = None
-    new = mind.beliefs.predicate(literal.sig).add(args, _annots(literal))
-    if new is None:
-        return []
-    mind.changes += 1
-    return [(literal.sig, args, new)]
-
-
-def _remove(mind: Any, literal: Literal, args: tuple[Any, ...]) -> None:
+def _remove(mind: Any, place: Perceived, args: tuple[Any, ...]) -> None:
     """A percept holds no longer: the belief loses source(percept), and stays if another source holds it."""
-    del mind.percepts[literal.sig][args]
-    predicate = mind.beliefs.predicate(literal.sig)
+    del place.args[args]
+    predicate = place.predicate
     fact = predicate.entries.get(args)
-    if fact is None or PERCEPT[0] not in fact.annots:
+    if fact is None:
         return
-    predicate.take_annots(fact, PERCEPT)
+    if fact.annots is PERCEPT:
+        predicate.remove(fact)
+    elif PERCEPT[0] in fact.annots:
+        predicate.take_annots(fact, PERCEPT)
+    else:
+        return
     mind.changes += 1
-    raise_event(mind, None, mind.plans.relevant("-", "", literal.sig), args, PERCEPT)
-
-
-def raise_additions(mind: Any, added: list[Addition]) -> None:
-    for sig, args, annots in added:
-        raise_event(mind, None, mind.plans.relevant("+", "", sig), args, annots)
+    if place.lost.plans or mind.listeners or mind.plans.has_nested:
+        raise_event(mind, None, place.lost, args, PERCEPT)

@@ -12,6 +12,7 @@ from agentd.mind.annotations import with_source
 from agentd.mind.beliefs import RuleClause
 from agentd.mind.changes import believe, raise_event
 from agentd.mind.failed import Failed, wrong_arguments
+from agentd.mind.percepts import forget
 from agentd.mind.resolving import Copier, detach, resolve_all, resolve_annots
 from agentd.mind.rules import add_rule
 from agentd.mind.unifier import Trail, undo, unify
@@ -31,7 +32,7 @@ def abolish(mind: Any, trail: Trail, pattern: Any) -> bool:
         if unify(pattern, fact, trail):
             predicate.remove(fact)
             mind.changes += 1
-            mind.percepts.get(pattern.sig, {}).pop(fact.args, None)
+            forget(mind, pattern.sig, fact.args)
             raise_event(mind, None, relevant, fact.args, fact.annots)
         undo(trail, mark)
     return True
