@@ -49,6 +49,8 @@ def missing_end(place: Place) -> str | None:
     if place.opened is not None or "_END" not in place.expected or place.part == "":
         return None
     item = _NAMES.get(place.part, "plan")
+    if place.kind == "INTERNAL" and place.adjoins and place.text.startswith("."):
+        return f"a blank is missing after the '.' that ends the {item}: {shown(place.text)} is an internal action"
     if not place.text:
         return f"the last {item} does not end with a '.'"
     begins = place.kind in BEGIN_TERM or place.text in ("!", "?", "{", "@") or place.text in SIGNS

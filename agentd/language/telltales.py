@@ -233,6 +233,8 @@ def _alone(place: Place) -> str | None:
         return "a body needs a trigger before it: +!g <- ..."
     if place.part == "" and place.text == "." and place.before == "}":
         return "no '.' stands after }, neither of a directive nor of plans in braces"
+    if place.part == "" and place.kind == "INTERNAL" and not place.text.startswith("."):
+        return f"{shown(place.text)} is read as an internal action; put a blank behind a '.' that ends something"
     if place.before == "::":
         return "a name with a small letter is missing after ::"
     if place.before == "~":

@@ -355,8 +355,8 @@ MISTAKES: tuple[tuple[str, str, str], ...] = (
     ("b(X):-a(X)", "1:11", "the last rule does not end with a '.'"),
     ("b(a,b,).", "1:7", "an argument is missing after the comma"),
     ("b((a,b)).", "1:5", "the formulas of a condition are joined by & (and) or |, not by a comma"),
-    ("b.c(1).", "1:1", "an internal action cannot stand outside a plan; put it into the body of a plan"),
-    ("a.b <- c.", "1:1", "an internal action cannot stand outside a plan; put it into the body of a plan"),
+    ("b.c(1).", "1:1", "b.c is read as an internal action; put a blank behind a '.' that ends something"),
+    ("a.b <- c.", "1:1", "a.b is read as an internal action; put a blank behind a '.' that ends something"),
     ("b(a->b).", "1:5", "there is no ->; a body is introduced by <-, arguments are separated by commas"),
     ("b('a).", "1:3", "the quoted name that begins here is not closed before the end of its line; put ' there"),
     ("b(a').", "1:4", "the quoted name that begins here is not closed before the end of its line; put ' there"),
@@ -543,4 +543,6 @@ MISTAKES: tuple[tuple[str, str, str], ...] = (
     ("b. { +!g. }", "1:4", "plans in { } belong to the plan before them, and there is none here"),
     ("{ start namespace(n) }", "1:1", "a directive is written { start(...) } or { begin namespace(...) }"),
     ("+!g <- +5.", "1:8", "a number is no belief; + and - change beliefs, or plans and rules in { }"),
+    ("b(1).b(2).", "1:5", "a blank is missing after the '.' that ends the belief: .b is an internal action"),
+    ("b.c.", "1:1", "b.c is read as an internal action; put a blank behind a '.' that ends something"),
 )
