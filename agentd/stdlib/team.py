@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 from agentd.language.signatures import DEFAULT
+from agentd.language.term_text import text
 from agentd.language.terms import List, Literal, Var, atom, deref, proper
-from agentd.mind.failed import wrong_arguments
+from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.loading import include_program
 from agentd.mind.program_text import program_text
 from agentd.mind.team import request
@@ -22,12 +23,37 @@ def create_agent(mind: Any, trail: Trail, name: Any, file: Any = None, options: 
     wanted, path = deref(name), deref(file) if file is not None else ""
     if type(path) is not str:
         wrong_arguments("the file of a new agent is a string")
-    if options is not None and type(deref(options)) is not List:
-        wrong_arguments("the options of a new agent are a list")
+    if options is not None:
+        if type(deref(options)) is not List:
+            wrong_arguments("the options of a new agent are a list")
+        _check_options(mind, options)
     if type(wanted) is Var:
         made_up = wanted.name[:1].lower() + wanted.name[1:]
         return request(mind, "create", (made_up, path), wanted)
     return request(mind, "create", (name_of(wanted), path))
+
+
+_PLAIN_CLASSES: Final = {
+    "agentArchClass": ("AgArch", "CentralisedAgArch", "LocalAgArch"),
+    "agentClass": ("Agent",),
+    "beliefBaseClass": ("DefaultBeliefBase",),
+}
+"""Options of Jason that name Java classes, and the classes that stand for what every agent has here."""
+
+
+def _check_options(mind: Any, options: Any) -> None:
+    """Fail for what a new agent cannot be: an agent of a Java class would not be what the program means."""
+    for option in proper(options) or []:
+        term = deref(option)
+        name = term.sig.functor if type(term) is Literal else text(term)
+        plain = _PLAIN_CLASSES.get(name)
+        if plain is None:
+            mind.warn_once(f".create_agent: the option {text(term)} is not known and is left out")
+            continue
+        named = plain_text(term.args[0]).rpartition(".")[2] if term.args else ""
+        if named not in plain:
+            why = "is a class of Java, which Argosy has not; extend agents in Python (docs/extending.md)"
+            raise Failed("unknown", f".create_agent: {text(term)} {why}")
 
 
 @internal_action(".clone", 1, suspends=True)
