@@ -26,6 +26,7 @@ class BodyCompiler:
 
     def body(self, body: syntax.Body, bound: Bound, after: int | None) -> int | None:
         """Compile a body; ``bound`` is updated to what holds at its end. Returns its first step, ``after`` if empty."""
+        body = _without_leading_true(body)
         if not body.formulas:
             return after
         numbers = []
@@ -52,3 +53,11 @@ def _write(writer: StepWriter, formula: syntax.BodyFormula) -> None:
             write_for(writer, formula)
         case syntax.Fork():
             write_fork(writer, formula)
+
+
+def _without_leading_true(body: syntax.Body) -> syntax.Body:
+    """``true`` at the very start of a body or block does nothing (rule 64)."""
+    match body.formulas:
+        case (syntax.Step(operator=syntax.Operator.ACTION, term=syntax.Structure(functor="true", args=())), *_):
+            return syntax.Body(body.formulas[1:], body.position)
+    return body

@@ -37,7 +37,7 @@ def compile_plan(
         code.slot(name)
     bound = compile_select(form, plan, code, library, values, outer or {})
     code.bound = dict.fromkeys(bound, True)
-    code.first = BodyCompiler(code, library).body(_without_leading_true(plan.body), dict(code.bound), None)
+    code.first = BodyCompiler(code, library).body(plan.body, dict(code.bound), None)
     if plan.goal_condition is not None:
         _compile_condition(plan, code, library)
     return code
@@ -66,7 +66,7 @@ def compile_fragment(
     compiler = BodyCompiler(code, library)
     compiler.values = values
     code.steps.append(StepCode("", None))  # stands for the step that follows in the frame
-    code.first = compiler.body(_without_leading_true(body), dict.fromkeys(code.slots, False), 0)
+    code.first = compiler.body(body, dict.fromkeys(code.slots, False), 0)
     return code
 
 
@@ -79,11 +79,3 @@ def compile_formula(formula: Any, library: Any) -> Unit:
     function.emit("return False")
     unit.add(function)
     return unit
-
-
-def _without_leading_true(body: syntax.Body) -> syntax.Body:
-    """``true`` at the very start of a body does nothing (rule 64)."""
-    match body.formulas:
-        case (syntax.Step(operator=syntax.Operator.ACTION, term=syntax.Structure(functor="true", args=())), *_):
-            return syntax.Body(body.formulas[1:], body.position)
-    return body
