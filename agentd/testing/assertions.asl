@@ -1,4 +1,5 @@
-/* The goals by which test plans say what they expect, and the goal that runs one test plan.
+/* The goals by which test plans say what they expect, and the goal that runs one test plan: the goal of the plan is
+   put in the place of !agentd_the_goal.
    A program that has plans of its own for one of these assertions keeps them. */
 
 +!assert_equals(Expected, Actual)            <- agentd.test.equals(Expected, Actual).
@@ -12,6 +13,6 @@
 +!force_failure                              <- agentd.test.fail("the test plan forces a failure").
 +!force_failure(Why)                         <- agentd.test.fail(Why).
 
-+!agentd_run_test(Goal) <- !Goal; agentd.test.ended.
--!agentd_run_test(Goal)[error(Error), error_msg(Why), code(Formula), code_line(Line), code_src(File)]
++!agentd_run_test <- !agentd_the_goal; agentd.test.ended.
+-!agentd_run_test[error(Error), error_msg(Why), code(Formula), code_line(Line), code_src(File)]
   <- agentd.test.failed(Error, Why, Formula, Line, File).

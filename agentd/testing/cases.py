@@ -12,11 +12,9 @@ from pathlib import Path
 from agentd.language import syntax
 from agentd.language.compile import CompiledProgram, DirectiveError, in_namespace
 from agentd.language.errors import SyntaxErrors
-from agentd.language.instantiate import instantiate
 from agentd.language.parser import parse_file
 from agentd.language.printer import source_text
 from agentd.language.signatures import DEFAULT
-from agentd.language.terms import Literal
 from agentd.paths import SourcePaths
 from agentd.testing.outcomes import Unread
 
@@ -25,6 +23,7 @@ _MARKED = re.compile(r"@[^\n]*\[[^\]\n]*\btest\b")
 
 LIBRARY = Path(__file__).parent / "assertions.asl"
 """The plans that every test program gets."""
+_THE_GOAL = syntax.Structure("agentd_the_goal")
 _NOTHING = Path(__file__).parent / "of_jason.asl"
 _HARNESS = frozenset({"tester_agent.asl", "test_assert.asl", "test_manager.asl"})
 """The files of Jason's own harness, which `agentd test` takes the place of."""
@@ -38,7 +37,6 @@ class Case:
     file: str
     """The file that was asked for; the plan may stand in one that it includes."""
     plan: syntax.Plan
-    goal: Literal
     program: CompiledProgram
     own_assertions: bool
 
@@ -119,8 +117,6 @@ def _case(file: str, plan: syntax.Plan, program: CompiledProgram) -> Case | Unre
         written = f"{trigger.operator}{trigger.goal}{source_text(trigger.literal)}"
         return Unread(file, f"{plan.position}: error: a test is a plan for a goal, +!goal; this one is for {written}")
     bare = replace(trigger.literal, annotations=None)
-    goal = instantiate(bare)
-    assert isinstance(goal, Literal)
     label = plan.label
     named = isinstance(label, syntax.Structure) and bool(label.functor)
     name = label.functor if named and isinstance(label, syntax.Structure) else source_text(bare)
@@ -131,8 +127,15 @@ def _case(file: str, plan: syntax.Plan, program: CompiledProgram) -> Case | Unre
     assertions = [p for space in sorted(spaces) for p in _library(space).plans]
     library = [p for p in assertions if _key(p) not in theirs]
     own_goals = tuple(g for g in program.goals if g.position.file == program.file)
-    whole = replace(program, plans=(*library, *others), goals=own_goals)
-    return Case(name, file, plan, goal, whole, len(library) < len(assertions))
+    whole = replace(program, plans=(*(_aimed(p, bare) for p in library), *others), goals=own_goals)
+    return Case(name, file, plan, whole, len(library) < len(assertions))
+
+
+def _aimed(plan: syntax.Plan, goal: syntax.Structure) -> syntax.Plan:
+    """A plan of the library, with the goal of the test in its place."""
+    body = plan.body
+    steps = [replace(s, term=goal) if isinstance(s, syntax.Step) and s.term == _THE_GOAL else s for s in body.formulas]
+    return replace(plan, body=replace(body, formulas=tuple(steps)))
 
 
 def _key(plan: syntax.Plan) -> tuple[str, str, str, int]:

@@ -27,7 +27,7 @@ from agentd.testing.outcomes import Asserted, Outcome, TestEnded, Verdict
 if TYPE_CHECKING:
     from agentd.environment import Environment
 
-_RUN = signature("agentd_run_test", 1)
+_RUN = signature("agentd_run_test")
 MOST_SETTLING = 1000
 """Turns of the team that initial beliefs and goals get before the test begins, and other intentions after it."""
 
@@ -76,7 +76,7 @@ class _TestTeam(Team):
     """The agent that runs the test, and those it creates; what they say is kept, not shown."""
 
     def __init__(self, case: Case, settings: Settings, outcome: Outcome) -> None:
-        self._outcome, self._goal = outcome, case.goal
+        self._outcome = outcome
         self._ended: TestEnded | None = None
         self._first_failure: Asserted | None = None
         self._stopped = 0
@@ -94,7 +94,7 @@ class _TestTeam(Team):
     def run_test(self, seconds: float) -> None:
         """Bring the agent to rest, pursue the goal of the test, and judge what has come of it."""
         self._settle()
-        self._mind.feed(GoalAdded(Literal(_RUN, (self._goal,))))
+        self._mind.feed(GoalAdded(Literal(_RUN)))
         late = self.clock.now() + seconds
         while self._ended is None:
             if self.turns():
