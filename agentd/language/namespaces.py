@@ -21,7 +21,7 @@ _QUERIES = {
 
 
 class Qualifier:
-    """Qualifies beliefs, goals, triggers and formulas, but not the arguments inside them.
+    """Qualifies beliefs, goals, triggers, formulas and code in braces, but not the arguments inside them.
 
     ``current`` is the namespace of the block, ``default`` what ``::p`` means in it. ``local`` gives the names by which
     the mind knows the local namespaces of the file: no other file can name them (rule 103).
@@ -74,9 +74,26 @@ class Qualifier:
                 return replace(node, left=self.formula(left), right=self.formula(right))
             case syntax.Not(operand=operand):
                 return replace(node, operand=self.formula(operand))
-            case syntax.InternalAction(name=name, args=args) if name in _QUERIES and len(args) > _QUERIES[name]:
-                place = _QUERIES[name]
-                return replace(node, args=(*args[:place], self.formula(args[place]), *args[place + 1 :]))
+            case syntax.InternalAction(name=name, args=args):
+                place = _QUERIES.get(name, -1)
+                return replace(
+                    node, args=tuple(self.formula(a) if i == place else self.code(a) for i, a in enumerate(args))
+                )
+            case syntax.Relation(left=left, right=right):
+                return replace(node, left=self.code(left), right=self.code(right))
+        return self.code(node)
+
+    def code(self, node: Any) -> Any:
+        """Code in braces, which belongs to the block wherever it stands; any other term as it is."""
+        match node:
+            case syntax.PlanTerm(plan=plan):
+                return replace(node, plan=self.plan(plan))
+            case syntax.TriggerTerm(trigger=trigger):
+                return replace(node, trigger=replace(trigger, literal=self.literal(trigger.literal)))
+            case syntax.BodyTerm(body=body):
+                return replace(node, body=self.body(body))
+            case syntax.RuleTerm(rule=rule):
+                return replace(node, rule=self.item(rule))
         return node
 
     def body(self, body: syntax.Body) -> syntax.Body:
@@ -90,6 +107,8 @@ class Qualifier:
                 return replace(node, term=self.formula(term))
             case syntax.Step(term=syntax.Structure() as literal):
                 return replace(node, term=self.literal(literal))
+            case syntax.Step(term=term):
+                return replace(node, term=self.code(term))
             case syntax.If(branches=branches, otherwise=otherwise):
                 return replace(
                     node,
