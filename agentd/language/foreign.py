@@ -6,6 +6,7 @@ from typing import Final
 
 from agentd.language.errors import shown
 from agentd.language.place import Place
+from agentd.language.spelling import near
 
 _SIGNS: Final = frozenset("=<>!\\~/:+*&|-%^")
 
@@ -129,6 +130,8 @@ def word(place: Place) -> str | None:
         return _WORDS[place.before]
     if place.before in ("exists", "forall") and place.part in ("context", "rule"):
         return _WORDS[place.before]
+    if place.part in ("context", "rule") and place.before.lower() in ("not", "nto", "no") and place.before != "not":
+        return f"'not' is written so, and not '{place.before}'"
     if place.before in ("import", "include") and place.part == "belief" and place.kind in ("NAME", "STRING", "QUOTED"):
         return 'a file is included by { include("file.asl") }'
     if place.text in ("if", "when", "where") and place.part == "trigger" and not place.bracket:
@@ -146,7 +149,10 @@ def _before_block(place: Place) -> str | None:
     if functor.lstrip(".") in ("if", "while", "for", "elif") and functor.startswith("."):
         return f"{functor.lstrip('.')} is written without a dot before it"
     told = _INSTEAD_OF_BLOCKS.get(functor.lstrip("."))
-    return told or f"a block in curly brackets stands after if, elif, else, while and for, not after '{shown(functor)}'"
+    if told:
+        return told
+    hint = near(functor.lower(), ("if", "elif", "else", "while", "for"))
+    return f"a block in curly brackets stands after if, elif, else, while and for, not after '{shown(functor)}'{hint}"
 
 
 CHARACTERS: Final = {

@@ -100,6 +100,8 @@ def _rule_arrow(place: Place) -> str | None:
 def _variable_with_arguments(place: Place) -> str | None:
     if place.text == "(" and place.kind_before == "VARIABLE":
         name = shown(place.before)
+        if place.before.lower() in machine().tables.keywords:
+            return f"a keyword is written with small letters: {name.lower()}"
         return f"a variable cannot be followed by arguments; the name {name} must begin with a small letter"
     return None
 

@@ -545,4 +545,18 @@ MISTAKES: tuple[tuple[str, str, str], ...] = (
     ("+!g <- +5.", "1:8", "a number is no belief; + and - change beliefs, or plans and rules in { }"),
     ("b(1).b(2).", "1:5", "a blank is missing after the '.' that ends the belief: .b is an internal action"),
     ("b.c.", "1:1", "b.c is read as an internal action; put a blank behind a '.' that ends something"),
+    (
+        "+!g <- whlie (a) { b }.",
+        "1:18",
+        "a block in curly brackets stands after if, elif, else, while and for, not after 'whlie'; did you mean while?",
+    ),
+    (
+        "+!g <- if (a) { b } esle { c }.",
+        "1:26",
+        "a block in curly brackets stands after if, elif, else, while and for, not after 'esle'; did you mean else?",
+    ),
+    ("+!g : nto a <- b.", "1:11", "'not' is written so, and not 'nto'"),
+    ("+!g : NOT a <- b.", "1:11", "'not' is written so, and not 'NOT'"),
+    ("+!g <- IF (a) { b }.", "1:11", "a keyword is written with small letters: if"),
+    ("+!g <- While (a) { b }.", "1:14", "a keyword is written with small letters: while"),
 )
