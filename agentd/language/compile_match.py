@@ -55,7 +55,9 @@ class MatchCompiler(TermCompiler):
     def match_built(self, node: syntax.Term, value: str, scope: Scope, then: Next) -> None:
         """Build the pattern as a term and unify."""
         inner = dict(scope)
+        linking, self.linking = self.linking, True
         built = self.build(node, inner)
+        self.linking = linking
         with self.function.block(f"if unify({built}, {value}, trail):"):
             then(self.settled(scope, inner))
 
