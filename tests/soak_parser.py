@@ -114,7 +114,7 @@ def _report(seed: int, entries: list[dict[str, Any]], jobs: int, wall: float | N
     lines = [
         f"The parser fuzzed with **{count:,} inputs** of seed {seed} ({found['characters'] / 1e6:.0f} million "
         f"characters): {found['read']:,} were read, printed, read again as the same tree and checked; "
-        f"{found['refused']:,} were refused with a place and a message. **{len(failures)} failures** (traceback, "
+        f"{found['refused']:,} were refused with a place and a message. **{len(failures)} failure{'s' * (len(failures) != 1)}** (traceback, "
         "hang, wrong tree, too slow).",
         "",
         f"Of the programs that were read {sum(ran.values()):,} were run for up to 200 cycles without a world: "
