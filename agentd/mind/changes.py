@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from agentd.language import syntax
 from agentd.language.sources import SELF
@@ -15,9 +15,12 @@ from agentd.mind.resolving import detach, is_ground, resolve, resolve_all, resol
 from agentd.mind.rules import add_rule, remove_rule
 from agentd.mind.waiting import hear
 
+if TYPE_CHECKING:
+    from agentd.mind.mind import Mind
+
 
 def believe(
-    mind: Any, focus: Any, predicate: Predicate, relevant: Any, args: Any, annots: Any, last: bool = False
+    mind: Mind, focus: Any, predicate: Predicate, relevant: Any, args: Any, annots: Any, last: bool = False
 ) -> bool | None:
     """``+b``, all of it resolved: true when the intention has to wait for the plan of the event."""
     new = predicate.add(args, annots, last)
@@ -30,7 +33,7 @@ def believe(
     return raise_event(mind, focus, relevant, args, new)
 
 
-def raise_event(mind: Any, focus: Any, relevant: Any, args: Any, annots: Any) -> bool | None:
+def raise_event(mind: Mind, focus: Any, relevant: Any, args: Any, annots: Any) -> bool | None:
     """The event of a belief change, in the focus of an intention or (None) as a new one."""
     if mind.listeners:
         hear(mind, relevant, args, annots)
@@ -48,7 +51,7 @@ def raise_event(mind: Any, focus: Any, relevant: Any, args: Any, annots: Any) ->
 
 
 def disbelieve(
-    mind: Any, focus: Any, predicate: Predicate, relevant: Any, args: Any, annots: Any, trail: Any
+    mind: Mind, focus: Any, predicate: Predicate, relevant: Any, args: Any, annots: Any, trail: Any
 ) -> bool | None:
     """``-b``: removes the first belief that unifies; its variables stay bound. No match is no failure."""
     fact = None if predicate.open else predicate.entries.get(args)
@@ -70,7 +73,7 @@ def disbelieve(
 
 
 def replace(
-    mind: Any, focus: Any, predicate: Predicate, relevant: Any, gone: Any, args: Any, annots: Any
+    mind: Mind, focus: Any, predicate: Predicate, relevant: Any, gone: Any, args: Any, annots: Any
 ) -> bool | None:
     """``-+b``, all resolved: removes the first belief of this name and arity if it is our own, then adds (49, 50)."""
     for fact in reversed(predicate.entries.values()):
@@ -84,7 +87,7 @@ def replace(
     return believe(mind, focus, predicate, relevant, args, annots)
 
 
-def change_term(mind: Any, intention: Intention, operator: str, term: Any) -> bool | None:
+def change_term(mind: Mind, intention: Intention, operator: str, term: Any) -> bool | None:
     """A belief operator applied to a literal, rule or plan that only the run knows."""
     term = deref(term)
     if type(term) is Var:
@@ -106,7 +109,7 @@ def change_term(mind: Any, intention: Intention, operator: str, term: Any) -> bo
     return believe(mind, focus, predicate, added, args, annots, operator == "+>")
 
 
-def _change_code(mind: Any, operator: str, code: Code) -> None:
+def _change_code(mind: Mind, operator: str, code: Code) -> None:
     """``+{ rule }``, ``+{ plan }`` and their removal."""
     values = {name: resolve(v) for name, v in code.values.items() if is_ground(v)}
     if isinstance(code.syntax, syntax.Rule):
@@ -124,7 +127,7 @@ def _change_code(mind: Any, operator: str, code: Code) -> None:
         raise Failed("body_var_not_literal", "Only literals, rules and plans can be added.")
 
 
-def _remove_plans(mind: Any, label: Any) -> None:
+def _remove_plans(mind: Mind, label: Any) -> None:
     """Take out the plans with a label, given as syntax."""
     for plan in list(mind.plans):
         if plan.label.sig.functor == getattr(label, "functor", None):

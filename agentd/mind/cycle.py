@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Any
+from typing import TYPE_CHECKING
 
 from agentd.mind.execution import run_intention
 from agentd.mind.goal_conditions import check_goal_conditions
@@ -13,8 +13,11 @@ from agentd.mind.messages import receive
 from agentd.mind.selection import take_event
 from agentd.mind.waiting import check_conditions
 
+if TYPE_CHECKING:
+    from agentd.mind.mind import Mind
 
-def run_cycles(mind: Any, cycles: int) -> None:
+
+def run_cycles(mind: Mind, cycles: int) -> None:
     """Run up to so many cycles; the end of the first that has an effect, or leaves nothing to do, is the last."""
     inputs, mailbox, events, running, timers, conditions, goal_conditions = mind.queues
     effects = mind.effects
@@ -50,7 +53,7 @@ def run_cycles(mind: Any, cycles: int) -> None:
             return
 
 
-def atomic_cycle(mind: Any) -> bool:
+def atomic_cycle(mind: Mind) -> bool:
     """A cycle while an atomic plan runs: only its own events and formulas. False when it has to wait."""
     atomic = mind.atomic
     assert atomic is not None
@@ -79,7 +82,7 @@ def _take_out(running: deque[Intention], intention: Intention) -> bool:
     return True
 
 
-def atomic_can_run(mind: Any) -> bool:
+def atomic_can_run(mind: Mind) -> bool:
     """Whether the atomic intention has a formula to run or an event to be taken."""
     atomic = mind.atomic
     return atomic in mind.running or any(e[3] is atomic for e in mind.events)

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from agentd.language.term_text import text
 from agentd.mind import failure
 from agentd.mind.failed import Failed, as_failed
 from agentd.mind.failure_facts import code_of
-from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame
+from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame, Step
 from agentd.mind.goal_states import raise_state
 from agentd.mind.intentions import Intention
 from agentd.mind.unifier import undo
 
+if TYPE_CHECKING:
+    from agentd.mind.mind import Mind
 
-def run_intention(mind: Any, intention: Intention) -> None:
+
+def run_intention(mind: Mind, intention: Intention) -> None:
     """One formula of one intention."""
     frame = intention.stack[-1]
     step = frame[STEP]
@@ -28,44 +31,52 @@ def run_intention(mind: Any, intention: Intention) -> None:
         except Exception as error:  # an internal action may raise anything; it must not end the mind
             _step_failed(mind, intention, step, frame, as_failed(error))
             return
-    if intention.stack[-1][STEP] is None:
-        end_frames(mind, intention)
-        if not intention.stack or intention.waiting is not None:
-            return
+    if intention.stack[-1][STEP] is None and not end_frames(mind, intention):
+        return
     mind.running.append(intention)
 
 
-def _step_failed(mind: Any, intention: Intention, step: Any, frame: Frame, failed: Failed) -> None:
+def _step_failed(mind: Mind, intention: Intention, step: Step, frame: Frame, failed: Failed) -> None:
     if failed.error == "test_goal_failed" and not failed.args[0].startswith("Failed"):
         code = code_of(step, frame)
         failed = Failed("test_goal_failed", f"Failed to test '{text(code)}'", code=code)
     failure.step_failed(mind, intention, step, frame, failed)
 
 
-def end_frames(mind: Any, intention: Intention) -> None:
-    """Take away the plans that have ended; the ones below go on."""
-    stack, trail, has_meta = intention.stack, intention.trail, mind.plans.has_meta
+def end_frames(mind: Mind, intention: Intention) -> bool:
+    """Take away the plans that have ended; the ones below go on. Whether there is a formula to run now."""
+    stack, has_meta = intention.stack, mind.plans.has_meta
     while stack:
         top = stack[-1]
         if top[STEP] is not None:
-            return
-        if has_meta or top[PLAN].special:
-            if top[PLAN].condition is not None and not condition_holds(mind, intention, top):
-                mind.await_something(intention, "goal condition")
-                return
-            stack.pop()
-            mind.left(intention, top)
-            if has_meta and top[RELEVANT].operator == "+" and top[RELEVANT].goal:
-                raise_state(mind, top[RELEVANT], top[ARGS], top[ANNOTS], "achieved")
-                raise_state(mind, top[RELEVANT], top[ARGS], top[ANNOTS], "finished")
-        else:
-            stack.pop()
-        if trail and len(trail) > top[MARK]:
+            return True
+        if (has_meta or top[PLAN].special) and not _may_leave(mind, intention, top):
+            return False
+        stack.pop()
+        if len(intention.trail) > top[MARK]:
             intention.trim(top[MARK])
+        if has_meta or top[PLAN].special:
+            _left(mind, intention, top)
     mind.gone(intention)
+    return False
 
 
-def condition_holds(mind: Any, intention: Intention, frame: Frame) -> bool:
+def _may_leave(mind: Mind, intention: Intention, frame: Frame) -> bool:
+    """Whether a special plan that has ended may be left: where its goal's condition does not hold yet, it waits."""
+    if frame[PLAN].condition is None or condition_holds(mind, intention, frame):
+        return True
+    mind.await_something(intention, "goal condition")
+    return False
+
+
+def _left(mind: Mind, intention: Intention, frame: Frame) -> None:
+    mind.left(intention, frame)
+    if mind.plans.has_meta and frame[RELEVANT].operator == "+" and frame[RELEVANT].goal:
+        raise_state(mind, frame[RELEVANT], frame[ARGS], frame[ANNOTS], "achieved")
+        raise_state(mind, frame[RELEVANT], frame[ARGS], frame[ANNOTS], "finished")
+
+
+def condition_holds(mind: Mind, intention: Intention, frame: Frame) -> bool:
     """Whether the condition of the goal that a frame is for holds now."""
     mark = len(intention.trail)
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from agentd.language.order import sorted_annots
 from agentd.language.signatures import signature
@@ -10,8 +10,11 @@ from agentd.language.terms import Literal, atom
 from agentd.mind.frames import ANNOTS, ARGS, RELEVANT
 from agentd.mind.resolving import resolve_all
 
+if TYPE_CHECKING:
+    from agentd.mind.mind import Mind
 
-def raise_state(mind: Any, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], state: str) -> None:
+
+def raise_state(mind: Mind, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], state: str) -> None:
     """The event ``^!g[state(S)]`` if there is a plan for it."""
     meta = mind.plans.relevant("^", relevant.goal, relevant.sig)
     if meta.plans:
@@ -19,7 +22,7 @@ def raise_state(mind: Any, relevant: Any, args: tuple[Any, ...], annots: tuple[A
         mind.post(meta, resolve_all(args), sorted_annots((*resolve_all(annots), told)))
 
 
-def of_goals(mind: Any, intention: Any, *states: str) -> None:
+def of_goals(mind: Mind, intention: Any, *states: str) -> None:
     """These states of all goals of an intention, innermost first, in programs with plans for them."""
     if not mind.plans.has_meta:
         return
@@ -30,6 +33,6 @@ def of_goals(mind: Any, intention: Any, *states: str) -> None:
                 raise_state(mind, relevant, frame[ARGS], frame[ANNOTS], state)
 
 
-def pending(mind: Any, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
+def pending(mind: Mind, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
     """``^!g[state(pending)]``, in programs with plans for the states of goals."""
     raise_state(mind, relevant, args, annots, "pending")

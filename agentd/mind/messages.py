@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from agentd.language.numbers import UndefinedNumber
 from agentd.language.order import sorted_annots
@@ -25,8 +25,11 @@ from agentd.mind.solve import solve
 from agentd.mind.unifier import undo, unify
 from agentd.mind.waiting import hear, resume_waiting
 
+if TYPE_CHECKING:
+    from agentd.mind.mind import Mind
 
-def receive(mind: Any, mail: Mail) -> None:
+
+def receive(mind: Mind, mail: Mail) -> None:
     """Handle one message."""
     if mail.in_reply_to:
         question = mind.questions.get(mail.in_reply_to)
@@ -46,7 +49,7 @@ def receive(mind: Any, mail: Mail) -> None:
         _not_handled(mind, mail, as_failed(error))
 
 
-def handle(mind: Any, mail: Mail) -> None:
+def handle(mind: Mind, mail: Mail) -> None:
     """Do what a message asks for, as the built-in plans for ``+!kqml_received``. Raises `Failed` where these fail."""
     handler = _HANDLERS.get(mail.performative)
     if handler is None:
@@ -54,7 +57,7 @@ def handle(mind: Any, mail: Mail) -> None:
     handler(mind, mail)
 
 
-def handle_event(mind: Any, args: tuple[Any, ...], intention: Any) -> None:
+def handle_event(mind: Mind, args: tuple[Any, ...], intention: Any) -> None:
     """``+!kqml_received(Sender, Performative, Content, Id)`` that no plan of the program is applicable to."""
     sender, performative, content, msg_id = (deref(resolve(a)) for a in args)
     mail = Mail(plain(sender), plain(performative), content, plain(msg_id))
@@ -71,7 +74,7 @@ def plain(term: Any) -> str:
     return term if type(term) is str else text(term)
 
 
-def _not_handled(mind: Any, mail: Mail, failed: Failed) -> None:
+def _not_handled(mind: Mind, mail: Mail, failed: Failed) -> None:
     """A message that cannot be handled: the program's own ``-!kqml_received`` is asked, else it is told."""
     event = Literal(mind.plans.kqml.sig, (atom(mail.sender), atom(mail.performative), mail.content, mail.msg_id))
     handler = mind.plans.kqml.counterpart("-")
@@ -84,7 +87,7 @@ def _not_handled(mind: Any, mail: Mail, failed: Failed) -> None:
     communication_error(mind, failed.error, what)
 
 
-def told_annots(mind: Any, literal: Literal, sender: str) -> tuple[Any, ...]:
+def told_annots(mind: Mind, literal: Literal, sender: str) -> tuple[Any, ...]:
     """The annotations of a literal as told by somebody: its former sources stand inside the new one."""
     if sender == mind.name:
         sender = "self"
@@ -103,7 +106,7 @@ def _each(content: Any) -> Iterable[Any]:
     return [content] if members is None else members
 
 
-def _tell(mind: Any, mail: Mail) -> None:
+def _tell(mind: Mind, mail: Mail) -> None:
     for content in _each(mail.content):
         if type(content) is not Literal:
             content = deref(content)
@@ -116,7 +119,7 @@ def _tell(mind: Any, mail: Mail) -> None:
             raise Failed("no_applicable", "only literals can be told")
 
 
-def _untell(mind: Any, mail: Mail) -> None:
+def _untell(mind: Mind, mail: Mail) -> None:
     content = deref(mail.content)
     if type(content) is not Literal:
         raise Failed("no_applicable", "only a literal can be untold")
@@ -126,7 +129,7 @@ def _untell(mind: Any, mail: Mail) -> None:
     disbelieve(mind, None, predicate, relevant, content.args, told_annots(mind, content, mail.sender), trail)
 
 
-def _achieve(mind: Any, mail: Mail) -> None:
+def _achieve(mind: Mind, mail: Mail) -> None:
     for content in _each(mail.content):
         if type(content) is not Literal:
             content = deref(content)
@@ -140,14 +143,14 @@ def _achieve(mind: Any, mail: Mail) -> None:
             raise Failed("body_var_not_literal", f"{text(content)} is no goal to achieve")
 
 
-def _unachieve(mind: Any, mail: Mail) -> None:
+def _unachieve(mind: Mind, mail: Mail) -> None:
     content = deref(mail.content)
     if type(content) is not Literal:
         wrong_arguments(f"{text(content)} is no goal to drop")
     drop_desire(mind, content, [])
 
 
-def _signal(mind: Any, mail: Mail) -> None:
+def _signal(mind: Mind, mail: Mail) -> None:
     content = deref(mail.content)
     if type(content) is not Literal:
         raise Failed("unknown", f"{text(content)} is no event to signal")
@@ -158,7 +161,7 @@ def _signal(mind: Any, mail: Mail) -> None:
     mind.post(relevant, content.args, annots)
 
 
-def answers(mind: Any, question: Any) -> list[Any]:
+def answers(mind: Mind, question: Any) -> list[Any]:
     """All instances of a question that the beliefs give, with the annotations of the beliefs."""
     question = Copier(fresh=True).copy(question)
     found: list[Any] = []
@@ -178,7 +181,7 @@ def answers(mind: Any, question: Any) -> list[Any]:
     return found
 
 
-def _ask_one(mind: Any, mail: Mail) -> None:
+def _ask_one(mind: Mind, mail: Mail) -> None:
     found = answers(mind, mail.content)
     if found:
         reply(mind, mail, answer_text(mind, found[0]))
@@ -192,18 +195,18 @@ def _ask_one(mind: Any, mail: Mail) -> None:
     reply(mind, mail, FALSE)
 
 
-def _ask_plan(mind: Any, mail: Mail, relevant: Any, question: Literal) -> None:
+def _ask_plan(mind: Mind, mail: Mail, relevant: Any, question: Literal) -> None:
     """Let a ``+?`` plan find the answer: an intention that tells it when the plan has ended."""
     answer_by_plan(mind, mail, relevant, question, told_annots(mind, question, mail.sender))
 
 
-def _ask_all(mind: Any, mail: Mail) -> None:
+def _ask_all(mind: Mind, mail: Mail) -> None:
     found = [answer_text(mind, a) for a in answers(mind, mail.content)]
     if mail.msg_id.startswith("sync") or found:
         reply(mind, mail, make_list(found))
 
 
-def _ask_how(mind: Any, mail: Mail) -> None:
+def _ask_how(mind: Mind, mail: Mail) -> None:
     found = relevant_plans(mind, mail.content, told_by=atom(mind.name))
     if not mail.msg_id.startswith("sync"):
         if found:
@@ -212,11 +215,11 @@ def _ask_how(mind: Any, mail: Mail) -> None:
     send(mind, mail.sender, "tell", make_list(found), mail.msg_id)
 
 
-def _tell_how(mind: Any, mail: Mail) -> None:
+def _tell_how(mind: Mind, mail: Mail) -> None:
     add_plans(mind, mail.content, atom(mail.sender), first=False)
 
 
-def _untell_how(mind: Any, mail: Mail) -> None:
+def _untell_how(mind: Mind, mail: Mail) -> None:
     remove_plans(mind, mail.content, atom(mail.sender))
 
 

@@ -33,7 +33,8 @@ class Relevant:
     def __init__(self, library: PlanLibrary, operator: str, goal: str, sig: Signature) -> None:
         self.operator, self.goal, self.sig = operator, goal, sig
         self.plans: list[Plan] = []
-        self.tail, self.call = (sig, sig) if goal == "!" else (None, _NEVER)
+        self.tail: Signature | None = sig if goal == "!" else None
+        self.call: object = sig if goal == "!" else _NEVER
         """A plan has nothing left to do but to wait for the goal that it called last where its own ``tail`` is the
         ``call`` of that goal: the same kind of goal. Then its frame is dropped, so that such recursion needs no memory.
         """

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from agentd.language import syntax
 from agentd.language.compile_rule import compile_rule
 from agentd.language.constants import signature_of
 from agentd.mind.beliefs import Mode, RuleClause
 
+if TYPE_CHECKING:
+    from agentd.mind.mind import Mind
 
-def add_rule(mind: Any, rule: syntax.Rule, values: dict[str, Any], last: bool = False) -> None:
+
+def add_rule(mind: Mind, rule: syntax.Rule, values: dict[str, Any], last: bool = False) -> None:
     """Believe a rule, before the other clauses of its predicate or after them."""
     clause = RuleClause(rule, partial(_compile_rule, mind), values)
     mind.beliefs.predicate(signature_of(rule.head)).add_rule(clause, last)
@@ -21,7 +24,7 @@ def add_rule(mind: Any, rule: syntax.Rule, values: dict[str, Any], last: bool = 
     mind.changes += 1
 
 
-def remove_rule(mind: Any, rule: syntax.Rule) -> None:
+def remove_rule(mind: Mind, rule: syntax.Rule) -> None:
     """Forget the first rule that is written so."""
     predicate = mind.beliefs.predicate(signature_of(rule.head))
     for entry in list(predicate.entries):
@@ -31,7 +34,7 @@ def remove_rule(mind: Any, rule: syntax.Rule) -> None:
             return
 
 
-def _compile_rule(mind: Any, clause: RuleClause, mode: Mode) -> Any:
+def _compile_rule(mind: Mind, clause: RuleClause, mode: Mode) -> Any:
     unit = compile_rule(clause.syntax, mode, mind.compiler, clause.values)
     answers = unit.load(mind.plans.runtime, mind.plans.provide)["answers"]
     return mind.open_beliefs.rule(answers) if mind.open_beliefs.installed else answers

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from agentd.language.terms import Literal
 from agentd.mind import failure
@@ -20,11 +20,14 @@ from agentd.mind.resolving import resolve_all
 from agentd.mind.unifier import undo
 from agentd.mind.waiting import hear, resume_waiting
 
+if TYPE_CHECKING:
+    from agentd.mind.mind import Mind
+
 Event = tuple[Any, tuple[Any, ...], tuple[Any, ...], Intention | None]
 """The `Relevant` plans, arguments and annotations of an event, and the intention that waits for it (or None)."""
 
 
-def take_event(mind: Any, event: Event) -> bool:
+def take_event(mind: Mind, event: Event) -> bool:
     """Find the plan for an event and put it on its intention. False: nothing happened, take the next event."""
     relevant, args, annots, intention = event
     library = mind.plans
@@ -74,7 +77,7 @@ def take_event(mind: Any, event: Event) -> bool:
     return True
 
 
-def _of_the_others(mind: Any, trail: list[Any], event: Event, failed: Plan) -> Frame | None:
+def _of_the_others(mind: Mind, trail: list[Any], event: Event, failed: Plan) -> Frame | None:
     """The frame of the first applicable plan after one whose context could not be computed."""
     relevant, args, annots, _ = event
     mark = len(trail)
@@ -98,7 +101,7 @@ def _take_place(intention: Intention, frame: Frame) -> None:
     intention.stack.append(frame)
 
 
-def _entered(mind: Any, intention: Intention, frame: Frame) -> None:
+def _entered(mind: Mind, intention: Intention, frame: Frame) -> None:
     """A plan that needs more than a frame is about to begin."""
     plan: Plan = frame[PLAN]
     if mind.plans.has_meta and frame[RELEVANT].operator == "+" and frame[RELEVANT].goal:
@@ -114,7 +117,7 @@ def _entered(mind: Any, intention: Intention, frame: Frame) -> None:
 
 
 def _no_plan(
-    mind: Any, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], intention: Intention | None
+    mind: Mind, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], intention: Intention | None
 ) -> bool:
     """An event without an applicable plan."""
     if not relevant.goal or relevant.operator == "^":
@@ -137,7 +140,7 @@ def _no_plan(
     return True
 
 
-def _built_in(mind: Any, relevant: Any, args: Any, annots: Any, intention: Intention | None) -> bool:
+def _built_in(mind: Mind, relevant: Any, args: Any, annots: Any, intention: Intention | None) -> bool:
     """A message, or a failure to handle one, that no plan of the program is applicable to."""
     if relevant.operator == "+":
         handle_event(mind, args, intention)

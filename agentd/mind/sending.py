@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from agentd.language.order import sorted_annots
 from agentd.language.sources import SOURCE_SELF, is_source, source
@@ -11,9 +11,12 @@ from agentd.mind.effects import SendMail
 from agentd.mind.inputs import Mail
 from agentd.mind.resolving import Copier
 
+if TYPE_CHECKING:
+    from agentd.mind.mind import Mind
+
 
 def send(
-    mind: Any, receiver: str | None, performative: str, content: Any, in_reply_to: str = "", kind: str = "mid"
+    mind: Mind, receiver: str | None, performative: str, content: Any, in_reply_to: str = "", kind: str = "mid"
 ) -> str:
     """Hand a message out; returns its id, which begins with ``kind``: ``sync`` if the sender waits for an answer."""
     mind.message_count += 1
@@ -22,14 +25,14 @@ def send(
     return msg_id
 
 
-def reply(mind: Any, mail: Mail, content: Any) -> None:
+def reply(mind: Mind, mail: Mail, content: Any) -> None:
     """Answer a question: a synchronous one by a message in reply, another one by telling."""
     if not mail.msg_id.startswith("sync") and content is FALSE:
         return
     send(mind, mail.sender, "tell", content, mail.msg_id)
 
 
-def answer_text(mind: Any, literal: Any) -> Any:
+def answer_text(mind: Mind, literal: Any) -> Any:
     """A belief as an answer: source(self) becomes the name of this agent."""
     literal = Copier(fresh=True).copy(literal)
     if type(literal) is not Literal:
