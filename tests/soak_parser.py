@@ -111,11 +111,12 @@ def _report(seed: int, entries: list[dict[str, Any]], jobs: int, wall: float | N
     count = sum(entry["end"] - entry["begin"] for entry in entries)
     seconds = sum(entry["seconds"] for entry in entries)
     ran = {name.partition(": ")[2]: n for name, n in sorted(found.items()) if name.startswith("run: ")}
+    failed = f"{len(failures)} failure{'s' * (len(failures) != 1)}"
     lines = [
         f"The parser fuzzed with **{count:,} inputs** of seed {seed} ({found['characters'] / 1e6:.0f} million "
         f"characters): {found['read']:,} were read, printed, read again as the same tree and checked; "
-        f"{found['refused']:,} were refused with a place and a message. **{len(failures)} failure{'s' * (len(failures) != 1)}** (traceback, "
-        "hang, wrong tree, too slow).",
+        f"{found['refused']:,} were refused with a place and a message. **{failed}** (traceback, hang, wrong tree, too "
+        "slow).",
         "",
         f"Of the programs that were read {sum(ran.values()):,} were run for up to 200 cycles without a world: "
         + (", ".join(f"{n:,} {name}" for name, n in ran.items()) or "none")
