@@ -63,11 +63,14 @@ def _take_back(mind: Any, intention: Intention) -> None:
 
 
 def goal_frames(intention: Intention) -> Iterator[tuple[int, Literal]]:
-    """The goals that an intention has a plan for, innermost first, with their places in the stack."""
+    """The goals that an intention has a plan for, innermost first, with their places in the stack.
+
+    A failure plan stands for its goal: that is over only when the failure plan is.
+    """
     for place in range(len(intention.stack) - 1, -1, -1):
         frame = intention.stack[place]
         relevant = frame[RELEVANT]
-        if relevant.goal == "!" and relevant.operator == "+":
+        if relevant.goal == "!" and relevant.operator != "^":
             yield place, Literal(relevant.sig, frame[ARGS], frame[ANNOTS])
 
 

@@ -11,6 +11,7 @@ from agentd.mind.execution import condition_holds, end_frames
 from agentd.mind.failed import Failed
 from agentd.mind.failure_facts import context_failed, facts_of
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame
+from agentd.mind.goal_conditions import watch
 from agentd.mind.goal_states import raise_state
 from agentd.mind.intentions import Intention
 from agentd.mind.messages import handle_event
@@ -113,7 +114,7 @@ def _entered(mind: Mind, intention: Intention, frame: Frame) -> None:
             frame[STEP] = None
             end_frames(mind, intention)
         else:
-            mind.goal_conditions.append((intention, frame))
+            watch(mind, intention, frame)
 
 
 def _no_plan(

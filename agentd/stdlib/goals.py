@@ -10,6 +10,7 @@ from agentd.language.terms import Literal, deref
 from agentd.mind import dropping
 from agentd.mind.dropping import drop
 from agentd.mind.failed import wrong_arguments
+from agentd.mind.frames import PLAN
 from agentd.mind.goal_states import of_goals
 from agentd.mind.intention_terms import reason_of, stack_of, state_of
 from agentd.mind.taken import intention_in_hand
@@ -169,16 +170,15 @@ def done(mind: Any, trail: Trail) -> bool | None:
 def suspend(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
     """``.suspend`` the own intention, or ``.suspend(G)`` those with G."""
     if goal is None:
+        if mind.atomic is mind.current:
+            mind.atomic = None  # or nobody could ever resume it
         mind.current.suspended = "suspended"
         of_goals(mind, mind.current, "suspended")
         mind.suspended[mind.current.id] = mind.current
         return True
     pattern, own = _goal(goal), False
     for intention in mind.all_intentions():
-        mark = len(trail)
-        fits = dropping.find_goal(intention, pattern, trail) is not None or _pending(mind, intention, pattern, trail)
-        undo(trail, mark)
-        if not fits or intention.suspended is not None:
+        if not _has_goal(mind, intention, pattern, trail) or intention.suspended is not None:
             continue
         intention.suspended = "suspended"
         of_goals(mind, intention, "suspended")
@@ -191,11 +191,15 @@ def suspend(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
     return _own_end(mind, own)
 
 
-def _pending(mind: Any, intention: Any, goal: Literal, trail: Trail) -> bool:
-    return any(
+def _has_goal(mind: Any, intention: Any, goal: Literal, trail: Trail) -> bool:
+    """Whether an intention has a plan for a goal, or waits for one; nothing is bound."""
+    mark = len(trail)
+    found = dropping.find_goal(intention, goal, trail) is not None or any(
         waiting is intention and relevant.goal == "!" and unify(goal, Literal(relevant.sig, args, annots), trail)
         for relevant, args, annots, waiting in mind.events
     )
+    undo(trail, mark)
+    return found
 
 
 @internal_action(".resume", 1)
@@ -203,11 +207,10 @@ def resume(mind: Any, trail: Trail, goal: Any) -> bool:
     """``.resume(G)``: suspended intentions with G go on; a wait that ended meanwhile counts as ended."""
     pattern = _goal(goal)
     for intention in mind.all_intentions():
-        mark = len(trail)
-        fits = dropping.find_goal(intention, pattern, trail) is not None
-        undo(trail, mark)
-        if fits and intention.suspended is not None:
+        if intention.suspended is not None and _has_goal(mind, intention, pattern, trail):
             intention.suspended = None
+            if mind.atomic is None and any(frame[PLAN].atomic for frame in intention.stack):
+                mind.atomic = intention
             of_goals(mind, intention, "resumed")
             if mind.suspended.pop(intention.id, None) is not None:
                 resume_waiting(mind, intention)
