@@ -24,6 +24,7 @@ from typing import Any
 from agentd.language.instantiate import instantiate
 from agentd.language.parser import parse_literal
 from agentd.language.terms import Literal, atom
+from agentd.mind.resolving import is_ground, resolve
 from agentd.percept_board import PerceptBoard
 from agentd.values import literal, term_of, value_of
 
@@ -135,7 +136,20 @@ class Environment:
 
 
 def _read(percept: Literal | str) -> Literal:
-    return percept if type(percept) is Literal else _literal(str(percept))
+    """A percept as it is kept: ground, without bound variables inside."""
+    if type(percept) is not Literal:
+        return _literal(str(percept))
+    for argument in percept.args:
+        if type(argument) is not float and type(argument) is not str:
+            return _resolved(percept)
+    return percept
+
+
+def _resolved(percept: Literal) -> Literal:
+    found = resolve(percept)
+    if type(found) is not Literal or not is_ground(found):
+        raise TypeError(f"{percept} is no percept: it has a variable without a value")
+    return found
 
 
 @lru_cache(maxsize=1000)
@@ -144,4 +158,4 @@ def _literal(text: str) -> Literal:
     read = instantiate(parse_literal(text, "<percept>"))
     if type(read) is not Literal:
         raise TypeError(f"{text} is no percept: a literal such as at(3,4) is needed")
-    return read
+    return _resolved(read)

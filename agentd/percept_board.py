@@ -7,39 +7,45 @@ is proportional to the change (times the agents, for a percept of all).
 from __future__ import annotations
 
 from collections.abc import Callable
-from threading import RLock
-from typing import TypeAlias
+from threading import Lock
+from typing import Any, TypeAlias
 
 from agentd.language.signatures import Signature
 from agentd.language.terms import Literal
-from agentd.mind.inputs import PerceptsChanged
+from agentd.mind.inputs import PerceptKey, PerceptsChanged
 
-_Key: TypeAlias = tuple[Signature, tuple[object, ...]]
-_Held: TypeAlias = dict[Signature, dict[tuple[object, ...], Literal]]
+_Held: TypeAlias = dict[Signature, dict[tuple[Any, ...], Literal]]
 
 
 class PerceptBoard:
-    """The percepts of all agents together, and of each alone. Any thread may change it."""
+    """The percepts of all agents together, and of each alone. Any thread may change it.
+
+    The literals given to it are ground (see `agentd.mind.resolving.resolve`).
+    """
 
     def __init__(self) -> None:
+        self.changed = False
+        """Whether something has changed since somebody set this to false."""
         self.on_change: Callable[[], None] | None = None
-        """Called after each change."""
-        self._lock = RLock()
+        """Called after each change, while somebody waits for one."""
+        self._lock = Lock()
         self._common: _Held = {}
         self._own: dict[str, _Held] = {}
-        self._untold: dict[str, dict[_Key, Literal]] = {}
-        """Per agent that perceives: what has changed since it was told last."""
+        self._untold: dict[str, dict[PerceptKey, Literal | None]] = {}
+        """Per agent that perceives, what has changed since it was told last: None for a percept that is gone."""
 
     def join(self, agent: str) -> None:
         """An agent begins to perceive."""
         with self._lock:
-            held = [*self._all(self._common), *self._all(self._own.get(agent, {}))]
-            self._untold[agent] = {(literal.sig, literal.args): literal for literal in held}
+            self._untold[agent] = {(literal.sig, literal.args): literal for literal in self._seen_by(agent)}
+        self.changed = True
 
     def recall(self, agent: str, told: list[Literal]) -> None:
-        """An agent believes what another one was told: it is to be told what of that holds for itself."""
+        """An agent believes what another one was told: it is to be told what of that does not hold for itself."""
         with self._lock:
-            self._untold[agent].update({(literal.sig, literal.args): literal for literal in told})
+            for literal in told:
+                self._gone(literal.sig, literal.args, agent)
+        self.changed = True
 
     def leave(self, agent: str) -> None:
         """An agent is gone, with what it alone perceived."""
@@ -49,76 +55,79 @@ class PerceptBoard:
 
     def add(self, literal: Literal, agent: str | None) -> None:
         with self._lock:
-            self._add(literal, agent)
-        if self.on_change is not None:
-            self.on_change()
+            present = self._held(agent).setdefault(literal.sig, {})
+            if literal.args not in present:
+                present[literal.args] = literal
+                self._new(literal, agent)
+        self._tell()
 
     def remove(self, literal: Literal, agent: str | None) -> None:
         with self._lock:
             present = self._held(agent).get(literal.sig)
             if present is not None and present.pop(literal.args, None) is not None:
-                self._changed(literal, agent)
-        if self.on_change is not None:
-            self.on_change()
+                self._gone(literal.sig, literal.args, agent)
+        self._tell()
 
     def replace(self, literal: Literal, agent: str | None) -> None:
         with self._lock:
-            held = self._held(agent)
-            old = held.get(literal.sig, {})
-            held[literal.sig] = {literal.args: literal}
-            for args, other in old.items():
-                if args != literal.args:
-                    self._changed(other, agent)
-            if literal.args not in old:
-                self._changed(literal, agent)
-        if self.on_change is not None:
-            self.on_change()
+            held = self._common if agent is None else self._held(agent)
+            sig, args = literal.sig, literal.args
+            old = held.get(sig, ())
+            held[sig] = {args: literal}
+            if agent is None and not self._own:
+                for untold in self._untold.values():
+                    for other in old:
+                        if other != args:
+                            untold[sig, other] = None
+                    if args not in old:
+                        untold[sig, args] = literal
+            else:
+                for other in old:
+                    if other != args:
+                        self._gone(sig, other, agent)
+                if args not in old:
+                    self._new(literal, agent)
+        self._tell()
 
     def clear(self, agent: str | None) -> None:
         with self._lock:
             held = self._held(agent)
-            gone = self._all(held)
+            gone = [(sig, args) for sig, group in held.items() for args in group]
             held.clear()
-            for literal in gone:
-                self._changed(literal, agent)
-        if self.on_change is not None:
-            self.on_change()
+            for sig, args in gone:
+                self._gone(sig, args, agent)
+        self._tell()
 
     def seen_by(self, agent: str | None) -> list[Literal]:
         """What an agent perceives, or what all do."""
         with self._lock:
-            found = {(literal.sig, literal.args): literal for literal in self._all(self._common)}
-            if agent is not None:
-                found.update({(literal.sig, literal.args): literal for literal in self._all(self._own.get(agent, {}))})
-            return list(found.values())
+            return self._seen_by(agent)
 
     def take(self, agent: str) -> PerceptsChanged | None:
         """What has to be told to an agent, if anything; it counts as told."""
         untold = self._untold.get(agent)
         if not untold:
             return None
-        gone: list[Literal] = []
-        new: list[Literal] = []
         with self._lock:
             self._untold[agent] = {}
-            common, own = self._common, self._own.get(agent)
-            for (sig, args), literal in untold.items():
-                if args in common.get(sig, ()) or (own is not None and args in own.get(sig, ())):
-                    new.append(literal)
-                else:
-                    gone.append(literal)
-        return PerceptsChanged(tuple(gone), tuple(new))
+        return PerceptsChanged(untold)
+
+    def _tell(self) -> None:
+        self.changed = True
+        if self.on_change is not None:
+            self.on_change()
 
     def _held(self, agent: str | None) -> _Held:
         return self._common if agent is None else self._own.setdefault(agent, {})
 
-    def _add(self, literal: Literal, agent: str | None) -> None:
-        present = self._held(agent).setdefault(literal.sig, {})
-        if literal.args not in present:
-            present[literal.args] = literal
-            self._changed(literal, agent)
+    def _seen_by(self, agent: str | None) -> list[Literal]:
+        found: dict[PerceptKey, Literal] = {}
+        for held in (self._common, {} if agent is None else self._own.get(agent, {})):
+            for sig, group in held.items():
+                found.update(((sig, args), literal) for args, literal in group.items())
+        return list(found.values())
 
-    def _changed(self, literal: Literal, agent: str | None) -> None:
+    def _new(self, literal: Literal, agent: str | None) -> None:
         key = (literal.sig, literal.args)
         if agent is None:
             for untold in self._untold.values():
@@ -126,6 +135,17 @@ class PerceptBoard:
         elif agent in self._untold:
             self._untold[agent][key] = literal
 
-    @staticmethod
-    def _all(held: _Held) -> list[Literal]:
-        return [literal for group in held.values() for literal in group.values()]
+    def _gone(self, sig: Signature, args: tuple[Any, ...], agent: str | None) -> None:
+        """A percept is told to be gone to those who do not perceive it otherwise, as one of all or of their own."""
+        key = (sig, args)
+        if agent is not None:
+            if agent in self._untold and args not in self._common.get(sig, ()) and not self._is_own(sig, args, agent):
+                self._untold[agent][key] = None
+            return
+        for name, untold in self._untold.items():
+            if not self._own or not self._is_own(sig, args, name):
+                untold[key] = None
+
+    def _is_own(self, sig: Signature, args: tuple[Any, ...], agent: str) -> bool:
+        own = self._own.get(agent)
+        return own is not None and args in own.get(sig, ())

@@ -40,6 +40,9 @@ if TYPE_CHECKING:
 CYCLES_A_TURN = 2000
 """A mind with nothing to hand out gives way to the others after so many cycles."""
 
+RUNS_A_TURN = 20
+"""A mind whose effects are answered at once, as actions are by an environment, goes on so often before the others."""
+
 SLEEP = 3600.0
 """Without timers nothing in this process can wake an agent: so long a sleep, in seconds, is as good as any."""
 
@@ -157,15 +160,19 @@ class Team:
                 if due is None or due > self.clock.now():
                     continue
             busy = True
-            for effect in mind.run(self.clock.now(), CYCLES_A_TURN):
-                if type(effect) is SendMail:
-                    self._send(mind, effect)
-                elif type(effect) is PerformAction and self._world is not None:
-                    self._world.perform(mind, effect)
-                else:
-                    self._carry_out(mind, effect)
-                if self._stop is not None and self._stop[0] <= self.clock.now():
-                    return True
+            for _ in range(RUNS_A_TURN):
+                for effect in mind.run(self.clock.now(), CYCLES_A_TURN):
+                    kind = type(effect)
+                    if kind is SendMail:
+                        self._send(mind, effect)
+                    elif kind is PerformAction and self._world is not None:
+                        self._world.perform(mind, effect)
+                    else:
+                        self._carry_out(mind, effect)
+                    if self._stop is not None and self._stop[0] <= self.clock.now():
+                        return True
+                if not mind.inputs:
+                    break
         if self._kills:
             self._kill_those_due()
         return busy

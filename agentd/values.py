@@ -46,7 +46,7 @@ def term_of(value: Any) -> Any:
 
 def literal(functor: str, *arguments: Any) -> Literal:
     """A structure, or an atom without arguments; the arguments are Python values (see `term_of`) or terms."""
-    return Literal(plain_signature(functor, len(arguments)), tuple([term_of(argument) for argument in arguments]))
+    return Literal(plain_signature(functor, len(arguments)), tuple(map(term_of, arguments)) if arguments else ())
 
 
 @lru_cache(maxsize=4096)

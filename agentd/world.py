@@ -34,10 +34,8 @@ class World:
         self._calls: list[tuple[float, int, Callable[[], object]]] = []
         self._count = count()
         self._stirred = threading.Event()
-        self._thread = threading.get_ident()
-        self._changed = False
+        self._asleep = False
         environment._host = self
-        self._board.on_change = self._on_change
 
     def init(self, arguments: list[str]) -> None:
         """Let the environment begin. Raises `UserCodeError`."""
@@ -50,13 +48,11 @@ class World:
         """A mind comes into being."""
         self._minds[mind.name] = mind
         self._board.join(mind.name)
-        self._changed = True
         self._guarded("joined", self._environment.joined, mind.name)
 
     def took_over(self, mind: Mind, other: Mind) -> None:
         """A mind has become a copy of another one, whose percepts it does not share unless they are those of all."""
         self._board.recall(mind.name, self._board.seen_by(other.name))
-        self._changed = True
 
     def leave(self, name: str) -> None:
         """A mind is gone."""
@@ -81,7 +77,7 @@ class World:
                 mind.feed(ActionDone(action.id, True))
             else:
                 self._outcome(mind, action, outcome)
-        if self._changed:
+        if self._board.changed:
             self._tell_percepts()
 
     def _outcome(self, mind: Mind, action: PerformAction, outcome: Any) -> None:
@@ -113,7 +109,7 @@ class World:
         """Call what is due, and feed the minds what has changed for them since the last time."""
         while self._calls and self._calls[0][0] <= self.now():
             self._guarded("after", heapq.heappop(self._calls)[2])
-        if self._changed:
+        if self._board.changed:
             self._tell_percepts()
         while self._settled:
             name, number, deferred = self._settled.popleft()
@@ -121,7 +117,7 @@ class World:
                 self._minds[name].feed(ActionDone(number, *deferred.outcome))
 
     def _tell_percepts(self) -> None:
-        self._changed = False
+        self._board.changed = False
         for name, mind in self._minds.items():
             changed = self._board.take(name)
             if changed is not None:
@@ -130,7 +126,6 @@ class World:
     def after(self, seconds: float, call: Callable[[], object]) -> None:
         """Call something in the environment's thread after so many seconds."""
         heapq.heappush(self._calls, (self.now() + max(0.0, seconds), next(self._count), call))
-        self._stir()
 
     @property
     def due(self) -> float | None:
@@ -140,7 +135,7 @@ class World:
     @property
     def stirred(self) -> bool:
         """Whether something has come that was not delivered yet."""
-        return self._changed or bool(self._settled)
+        return self._board.changed or bool(self._settled)
 
     @property
     def waited_for(self) -> bool:
@@ -149,9 +144,11 @@ class World:
 
     def sleep(self, seconds: float) -> None:
         """Wait, in real time, until something comes from another thread, but no longer than this."""
+        self._asleep, self._board.on_change = True, self._stirred.set
         if not self.stirred:
             self._stirred.wait(seconds)
-            self._stirred.clear()
+        self._asleep, self._board.on_change = False, None
+        self._stirred.clear()
 
     def stop(self) -> None:
         """Let the environment end."""
@@ -163,14 +160,7 @@ class World:
         except Exception as error:
             self._tell(f"the environment's {what} went wrong: {describe_error(error)}")
 
-    def _on_change(self) -> None:
-        self._changed = True
-        self._stir()
-
     def _on_settled(self, name: str, number: int, deferred: Deferred) -> None:
         self._settled.append((name, number, deferred))
-        self._stir()
-
-    def _stir(self) -> None:
-        if threading.get_ident() != self._thread:
+        if self._asleep:
             self._stirred.set()

@@ -96,7 +96,8 @@ def test_failed(mind: Any, intention: Intention) -> None:
 
 def perform(mind: Any, intention: Intention, action: Any) -> bool:
     """An external action: it goes out, and the intention waits for its end."""
-    action = literal_of(action)
+    if type(action) is not Literal:
+        action = literal_of(action)
     name, args = action.sig.name, action.args
     if args or action.annots:
         if not is_ground(action):

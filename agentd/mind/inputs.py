@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-from agentd.language.signatures import signature
+from agentd.language.signatures import Signature, signature
 from agentd.language.terms import Literal
 
 
@@ -40,12 +40,19 @@ class PerceptRemoved:
     key: tuple[int, ...] = ()
 
 
+PerceptKey: TypeAlias = tuple[Signature, tuple[Any, ...]]
+"""What a percept is known by: annotations take no part in comparisons."""
+
+
 @dataclass(slots=True)
 class PerceptsChanged:
-    """Percepts that hold no longer, then percepts that hold now; what holds no longer or already is passed over."""
+    """What has become of some percepts: the literal for one that holds now, None for one that holds no longer.
 
-    gone: tuple[Literal, ...]
-    new: tuple[Literal, ...]
+    What is no change for the mind is passed over. All of them are ground, without bound variables inside. Whoever feeds
+    it leaves the dict alone from then on.
+    """
+
+    percepts: dict[PerceptKey, Literal | None]
 
 
 @dataclass(slots=True)

@@ -46,13 +46,13 @@ def forget(mind: Any, sig: Signature, args: tuple[Any, ...]) -> None:
 
 def change(mind: Any, item: PerceptsChanged, added: list[Addition]) -> None:
     """Take and add percepts. Deletion events are raised at once; those of ``added`` are to follow them."""
-    for literal in item.gone:
-        place, args = perceived(mind, literal.sig), _arguments(literal)
-        if args in place.args:
-            _remove(mind, place, args)
-    for literal in item.new:
-        place, args = perceived(mind, literal.sig), _arguments(literal)
-        if args not in place.args:
+    known = mind.percepts
+    for (sig, args), literal in item.percepts.items():
+        place = known.get(sig) or perceived(mind, sig)
+        if literal is None:
+            if args in place.args:
+                _remove(mind, place, args)
+        elif args not in place.args:
             _add(mind, place, literal, args, added)
 
 
@@ -75,10 +75,12 @@ def update(mind: Any, item: PerceptReplaced | PerceptAdded | PerceptRemoved, add
 
 def raise_additions(mind: Any, added: Iterable[Addition]) -> None:
     """Raise the events of percepts that are new."""
-    unheard = not (mind.listeners or mind.plans.has_nested)
+    heard = mind.listeners or mind.plans.has_nested
     for place, args, annots in added:
-        if place.gained.plans or not unheard:
+        if heard:
             raise_event(mind, None, place.gained, args, annots)
+        elif place.gained.plans:
+            mind.post(place.gained, args, annots)
 
 
 def _arguments(literal: Literal) -> tuple[Any, ...]:
