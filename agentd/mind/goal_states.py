@@ -8,7 +8,7 @@ from agentd.language.order import sorted_annots
 from agentd.language.signatures import signature
 from agentd.language.terms import Literal, atom
 from agentd.mind.frames import ANNOTS, ARGS, RELEVANT
-from agentd.mind.resolving import resolve_all
+from agentd.mind.resolving import detach, resolve_all
 
 if TYPE_CHECKING:
     from agentd.mind.mind import Mind
@@ -19,7 +19,7 @@ def raise_state(mind: Mind, relevant: Any, args: tuple[Any, ...], annots: tuple[
     meta = mind.plans.relevant("^", relevant.goal, relevant.sig)
     if meta.plans:
         told = Literal(signature("state", 1), (atom(state),))
-        mind.post(meta, resolve_all(args), sorted_annots((*resolve_all(annots), told)))
+        mind.post(meta, detach(resolve_all(args)), sorted_annots((*resolve_all(annots), told)))
 
 
 def of_goals(mind: Mind, intention: Any, *states: str) -> None:

@@ -16,6 +16,7 @@ from agentd.mind.failed import Failed
 from agentd.mind.frames import STEP, Frame, Step
 from agentd.mind.goal_states import pending
 from agentd.mind.intentions import Intention
+from agentd.mind.nested import nested_plans
 from agentd.mind.resolving import detach, is_ground, resolve, resolve_all, resolve_annots
 from agentd.mind.solve import solve
 
@@ -70,10 +71,14 @@ def achieve_term(mind: Any, intention: Intention, term: Any, new_focus: bool) ->
 
 def test_event(mind: Any, intention: Intention, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> bool:
     """``?g`` that the beliefs do not answer: its event if there are plans for it, else a failure."""
-    if relevant.plans or mind.plans.has_nested:
-        mind.events.append((relevant, args, annots, intention))
-        return True
-    raise Failed("test_goal_failed")
+    if not relevant.plans and not (
+        mind.plans.has_nested and any(True for _ in nested_plans(mind, relevant, intention))
+    ):
+        raise Failed("test_goal_failed")
+    if mind.plans.has_meta:
+        pending(mind, relevant, args, annots)
+    mind.events.append((relevant, args, annots, intention))
+    return True
 
 
 def test_term(mind: Any, intention: Intention, term: Any) -> bool | None:
