@@ -162,10 +162,9 @@ class Team:
             busy = True
             for _ in range(RUNS_A_TURN):
                 for effect in mind.run(self.clock.now(), CYCLES_A_TURN):
-                    kind = type(effect)
-                    if kind is SendMail:
+                    if type(effect) is SendMail:
                         self._send(mind, effect)
-                    elif kind is PerformAction and self._world is not None:
+                    elif type(effect) is PerformAction and self._world is not None:
                         self._world.perform(mind, effect)
                     else:
                         self._carry_out(mind, effect)

@@ -32,9 +32,11 @@ def _run(judge: str, lines: list[str]) -> int:
 
 def test_each_case_is_run_and_each_failure_told_with_its_plan_file_line_formula_and_reason(lines: list[str]) -> None:
     assert _run("suite/judge.asl", lines) == 1
-    assert lines == [
+    assert [line for line in lines if not line.startswith("[judge]")] == [
+        "[bodies_case] nobody knows unheard_of (no_relevant)\n"
+    ]
+    assert [line for line in lines if line.startswith("[judge]")] == [
         "[judge] looking for cases\n",
-        "[bodies_case] nobody knows unheard_of (no_relevant)\n",
         "[judge] failing_case: differs failed at suite/inc/checks.asl:11: "
         'internal_action: values differ in .fail(error_msg("values differ"),values(3,4))\n',
         "[judge] failing_case: asks_in_vain failed at cases/failing_case.asl:9: "
