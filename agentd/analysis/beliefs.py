@@ -41,7 +41,7 @@ def beliefs_never_added(survey: Survey, percepts: Arities | None, elsewhere: Els
         if known or hint:
             text = f"nothing adds the belief {test.name}/{test.arity}"
             if percepts is not None:
-                text += ", and no percept has its name: unless an agent tells it, "
+                text += ", and no percept has its name: unless an agent or a mission tells it, "
             else:
                 text += ": unless it is a percept or told, "
             text = f"{text}{_consequence(test, tested_as_goal)}{hint}"
@@ -59,7 +59,7 @@ def events_never_perceived(survey: Survey, percepts: Arities, elsewhere: Elsewhe
         if arities is None:
             if not (survey.open_beliefs or elsewhere.open_beliefs):
                 text = f"nothing adds the belief {placed.name}/{placed.arity}, and no percept has its name: "
-                text += f"unless an agent tells it, this plan never runs{near(placed.name, percepts)}"
+                text += f"unless an agent or a mission tells it, this plan never runs{near(placed.name, percepts)}"
                 yield warning(Kind.UNKNOWN_PERCEPT, place, text)
         elif not takes(arities, placed.arity):
             text = f"the percept {placed.name} has {arguments(arities)}, not {placed.arity}: this plan never runs"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-_CLOSE = 0.6
+_CLOSE = 0.7
 """How alike two words must be, by `difflib`: a letter or two wrong or missing in a short one."""
 
 

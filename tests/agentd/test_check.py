@@ -98,17 +98,17 @@ def test_a_mistake_is_an_error(text: str, message: str) -> None:
     [
         (
             "+!g : ready <- land.",
-            "nothing adds the belief ready/0, and no percept has its name: unless an agent tells it, "
+            "nothing adds the belief ready/0, and no percept has its name: unless an agent or a mission tells it, "
             "ready is always false",
         ),
         (
             "area(1). +!g : not arae(_) <- land.",
-            "nothing adds the belief arae/1, and no percept has its name: unless an agent tells it, "
+            "nothing adds the belief arae/1, and no percept has its name: unless an agent or a mission tells it, "
             "not arae(_) is always true; did you mean area?",
         ),
         (
             "b(1). +!g <- ?b(_,_).",
-            "nothing adds the belief b/2, and no percept has its name: unless an agent tells it, "
+            "nothing adds the belief b/2, and no percept has its name: unless an agent or a mission tells it, "
             "?b(_,_) always fails; there is b with 1 argument",
         ),
         (
@@ -208,7 +208,7 @@ def test_all_findings_come_in_one_run_in_the_order_of_the_file() -> None:
       !h(X).
 """
     assert [str(finding) for finding in findings_of(text)] == [
-        "a.asl:1:2: error: there is no plan for the goal !go/0; did you mean g?",
+        "a.asl:1:2: error: there is no plan for the goal !go/0",
         "a.asl:2:7: error: the percept state has 3 arguments, not 4: state(_,_,_,_) is always false",
         "a.asl:3:7: error: there is no action take_off/1; did you mean takeoff?",
         "a.asl:4:7: error: there is no internal action .pint/1: it fails where it is reached; did you mean .print?",
