@@ -59,7 +59,7 @@ def write_while(writer: StepWriter, formula: syntax.While) -> None:
     kept = _begin_rounds(writer, formula, before)
     if kept:
         with writer.function.block("else:"):
-            writer.function.emit(f"free_again(trail, f, f[{kept}])")
+            _free_again(writer, kept)
     _forget(writer, formula, before)
     scope = writer.use(formula.condition)
     place: list[int] = []
@@ -119,7 +119,7 @@ def write_for(writer: StepWriter, formula: syntax.For) -> None:
     writer.start(next_round, writer.bound)
     function, trail = writer.function, writer.trail_line
     if kept:
-        function.emit(f"free_again(trail, f, f[{kept}])")
+        _free_again(writer, kept)
     _forget(writer, formula, before)
     function.emit(f"r = next_round(f[{found_at}])")
     with function.block("if r is None:"):
@@ -170,6 +170,12 @@ def _begin_rounds(writer: StepWriter, formula: syntax.While | syntax.For, before
         with function.block(f"if f[{kept}] is None:"):
             function.emit(note)
     return kept
+
+
+def _free_again(writer: StepWriter, kept: int) -> None:
+    """Take back what a round has bound; most often that is nothing."""
+    writer.function.emit(f"k = f[{kept}]")
+    writer.function.emit("if k[1] or len(trail) > k[0]: free_again(trail, f, k)")
 
 
 def _forget(writer: StepWriter, formula: syntax.While | syntax.For, before: Bound) -> None:
