@@ -21,9 +21,9 @@ from benchmarks.subjects import Subject, subjects_here
 
 def measure(rows: list[Row], subjects: list[Subject], repeat: int) -> list[Result]:
     """Run the rows' programs ``repeat`` times on each subject. Rows with the same programs share their runs."""
-    groups: dict[tuple[tuple[str, str], ...], list[Row]] = {}
+    groups: dict[tuple[object, str], list[Row]] = {}
     for row in rows:
-        groups.setdefault(row.agents, []).append(row)
+        groups.setdefault((row.agents, row.environment), []).append(row)
     results = []
     for group in groups.values():
         runs: dict[str, list[dict[str, Speeds]]] = {subject.key: [] for subject in subjects}

@@ -53,7 +53,7 @@ def report(results: list[Result], footprints: dict[str, dict[str, float]], subje
     """The whole document."""
     parts = [_HEAD.format(machine=_machine(subjects), repeat=repeat), _speed_table(results), ""]
     parts += [_jason_table(results), ""]
-    if any(subject.key == "agentd --why" for subject in subjects):
+    if any(subject.key == "agentd --decisions" for subject in subjects):
         parts += [_records_table(results), ""]
     if any(subject.key == "jason" for subject in subjects):
         parts += [_jason_here(results), ""]
@@ -176,13 +176,13 @@ def _records_table(results: list[Result]) -> str:
         "|---|---|---|---|---|",
     ]
     for result in results:
-        kept = result.ratio("agentd --why", warm, to="agentd")
+        kept = result.ratio("agentd --decisions", warm, to="agentd")
         cells = [
             f"{result.row.key} {result.row.operation}",
             _speed(result.median("agentd", warm)),
-            _speed(result.median("agentd --why", warm)),
+            _speed(result.median("agentd --decisions", warm)),
             "-" if kept is None else f"{1 - kept:.0%}",
-            _times(result.ratio("agentd --why", warm)),
+            _times(result.ratio("agentd --decisions", warm)),
         ]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
@@ -210,7 +210,7 @@ def _footprint_table(footprints: dict[str, dict[str, float]]) -> str:
         digits = 2 if footprint.unit == "s" else 1
         ours = found["agentd"]
         verdict = "met" if ours < footprint.limit else "**missed**"
-        others = [found.get(key) for key in ("agentd --why", "agentspeak")]
+        others = [found.get(key) for key in ("agentd --decisions", "agentspeak")]
         shown = [f"{ours:.{digits}f} {footprint.unit}", f"{footprint.limit:g} {footprint.unit}, {verdict}"]
         shown += ["-" if value is None else f"{value:.{digits}f}" for value in [*others, footprint.jason]]
         lines.append(f"| {footprint.title} | {' | '.join(shown)} |")

@@ -47,7 +47,7 @@ class Row:
     """How many times python-agentspeak's warm speed is asked for."""
     jason: Jason | None = None
     environment: str = ""
-    """``module:Class`` of the environment that agentd needs for it, if any."""
+    """For the percept rows: ``module:Class`` of the environment, or the module that embeds agentd's mind itself."""
 
     def paths(self) -> list[tuple[str, Path]]:
         return [(name, PROGRAMS / file) for name, file in self.agents]
@@ -92,4 +92,5 @@ ROWS: Final = (
         Jason(143_009, 29_763, 32_280, 305),
         "benchmarks.counter:Counter",
     ),
+    Row("h'", "h_percept", "percept cycle, embedded", _alone("h_percept.asl"), 4, environment="benchmarks.embedded"),
 )

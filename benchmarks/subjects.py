@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import shutil
-import subprocess
 import sys
 import tempfile
 from abc import ABC, abstractmethod
@@ -15,6 +14,9 @@ from pathlib import Path
 from typing import Final
 
 Agents = list[tuple[str, Path]]
+
+DECISIONS: Final = 200
+"""So many decisions are remembered where records are on: the default of ``agentd serve``."""
 
 PERCEPT_ROUNDS: Final = 10
 PERCEPT_CYCLES: Final = 20_000
@@ -38,17 +40,20 @@ class Subject(ABC):
 
 
 class Agentd(Subject):
-    """``agentd run``, with decision records off as it is by default, or on (``--why``)."""
+    """``agentd run``, with decision records off as it is by default, or on as in ``agentd serve``."""
 
-    def __init__(self, records: bool = False) -> None:
-        self.key = "agentd --why" if records else "agentd"
-        self.title = "agentd, records on" if records else "agentd"
-        self._options = ["--why"] if records else []
+    def __init__(self, decisions: int = 0) -> None:
+        self.key = "agentd --decisions" if decisions else "agentd"
+        self.title = f"agentd, {decisions} decisions recorded" if decisions else "agentd"
+        self._decisions = str(decisions)
 
     def command(self, agents: Agents, environment: str = "") -> list[str]:
+        rounds, cycles = str(PERCEPT_ROUNDS), str(PERCEPT_CYCLES)
+        if environment and ":" not in environment:
+            return [sys.executable, "-m", environment, rounds, cycles, self._decisions, str(agents[0][1])]
+        env = ["--env", environment, "--env-arg", rounds, "--env-arg", cycles] if environment else []
         named = [f"{name}={path}" for name, path in agents]
-        env = ["--env", environment, "--env-arg", str(PERCEPT_ROUNDS), "--env-arg", str(PERCEPT_CYCLES)]
-        return [sys.executable, "-m", "agentd", "run", *self._options, *(env if environment else []), *named]
+        return [sys.executable, "-m", "agentd", "run", "--decisions", self._decisions, *env, *named]
 
 
 class AgentSpeak(Subject):
@@ -89,19 +94,9 @@ class JasonCommand(Subject):
             yield [self._executable, str(project), "--console"]
 
 
-def records_can_be_kept() -> bool:
-    """Whether this ``agentd run`` has the option ``--why``."""
-    asked = subprocess.run(
-        [sys.executable, "-m", "agentd", "run", "--help"], capture_output=True, text=True, check=True
-    )
-    return "--why" in asked.stdout
-
-
 def subjects_here() -> list[Subject]:
     """Those that can be run on this machine; agentd is the first of them."""
-    found: list[Subject] = [Agentd()]
-    if records_can_be_kept():
-        found.append(Agentd(records=True))
+    found: list[Subject] = [Agentd(), Agentd(DECISIONS)]
     if importlib.util.find_spec("agentspeak") is not None:
         found.append(AgentSpeak())
     executable = shutil.which("jason")
