@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from agentd.clocks import WallClock
+from agentd.directory import Directory, provider
 from agentd.language.compile import CompiledProgram, DirectiveError
 from agentd.language.errors import SyntaxErrors
-from agentd.language.signatures import signature
 from agentd.language.terms import EMPTY, atom, make_list
-from agentd.language.terms import Literal as Term
 from agentd.mind import Mind
 from agentd.mind.effects import (
     AskPercepts,
@@ -79,8 +78,7 @@ class Team:
         self._seed = seed
         self._stop: tuple[float, int] | None = None
         self._kills: list[tuple[float, str]] = []
-        self._services: list[tuple[str, str]] = []
-        self._subscribers: list[tuple[str, str]] = []
+        self._directory = Directory()
         self.minds: dict[str, Mind] = {}
         for name, program in programs:
             self._add(name, program)
@@ -287,35 +285,24 @@ class Team:
         self.minds.pop(name, None)
         if self._world is not None:
             self._world.leave(name)
-        self._services = [s for s in self._services if s[0] != name]
-        self._subscribers = [s for s in self._subscribers if s[0] != name]
+        self._directory.forget(name)
 
     def _do_df_register(self, mind: Mind, service: str) -> Any:
-        if (mind.name, service) not in self._services:
-            self._services.append((mind.name, service))
-            for subscriber, wanted in self._subscribers:
-                if wanted == service:
-                    self._tell_provider(subscriber, mind.name, service)
+        for subscriber in self._directory.register(mind.name, service):
+            self.minds[subscriber].feed(Mail("df", "tell", provider(mind.name, service)))
         return EMPTY
 
     def _do_df_deregister(self, mind: Mind, service: str) -> Any:
-        self._services = [s for s in self._services if s != (mind.name, service)]
+        self._directory.deregister(mind.name, service)
         return EMPTY
 
     def _do_df_search(self, mind: Mind, service: str) -> Any:
-        return make_list([atom(name) for name, offered in self._services if offered == service])
+        return make_list([atom(name) for name in self._directory.search(service)])
 
     def _do_df_subscribe(self, mind: Mind, service: str) -> Any:
-        self._subscribers.append((mind.name, service))
-        for name, offered in self._services:
-            if offered == service:
-                self._tell_provider(mind.name, name, service)
+        for agent in self._directory.subscribe(mind.name, service):
+            mind.feed(Mail("df", "tell", provider(agent, service)))
         return EMPTY
-
-    def _tell_provider(self, subscriber: str, provider: str, service: str) -> None:
-        told = Term(signature("provider", 2), (atom(provider), atom(service)))
-        if subscriber in self.minds:
-            self.minds[subscriber].feed(Mail("df", "tell", told))
 
     def _do_save(self, mind: Mind, path: str, text: str) -> Any:
         try:
