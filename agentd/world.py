@@ -7,7 +7,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from itertools import count
-from typing import Any, TypeVar
+from typing import Any
 
 from agentd.environment import ActionFailed, Deferred, Environment
 from agentd.language.terms import Literal
@@ -17,7 +17,8 @@ from agentd.mind.inputs import ActionDone
 from agentd.user_code import UserCodeError, describe_error
 from agentd.values import plain_signature
 
-_Result = TypeVar("_Result")
+MOST_TOLD = 1000
+"""So many different mistakes of an environment are told."""
 
 
 class World:
@@ -26,7 +27,8 @@ class World:
     def __init__(self, environment: Environment, now: Callable[[], float], tell: Callable[[str], object]) -> None:
         self._environment = environment
         self._board = environment._board
-        self._tell = tell
+        self._tell_people = tell
+        self._told: set[str] = set()
         self.now = now
         self._minds: dict[str, Mind] = {}
         self._waiting: dict[tuple[str, int], Deferred] = {}
@@ -153,6 +155,12 @@ class World:
     def stop(self) -> None:
         """Let the environment end."""
         self._guarded("stop", self._environment.stop)
+
+    def _tell(self, text: str) -> None:
+        """Tell people, once: what goes wrong in every step shall not fill the screen."""
+        if text not in self._told and len(self._told) < MOST_TOLD:
+            self._told.add(text)
+            self._tell_people(text)
 
     def _guarded(self, what: str, call: Callable[..., object], *arguments: Any) -> None:
         try:

@@ -13,6 +13,7 @@ from agentd.mind.frames import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Frame, Step
 from agentd.mind.intentions import Intention, values_of
 from agentd.mind.questions import Question
 from agentd.mind.resolving import resolve, resolve_all
+from agentd.mind.suspending import Suspension
 from agentd.mind.timers import Timer
 from agentd.mind.unifier import undo, unify
 from agentd.mind.waiting import Wait
@@ -46,7 +47,7 @@ def reason_of(mind: Any, intention: Intention) -> Literal | None:
     """Why an intention does not run, for ``.suspended``; None for one that does.
 
     ``suspend_ia``, ``wait(What)`` as it was asked for, ``waiting_ask``, ``act`` (an action), ``fork``, ``team`` (a
-    request such as ``.create_agent``) or ``goal_condition``.
+    request such as ``.create_agent``), ``goal_condition``, or what an internal action in Python calls its waiting.
     """
     if intention.suspended is not None:
         return atom("suspend_ia")
@@ -59,6 +60,8 @@ def reason_of(mind: Any, intention: Intention) -> Literal | None:
         return Literal(_WAIT, (_waited_for(intention),))
     if isinstance(token, Question):
         return atom("waiting_ask")
+    if isinstance(token, Suspension):
+        return atom(intention.waiting)
     return atom("team" if isinstance(token, int) else "goal_condition" if token is None else "fork")
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from agentd.language import syntax
 from agentd.language.compile import CompiledProgram, DirectiveError
-from agentd.language.errors import SyntaxErrors
+from agentd.language.errors import Problem, SyntaxErrors
 from agentd.language.parser import parse_term
 from agentd.language.source import read_source
 from agentd.paths import SourcePaths
@@ -47,11 +47,10 @@ def read_project(file: str, paths: SourcePaths, has_environment: bool) -> Setup:
         raise Findings([Finding(file, 0, 0, f"is no UTF-8 text (byte {error.start}); save it as UTF-8")]) from None
     project = parse_project(source.text, file)
     home = Path(file).parent
-    named = [path.text for path in project.source_paths]
-    folders = (*paths.folders, *(home / path for path in named))
-    setup = Setup(paths=SourcePaths(paths.names, folders, home))
+    setup = Setup()
     setup.warnings += _of_java(project, has_environment)
-    setup.warnings += _missing_folders(project, home)
+    folders = [*paths.folders, *_source_folders(project, paths, home, setup.warnings)]
+    setup.paths = SourcePaths(paths.names, folders, home)
     if project.environment is not None:
         setup.environment_arguments = project.environment.arguments
     errors: list[Finding] = []
@@ -65,9 +64,10 @@ def read_project(file: str, paths: SourcePaths, has_environment: bool) -> Setup:
             broken.append(found)
     errors += _same_names(project)
     if broken:
-        raise SyntaxErrors(problem for found in broken for problem in found.problems)
+        others = [Problem(finding, "", 0) for finding in (*errors, *setup.warnings)]
+        raise SyntaxErrors([*others, *(problem for found in broken for problem in found.problems)])
     if errors:
-        raise Findings(errors)
+        raise Findings([*errors, *setup.warnings])
     return setup
 
 
@@ -151,10 +151,18 @@ def _same_names(project: Project) -> Iterator[Finding]:
                 break
 
 
-def _missing_folders(project: Project, home: Path) -> Iterator[Finding]:
+def _source_folders(project: Project, paths: SourcePaths, home: Path, warnings: list[Finding]) -> Iterator[Path]:
+    """The folders of the source path that are there; the others are warned of."""
     for path in project.source_paths:
-        if not (home / path.text).is_dir():
-            yield _finding(path.position, f"aslSourcePath: there is no folder {home / path.text}", warning=True)
+        try:
+            folder = paths.expand(path.text) if path.text.startswith("$") else home / path.text
+        except FileNotFoundError as error:
+            warnings.append(_finding(path.position, f"aslSourcePath: {error.strerror}", warning=True))
+            continue
+        if folder.is_dir():
+            yield folder
+        else:
+            warnings.append(_finding(path.position, f"aslSourcePath: there is no folder {folder}", warning=True))
 
 
 # --- Java ---

@@ -68,7 +68,8 @@ def test_the_actions_of_the_page_on_extending_work(monkeypatch: pytest.MonkeyPat
             +!s : compass.near(80, east)
               <- .print(compass.opposite(90)); compass.near(190, P); .print(P);
                  .findall(Q, compass.point(Q, D) & D > 100, L); .print(L);
-                 compass.settle(2); .print(settled); !wrong.
+                 !!look; compass.settle(2); .print(settled); !wrong.
+            +!look <- .wait(100); .suspended(s, R); .print("waits for ", R).
             +!wrong <- compass.near(x, P).
             -!wrong[error(E), error_msg(M)] <- .print(E, ": ", M).
             """
@@ -79,6 +80,7 @@ def test_the_actions_of_the_page_on_extending_work(monkeypatch: pytest.MonkeyPat
         "[bob] 270",
         "[bob] south",
         "[bob] [south,west]",
+        "[bob] waits for compass",
         "[bob] settled",
         "[bob] wrong_arguments: compass.near takes degrees first",
     ]

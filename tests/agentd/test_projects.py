@@ -156,6 +156,24 @@ def test_the_errors_of_several_agents_are_told_at_once() -> None:
     assert [finding.column for finding in told.value.findings] == [20, 30, 45]
 
 
+def test_the_source_path_may_begin_with_a_name_that_is_mapped(run, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere" / "jar" / "inc").mkdir(parents=True)
+    (tmp_path / "elsewhere" / "jar" / "inc" / "bob.asl").write_text(HELLO)
+    project = 'MAS t { agents: bob; aslSourcePath: "$jasonJar/inc"; }'
+    told = run({"team.mas2j": project}, "--map", "$jasonJar=jar")
+    assert (told.code, told.lines, told.err) == (0, ["[bob] hi"], "")
+    told = run({"team.mas2j": project})
+    assert told.code == 2
+    assert "cannot read bob.asl" in told.err
+    assert "warning: aslSourcePath: nothing says which folder $jasonJar is; give --map '$jasonJar=FOLDER'" in told.err
+
+
+def test_all_that_is_wrong_with_the_programs_of_a_project_is_told_at_once(run) -> None:
+    told = run({"team.mas2j": "MAS t { agents: bad; gone; worse; }", "bad.asl": "!a <- .", "worse.asl": "+!a <- ; ."})
+    assert told.code == 2
+    assert told.err.count(": error:") == 3
+
+
 HELLO = "!hi. +!hi : .my_name(N) <- .print(hi)."
 
 
