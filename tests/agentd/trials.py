@@ -10,7 +10,9 @@ from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from typing import Any, Final
 
-from agentd.check import check_program
+from agentd.analysis.elsewhere import from_team
+from agentd.analysis.subjects import read_survey
+from agentd.check import Robot, check_program, findings_of
 from agentd.language.compile import DirectiveError, compile_program
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_program
@@ -19,6 +21,7 @@ from agentd.language.syntax import Program
 from agentd.mind import Mind
 from agentd.mind.effects import PerformAction, TeamRequest
 from agentd.mind.inputs import ActionDone, TeamReply
+from agentd.paths import SourcePaths
 from agentd.run import DEEPEST_CALLS
 from tests.agentd.generated_programs import corpus
 
@@ -63,6 +66,8 @@ def try_to_read(text: str) -> Program | None:
         with at_most(HANG):
             assert same(parse_program(source_text(program), "a.asl"), program), "printed, it reads differently"
             check_program(program, {}, {})
+            surveyed = read_survey(program, SourcePaths())
+            findings_of(surveyed, Robot(), from_team([surveyed.survey]))
     return program
 
 
