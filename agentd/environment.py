@@ -115,7 +115,9 @@ class Environment:
 
     def replace_percept(self, percept: Literal | str, agent: str | None = None) -> None:
         """The percept takes the place of all of the same name and number of arguments."""
-        self._board.replace(_read(percept), agent)
+        if type(percept) is not Literal or not percept.ground:
+            percept = _read(percept)
+        self._board.replace(percept, agent)
 
     def clear_percepts(self, agent: str | None = None) -> None:
         """None of the percepts told to this agent alone, or to all (``None``), holds any longer."""
@@ -139,16 +141,14 @@ def _read(percept: Literal | str) -> Literal:
     """A percept as it is kept: ground, without bound variables inside."""
     if type(percept) is not Literal:
         return _literal(str(percept))
-    for argument in percept.args:
-        if type(argument) is not float and type(argument) is not str:
-            return _resolved(percept)
-    return percept
+    return percept if percept.ground else _resolved(percept)
 
 
 def _resolved(percept: Literal) -> Literal:
     found = resolve(percept)
     if type(found) is not Literal or not is_ground(found):
         raise TypeError(f"{percept} is no percept: it has a variable without a value")
+    found.ground = True
     return found
 
 

@@ -87,7 +87,9 @@ class PerceptBoard:
                         self._gone(sig, other, agent)
                 if args not in old:
                     self._new(literal, agent)
-        self._tell()
+        self.changed = True
+        if self.on_change is not None:
+            self.on_change()
 
     def clear(self, agent: str | None) -> None:
         with self._lock:

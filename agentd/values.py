@@ -46,7 +46,12 @@ def term_of(value: Any) -> Any:
 
 def literal(functor: str, *arguments: Any) -> Literal:
     """A structure, or an atom without arguments; the arguments are Python values (see `term_of`) or terms."""
-    return Literal(plain_signature(functor, len(arguments)), tuple(map(term_of, arguments)) if arguments else ())
+    made = Literal(plain_signature(functor, len(arguments)), tuple(map(term_of, arguments)) if arguments else ())
+    for argument in made.args:
+        if type(argument) is not float and type(argument) is not str:
+            return made
+    made.ground = True
+    return made
 
 
 @lru_cache(maxsize=4096)

@@ -114,7 +114,8 @@ def perform(mind: Any, intention: Intention, action: Any) -> bool:
     number = intention.action = mind.action_count
     mind.performing[number] = intention
     mind.effects.append(PerformAction(number, name, args))
-    mind.await_something(intention, f"action {name}")
+    intention.waiting = f"action {name}"
+    mind.waiting[intention.id] = (intention, None)
     return True
 
 

@@ -31,11 +31,14 @@ def take_inputs(mind: Any) -> None:
     for item in batch:
         if mind.on_input is not None:
             mind.on_input(mind.cycle, item)
+        kind = type(item)
+        if kind is ActionDone:
+            _action_done(mind, item)
+            continue
+        if kind is PerceptsChanged:
+            percepts.change(mind, item, added)
+            continue
         match item:
-            case ActionDone():
-                _action_done(mind, item)
-            case PerceptsChanged():
-                percepts.change(mind, item, added)
             case PerceptReplaced() | PerceptAdded() | PerceptRemoved():
                 percepts.update(mind, item, added)
             case TeamReply():
