@@ -23,7 +23,6 @@ from agentd.mind.inputs import Mail
 from agentd.mind.intake import take_inputs
 from agentd.mind.messages import receive
 from agentd.mind.resolving import resolve_all
-from agentd.mind.selection import take_event
 from agentd.mind.waiting import check_conditions
 
 Selector = Callable[[Any, Sequence[Any]], Any]
@@ -75,7 +74,7 @@ class Chooser:
                 self._take_message(mailbox)
             while events:
                 taken = self._take(events, self._event, "select_event", Event.of)
-                if taken is None or take_event(mind, taken):
+                if taken is None or mind.take_event(mind, taken):
                     break
             if running and mind.atomic is None:
                 intention = self._take(running, self._intention, "select_intention", _itself)

@@ -10,7 +10,6 @@ from agentd.mind.goal_conditions import check_goal_conditions
 from agentd.mind.intake import take_inputs
 from agentd.mind.intentions import Intention
 from agentd.mind.messages import receive
-from agentd.mind.selection import take_event
 from agentd.mind.waiting import check_conditions
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 def run_cycles(mind: Mind, cycles: int) -> None:
     """Run up to so many cycles; the end of the first that has an effect, or leaves nothing to do, is the last."""
     inputs, mailbox, events, running, timers, conditions, goal_conditions = mind.queues
-    effects = mind.effects
+    effects, take_event = mind.effects, mind.take_event
     for _ in range(cycles):
         mind.cycle += 1
         if inputs:
@@ -63,7 +62,7 @@ def atomic_cycle(mind: Mind) -> bool:
             event = events[place]
             if event[3] is atomic:
                 del events[place]
-                take_event(mind, event)
+                mind.take_event(mind, event)
                 break
         if not _take_out(mind.running, atomic):
             return mind.atomic is not atomic or atomic_can_run(mind)

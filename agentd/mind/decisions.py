@@ -1,7 +1,8 @@
 """Decision records: the last decisions of a mind, each with the plans that were rejected and why, and what failed.
 
 A mode of the compiled mind: with it plans are compiled so that they tell which literal of their context failed
-(`agentd.language.compile_select`), and events are taken through `Decisions.select`. Without it nothing here runs.
+(`agentd.language.compile_select`), and events are taken by `agentd.mind.selection.take_event_recorded`. Without it
+nothing here runs.
 
 A record holds what it is about by reference where that cannot change any more and as a short copy where it can
 (`agentd.mind.holding`), so it shows the state at the time of the decision. It becomes text only when somebody looks
@@ -11,7 +12,8 @@ A record holds what it is about by reference where that cannot change any more a
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from itertools import chain
 from typing import Any, Final, NamedTuple
 
 from agentd.language.signatures import Signature, signature
@@ -90,12 +92,6 @@ Origin = tuple[Input | None, int, Step | None]
 it; none of them for what the program starts with."""
 
 
-class Posted(tuple[Any, ...]):
-    """An event that starts an intention and knows where it comes from."""
-
-    origin: Origin | None = None
-
-
 MOST_FRAMES: Final = 20
 """So many of the plans that end with a failure are noted."""
 
@@ -111,16 +107,20 @@ class Decisions:
     def __init__(self, mind: Any, most: int, tell: Callable[[Decision | Failure], None] | None = None) -> None:
         self._mind, self._tell = mind, tell
         self._last: deque[Any] = deque(maxlen=most)
-        self._note: Callable[[Any], None] = self._last.append if tell is None else self._append
+        self.note: Callable[[Any], None] = self._last.append if tell is None else self._append
+        """Takes the fields of a `Decision` as a tuple (the last ones may be left out), or a `Failure`."""
         self._post, self._on_input = mind.post, mind.on_input
         self._dropped: deque[Frame] = deque(maxlen=most)
+        self._origins: dict[int, tuple[Any, Origin]] = {}
+        """Where events that wait come from, by their identity; each is kept alive while it is in here."""
         self._given: list[Any] = []
         self._given_in = 0
         """The inputs that may raise events, and the cycle in which they came."""
         if mind.compiler.form == "select":
             mind.compiler.form = "trace"
         plans = mind.plans
-        plans.select, plans.select_nested, plans.select_noted = self.select, self.select_nested, self.select_noted
+        plans.select_first, plans.select_nested = self.select_first, self.select_nested
+        plans.select_noted = self.select_noted
         mind.post, mind.on_input = self.post, self.on_input
 
     def records(self) -> list[Decision | Failure]:
@@ -132,119 +132,77 @@ class Decisions:
         last = self._last[-1] if self._last else None
         return () if type(last) is not tuple else Decision(*last).rejected or ()
 
-    def select(
-        self, mind: Any, trail: Trail, event: Any, rejected: list[tuple[Any, Any]] | None = None
-    ) -> Frame | None:
-        """Find the plan for an event as a mind without records does, and note how; ``rejected`` were tried before.
-
-        This is on the path of every event: what is seldom needed stands in the methods below.
-        """
-        relevant, args, annots, intention = event
-        shown = args
-        for term in args:
-            if type(term) is not float and type(term) is not str and not (type(term) is Literal and term.ground):
-                shown = held_all(args)
-                break
-        frame = None
-        mark = len(trail)
-        try:
-            for plan in relevant.plans:
-                found = plan.trace(mind, trail, relevant, args, annots)
-                if type(found) is list:
-                    frame = found
-                    break
-                if len(trail) > mark:
-                    undo(trail, mark)
-                if rejected is None:
-                    rejected = [(plan, found)]
-                else:
-                    rejected.append((plan, found))
-        except Exception as error:
-            return self._select_after(trail, event, plan, [*(rejected or ()), self._broken(relevant, plan, error)])
-        if frame is None or shown is not args or len(trail) > mark:
-            self.decided(event, shown, rejected, frame, None if frame is None else frame[VARIABLES:])
-            return frame
-        if annots is not SELF and annots is not PERCEPT:
-            annots = held_all(annots)
-        if intention is not None:
-            stack = intention.stack
-            below = stack[-1] if stack else None
-            self._note((mind.cycle, mind.now, event, below, intention.last, rejected, frame, annots))
-        else:
-            origin = event.origin if type(event) is Posted else None
-            begun = mind.intention_count + 1
-            self._note((mind.cycle, mind.now, event, None, None, rejected, frame, annots, begun, origin))
-        return frame
+    def select_first(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
+        """Find the plan for an event among the relevant ones, and note how."""
+        return self._select(trail, event, (), event[0].plans, [])
 
     def select_nested(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
-        """As `select`, for programs with nested plans: those in sight come first."""
-        relevant, args, annots, intention = event
-        shown = held_all(args)
-        rejected: list[tuple[Any, Any]] = []
-        mark = len(trail)
-        for plan, around in nested_plans(mind, relevant, intention):
-            try:
-                found = plan.trace(mind, trail, relevant, args, annots, around)
-            except Exception as error:
-                found = self._broken(relevant, plan, error)[1]
-            if type(found) is list:
-                self.decided(event, shown, rejected, found, found[VARIABLES:])
-                return found
-            undo(trail, mark)
-            rejected.append((plan, found))
-        return self.select(mind, trail, event, rejected or None)
-
-    def _select_after(self, trail: Trail, event: Any, broken: Any, rejected: list[tuple[Any, Any]]) -> Frame | None:
-        """The plans after one whose context could not be computed."""
-        relevant, args, annots, _ = event
-        mind, shown, mark = self._mind, held_all(args), len(trail)
-        frame: Frame | None = None
-        for plan in relevant.plans[relevant.plans.index(broken) + 1 :]:
-            try:
-                found = plan.trace(mind, trail, relevant, args, annots)
-            except Exception as error:
-                found = self._broken(relevant, plan, error)[1]
-            if type(found) is list:
-                frame = found
-                break
-            undo(trail, mark)
-            rejected.append((plan, found))
-        self.decided(event, shown, rejected, frame, None if frame is None else frame[VARIABLES:])
-        return frame
-
-    def _broken(self, relevant: Any, plan: Any, error: Exception) -> tuple[Any, Exception]:
-        """A plan whose context could not be computed, which is told; an internal action may raise anything."""
-        context_failed(self._mind, relevant, plan, error)
-        return plan, error.with_traceback(None)
+        """Find the plan for an event in programs with nested plans, which come first, and note how."""
+        return self._select(trail, event, nested_plans(mind, event[0], event[3]), event[0].plans, [])
 
     def select_noted(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
-        """As `select`, for programs whose contexts ask for the intention in hand."""
+        """As `select_nested`, for programs whose contexts ask for the intention in hand."""
         mind.plans.taken = event
         try:
             return self.select_nested(mind, trail, event)
         finally:
             mind.plans.taken = None
 
-    def decided(self, event: Any, args: Any, rejected: Any, frame: Frame | None, values: list[Any] | None) -> None:
-        """Note a decision in full."""
+    def select_after(
+        self, trail: Trail, event: Any, broken: Any, rejected: list[tuple[Any, Any]], error: Exception
+    ) -> Frame | None:
+        """Go on after a plan whose context could not be computed, and note it all."""
+        plans = event[0].plans
+        return self._select(
+            trail, event, (), plans[plans.index(broken) + 1 :], [*rejected, self._broken(event, broken, error)]
+        )
+
+    def _select(
+        self, trail: Trail, event: Any, nested: Iterable[tuple[Any, Frame]], plans: list[Any], rejected: list[Any]
+    ) -> Frame | None:
+        relevant, args, annots, _ = event
+        mind, shown, mark = self._mind, held_all(args), len(trail)
+        frame: Frame | None = None
+        for plan, around in chain(nested, ((plan, None) for plan in plans)):
+            try:
+                found = plan.trace(mind, trail, relevant, args, annots, around)
+            except Exception as error:
+                found = self._broken(event, plan, error)[1]
+            if type(found) is list:
+                frame = found
+                break
+            undo(trail, mark)
+            rejected.append((plan, found))
+        self.decided(event, shown, rejected or None, frame, len(trail) > mark)
+        return frame
+
+    def _broken(self, event: Any, plan: Any, error: Exception) -> tuple[Any, Exception]:
+        """A plan whose context could not be computed, which is told; an internal action may raise anything."""
+        context_failed(self._mind, event[0], plan, error)
+        return plan, error.with_traceback(None)
+
+    def decided(self, event: Any, args: Any, rejected: Any, frame: Frame | None, bound: bool) -> None:
+        """Note a decision; ``args`` are the arguments as they were, ``bound`` says that selection bound variables."""
         mind = self._mind
-        relevant, _, annots, intention = event
-        below = asked = origin = None
-        begun = 0
+        relevant, given, annots, intention = event
+        if annots is not SELF and annots is not PERCEPT:
+            annots = held_all(annots)
+        held = None
+        if frame is not None and (bound or args is not given):
+            held = held_all(tuple(frame[VARIABLES:]))
         if intention is not None:
-            asked = intention.last
-            if intention.stack:
-                below = intention.stack[-1]
-        else:
-            if frame is not None:
-                begun = mind.intention_count + 1
-            elif rejected is None and not relevant.goal:
-                return  # a belief that no plan is for
-            if type(event) is Posted:
-                origin = event.origin
-        held = None if values is None else held_all(tuple(values))
-        start = (mind.cycle, mind.now, event, below, asked, rejected, frame)
-        self._note((*start, held_all(annots), begun, origin, args, held))
+            stack = intention.stack
+            below = stack[-1] if stack else None
+            self.note(
+                (mind.cycle, mind.now, event, below, intention.last, rejected, frame, annots, 0, None, args, held)
+            )
+            return
+        if frame is None and rejected is None and not relevant.goal:
+            return  # a belief that no plan is for
+        begun = 0 if frame is None else mind.intention_count + 1
+        entry = self._origins.pop(id(event), None)
+        origin = None if entry is None else entry[1]
+        self.note((mind.cycle, mind.now, event, None, None, rejected, frame, annots, begun, origin, args, held))
 
     def failed(self, intention: Any, failed: Failed, frames: Sequence[Frame], handler: Any) -> None:
         """Note a failure: see `Failure`."""
@@ -252,7 +210,7 @@ class Decisions:
         failed.__traceback__ = failed.__context__ = None  # they would keep alive what the failed call has used
         number = 0 if intention is None else intention.id
         record = Failure(mind.cycle, mind.now, number, held(failed.code), failed, tuple(frames), handler)
-        self._note(record)
+        self.note(record)
 
     def dropped(self, frames: Sequence[Frame]) -> None:
         """Note the frames of plans that were dropped, the innermost last."""
@@ -269,15 +227,21 @@ class Decisions:
             self._tell(entry if type(entry) is Failure else Decision(*entry))
 
     def post(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
-        """Queue an event that starts an intention of its own, with where it comes from."""
-        origin = self._origin(relevant, annots)
-        events = self._mind.events
-        before = len(events)
+        """Queue an event that starts an intention of its own, and note where it comes from."""
         self._post(relevant, args, annots)
-        if origin is not None and len(events) > before:
-            event = Posted(events.pop())
-            event.origin = origin
-            events.append(event)
+        if annots is PERCEPT:
+            return
+        events = self._mind.events
+        event = events[-1] if events else None
+        if event is None or event[1] is not args or event[0] is not relevant:
+            return  # it was dropped
+        origin = self._origin(relevant, annots)
+        if origin is not None:
+            origins = self._origins
+            if len(origins) > 2 * len(events) + 100:
+                waiting = set(map(id, events))
+                origins = self._origins = {key: entry for key, entry in origins.items() if key in waiting}
+            origins[id(event)] = (event, origin)
 
     def _origin(self, relevant: Any, annots: tuple[Any, ...]) -> Origin | None:
         mind = self._mind
@@ -285,14 +249,14 @@ class Decisions:
             for item in self._given:
                 if _raises(item, relevant.sig):
                     return item, 0, None
-        if annots is SELF or (annots is not PERCEPT and SOURCE_SELF in annots and relevant.operator != "^"):
+        if annots is SELF or (SOURCE_SELF in annots and relevant.operator != "^"):
             current = mind.current
             return (None, 0, None) if current is None else (None, current.id, current.last)
         return None  # a percept, a timer, the state of a goal
 
     def on_input(self, cycle: int, item: Input) -> None:
         """Note what may raise events in this cycle."""
-        if isinstance(item, _RAISING):
+        if type(item) in _RAISING:
             if self._given_in != cycle:
                 self._given.clear()
                 self._given_in = cycle
@@ -301,7 +265,7 @@ class Decisions:
             self._on_input(cycle, item)
 
 
-_RAISING = (Mail, GoalAdded, BeliefAdded, SignalRaised)
+_RAISING: Final = frozenset((Mail, GoalAdded, BeliefAdded, SignalRaised))
 
 
 def _raises(item: Any, sig: Signature) -> bool:

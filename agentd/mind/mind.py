@@ -36,7 +36,7 @@ from agentd.mind.percepts import Perceived
 from agentd.mind.plans import PlanLibrary
 from agentd.mind.resolving import detach, resolve_all, resolve_annots
 from agentd.mind.runtime import RUNTIME
-from agentd.mind.selection import Event
+from agentd.mind.selection import Event, take_event, take_event_recorded
 from agentd.mind.snapshot import BeliefView, IntentionView, views_of_beliefs, views_of_intentions
 from agentd.mind.team import Request
 from agentd.mind.timers import Timer, Timers
@@ -163,9 +163,12 @@ class Mind:
         """How many intentions there have been; the id of the last one."""
         self._queries: dict[int, tuple[Any, Any]] = {}
         self.recorder: Decisions | None = None
+        self.take_event: Callable[[Mind, Event], bool] = take_event
+        """How an event is taken; another function where decisions are recorded."""
         if decisions or on_decision is not None:
             tell = None if on_decision is None else (lambda record: on_decision(view_of(self, record)))
             self.recorder = Decisions(self, max(1, decisions), tell)
+            self.take_event = take_event_recorded
         self._cycles = run_cycles
         self._choose(select_message, select_event, select_option, select_intention)
         load_program(self, program)

@@ -10,17 +10,23 @@ from agentd.mind.intentions import Intention
 from agentd.mind.unifier import Trail, undo
 
 
-def select_nested(mind: Any, trail: Trail, event: Any) -> Frame | None:
-    """The frame of the first applicable plan for an event in programs with nested plans: those in sight come first."""
-    relevant, args, annots, intention = event
-    frame: Frame | None = nested_frame(mind, trail, relevant, args, annots, intention)
+def select_first(mind: Any, trail: Trail, event: Any) -> Frame | None:
+    """The frame of the first applicable plan for an event, with its bindings on the trail."""
+    relevant, args, annots, _ = event
     mark = len(trail)
-    for plan in relevant.plans if frame is None else ():
-        frame = plan.select(mind, trail, relevant, args, annots)
+    for plan in relevant.plans:
+        frame: Frame | None = plan.select(mind, trail, relevant, args, annots)
         if frame is not None:
             return frame
         undo(trail, mark)
-    return frame
+    return None
+
+
+def select_nested(mind: Any, trail: Trail, event: Any) -> Frame | None:
+    """The same in programs with nested plans: those in sight come first."""
+    relevant, args, annots, intention = event
+    frame = nested_frame(mind, trail, relevant, args, annots, intention)
+    return select_first(mind, trail, event) if frame is None else frame
 
 
 def nested_frame(

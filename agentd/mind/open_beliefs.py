@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from agentd.language.terms import Var
 from agentd.mind.frames import Frame
-from agentd.mind.unifier import Trail, undo
+from agentd.mind.unifier import Trail
 
 Scope = dict[Var, Var]
 
@@ -29,16 +29,13 @@ class OpenBeliefs:
         """The scope of the context or rule that is being evaluated; None while a formula of a body runs."""
         self._frames: dict[int, tuple[Frame, Scope]] = {}
         """The scopes of plans that run, by the identity of their frames."""
-        self._select: Callable[[Any, Trail, Any], Frame | None] | None = None
 
     def install(self) -> None:
         """From now on each event that is taken and each rule that is asked gets a scope of its own."""
         if self.installed:
             return
         self.installed = True
-        plans = self._mind.plans
-        self._select = plans.select
-        plans.select = self._select_in_scope
+        self._mind.plans.select_within(self._select_in_scope)
         for predicate in self._mind.beliefs.predicates():
             predicate.forget_code()
 
@@ -73,11 +70,13 @@ class OpenBeliefs:
 
         return in_scope
 
-    def _select_in_scope(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
+    def _select_in_scope(
+        self, select: Callable[[Any, Trail, Any], Frame | None], mind: Any, trail: Trail, event: Any
+    ) -> Frame | None:
         scope: Scope = {}
         self._scope = scope
         try:
-            frame = (self._select or _first_applicable)(mind, trail, event)
+            frame = select(mind, trail, event)
         finally:
             self._scope = None
         if frame is not None and scope:
@@ -90,14 +89,3 @@ class OpenBeliefs:
             self._frames = {key: known for key, known in self._frames.items() if key in running}
         noted = self._frames[id(frame)] = (frame, scope)
         return noted
-
-
-def _first_applicable(mind: Any, trail: Trail, event: Any) -> Frame | None:
-    relevant, args, annots, _ = event
-    mark = len(trail)
-    for plan in relevant.plans:
-        frame: Frame | None = plan.select(mind, trail, relevant, args, annots)
-        if frame is not None:
-            return frame
-        undo(trail, mark)
-    return None

@@ -19,7 +19,7 @@ from agentd.language.terms import Code, Literal, Var, atom, deref, make_list
 from agentd.mind.choosing import Event, Selector, choose
 from agentd.mind.decision_views import PASSED_OVER
 from agentd.mind.failure_facts import context_failed
-from agentd.mind.frames import VARIABLES, Frame
+from agentd.mind.frames import Frame
 from agentd.mind.holding import held_all
 from agentd.mind.intention_terms import stack_of
 from agentd.mind.intentions import Intention
@@ -63,7 +63,8 @@ class Options:
         """The embedder's function; None: the program's rule."""
         mind.compiler.form = "options"
         plans = mind.plans
-        plans.select = plans.select_nested = plans.select_noted = self.select
+        plans.select_first = plans.select_nested = plans.select_noted = self.select
+        plans.select_by(self.select)
         for plan in plans:
             plan.unload()
 
@@ -80,8 +81,7 @@ class Options:
         finally:
             mind.plans.taken = None
         if mind.recorder is not None:
-            values = None if frame is None else frame[VARIABLES:]
-            mind.recorder.decided(event, shown, rejected or None, frame, values)
+            mind.recorder.decided(event, shown, rejected or None, frame, bound=True)
         return frame
 
     def _by_function(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, Final
 
 from agentd.language import syntax
@@ -16,7 +17,7 @@ from agentd.language.sources import SOURCE_SELF
 from agentd.language.term_text import code_text
 from agentd.language.terms import Code, Literal, atom
 from agentd.mind.frames import Frame, Step
-from agentd.mind.nested import select_nested
+from agentd.mind.nested import select_first, select_nested
 from agentd.mind.taken import asks_for_intention, select_noted
 
 _ATOMIC = signature("atomic")
@@ -218,9 +219,13 @@ class PlanLibrary:
         self.select: Callable[[Any, Any, Any], Frame | None] | None = None
         """Finds the plan for an event in another way than by trying the relevant ones in order: called with the mind,
         the trail and the event, it returns the new frame with its bindings on the trail, or None."""
+        self.select_first: Callable[[Any, Any, Any], Frame | None] = select_first
+        """Tries the relevant plans in order."""
         self.select_nested: Callable[[Any, Any, Any], Frame | None] = select_nested
         self.select_noted: Callable[[Any, Any, Any], Frame | None] = select_noted
         """The same for programs with nested plans, and for those whose contexts ask for the intention in hand."""
+        self._selecting: Callable[[Any, Any, Any], Frame | None] | None = None
+        self._scoped: Callable[..., Frame | None] | None = None
         self.taken: Any = None
         """The event that is being given a plan, where contexts ask for it (`agentd.mind.taken`)."""
         self.has_meta = False
@@ -329,7 +334,17 @@ class PlanLibrary:
             self._choose()
 
     def _choose(self) -> None:
-        self.select = self.select_noted if self._asks else self.select_nested
+        self.select_by(self.select_noted if self._asks else self.select_nested)
+
+    def select_by(self, select: Callable[[Any, Any, Any], Frame | None]) -> None:
+        """Find the plans for events by this function from now on."""
+        self._selecting = select
+        self.select = select if self._scoped is None else partial(self._scoped, select)
+
+    def select_within(self, scoped: Callable[..., Frame | None]) -> None:
+        """From now on let ``scoped`` call the function that finds plans; it gets that and then its arguments."""
+        self._scoped = scoped
+        self.select_by(self._selecting or self.select_first)
 
     def remove(self, plan: Plan) -> None:
         """Take a plan out; instances of it that run go on."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from agentd.language.sources import SELF
 from agentd.language.terms import Literal
 from agentd.mind import failure
 from agentd.mind.communication import communication_error
@@ -13,6 +14,7 @@ from agentd.mind.failure_facts import context_failed, facts_of
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame
 from agentd.mind.goal_conditions import watch
 from agentd.mind.goal_states import raise_state
+from agentd.mind.holding import held_all
 from agentd.mind.intentions import Intention
 from agentd.mind.messages import handle_event
 from agentd.mind.plans import Plan
@@ -51,6 +53,80 @@ def take_event(mind: Mind, event: Event) -> bool:
         context_failed(mind, relevant, plan, error)
         undo(trail, mark)
         frame = None if plan is None else _of_the_others(mind, trail, event, plan)
+    if frame is None:
+        return _no_plan(mind, relevant, args, annots, intention)
+    if trail:
+        frame[MARK] = mark
+    if intention is None:
+        intention = mind.new_intention()
+        if trail:
+            intention.trail = trail
+    stack = intention.stack
+    if stack and stack[-1][STEP] is None and stack[-1][RELEVANT].tail is relevant.call and not stack[-1][PLAN].special:
+        if len(trail) > stack[-1][MARK]:
+            _take_place(intention, frame)
+        else:
+            stack[-1] = frame
+    else:
+        stack.append(frame)
+    if library.has_meta or frame[PLAN].special:
+        _entered(mind, intention, frame)
+        if not stack:
+            return True
+    if intention.suspended is None:
+        mind.running.append(intention)
+    else:
+        mind.suspended[intention.id] = intention
+    return True
+
+
+def take_event_recorded(mind: Mind, event: Event) -> bool:
+    """`take_event` for minds that record their decisions (`agentd.mind.decisions`); the same from `_no_plan` on.
+
+    It is a function of its own so that neither pays for the other: both are on the path of every event.
+    """
+    relevant, args, annots, intention = event
+    library, recorder = mind.plans, mind.recorder
+    assert recorder is not None
+    trail: list[Any] = [] if intention is None else intention.trail
+    mark = len(trail) if trail else 0
+    frame = plan = rejected = None
+    if mind.listeners and relevant.goal:
+        hear(mind, relevant, args, annots)
+    if library.select is not None:
+        try:
+            frame = library.select(mind, trail, event)
+        except Exception as error:  # as below; the function notes what it decides
+            context_failed(mind, relevant, None, error)
+            undo(trail, mark)
+    else:
+        shown = args
+        for term in args:
+            if type(term) is not float and type(term) is not str and not (type(term) is Literal and term.ground):
+                shown = held_all(args)
+                break
+        try:
+            for plan in relevant.plans:
+                found = plan.trace(mind, trail, relevant, args, annots)
+                if type(found) is list:
+                    frame = found
+                    break
+                if len(trail) > mark:
+                    undo(trail, mark)
+                if rejected is None:
+                    rejected = [(plan, found)]
+                else:
+                    rejected.append((plan, found))
+        except Exception as error:  # an internal action may raise anything; it must not end the mind
+            undo(trail, mark)
+            frame = recorder.select_after(trail, event, plan, rejected or [], error)
+        else:
+            if annots is SELF and intention is not None and shown is args and frame is not None and len(trail) == mark:
+                stack = intention.stack
+                below = stack[-1] if stack else None
+                recorder.note((mind.cycle, mind.now, event, below, intention.last, rejected, frame, SELF))
+            else:
+                recorder.decided(event, shown, rejected, frame, len(trail) > mark)
     if frame is None:
         return _no_plan(mind, relevant, args, annots, intention)
     if trail:

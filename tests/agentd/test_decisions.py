@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ from agentd.mind.decision_views import DecisionView, FailureView
 from agentd.mind.effects import PerformAction
 from agentd.mind.holding import held, held_all, short_text
 from agentd.mind.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptAdded
+from agentd.mind.selection import take_event, take_event_recorded
 from agentd.viewing import LAST_DECISIONS, decisions_of
 from agentd.why import Narrator
 from tests.agentd.minds import World, mind_of, run, term
@@ -310,3 +312,10 @@ def test_agentd_run_why_leaves_stdout_to_the_program(tmp_path: Path) -> None:
     ]
     plain = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert (plain.stdout, plain.stderr) == ("[bob] stay\n", "")
+
+
+def test_the_two_functions_that_take_an_event_agree_once_the_plan_is_found() -> None:
+    """They are two for speed; what follows the selection is written twice and must stay the same."""
+    split = "if frame is None:\n        return _no_plan"
+    tails = [inspect.getsource(each).partition(split)[2] for each in (take_event, take_event_recorded)]
+    assert tails[0] == tails[1] != ""
