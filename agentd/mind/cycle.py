@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import TYPE_CHECKING
 
 from agentd.mind.execution import run_intention
 from agentd.mind.goal_conditions import check_goal_conditions
 from agentd.mind.intake import take_inputs
-from agentd.mind.intentions import Intention
 from agentd.mind.messages import receive
 from agentd.mind.waiting import check_conditions
 
@@ -56,28 +54,21 @@ def atomic_cycle(mind: Mind) -> bool:
     """A cycle while an atomic plan runs: only its own events and formulas. False when it has to wait."""
     atomic = mind.atomic
     assert atomic is not None
-    if not _take_out(mind.running, atomic):
-        events = mind.events
-        for place in range(len(events) - 1, -1, -1):  # the last one as a rule
+    events, running = mind.events, mind.running
+    if not running or running[-1] is not atomic:
+        for place in range(len(events) - 1, -1, -1):  # its own is the last one as a rule
             event = events[place]
             if event[3] is atomic:
                 del events[place]
                 mind.take_event(mind, event)
                 break
-        if not _take_out(mind.running, atomic):
-            return mind.atomic is not atomic or atomic_can_run(mind)
-    run_intention(mind, atomic)
-    return True
-
-
-def _take_out(running: deque[Intention], intention: Intention) -> bool:
-    """Take an intention out of those that run, where the atomic one is the last as a rule; whether it was there."""
-    if running and running[-1] is intention:
+    if running and running[-1] is atomic:  # as a rule
         running.pop()
-    elif intention in running:
-        running.remove(intention)
+    elif atomic in running:
+        running.remove(atomic)
     else:
-        return False
+        return mind.atomic is not atomic or atomic_can_run(mind)
+    run_intention(mind, atomic)
     return True
 
 

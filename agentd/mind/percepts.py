@@ -20,13 +20,47 @@ Addition = tuple["Perceived", tuple[Any, ...], tuple[Any, ...]]
 class Perceived:
     """The percepts of one signature, with what their changes concern."""
 
-    __slots__ = ("args", "gained", "lost", "predicate")
+    __slots__ = ("args", "by_key", "gained", "lost", "predicate")
 
     def __init__(self, mind: Any, sig: Signature) -> None:
         self.args: dict[tuple[Any, ...], None] = {}
         self.predicate = mind.beliefs.predicate(sig)
         self.gained = mind.plans.relevant("+", "", sig)
         self.lost = mind.plans.relevant("-", "", sig)
+        self.by_key: dict[tuple[int, ...], dict[Any, dict[tuple[Any, ...], None]]] = {}
+        """For each key that is used, the percepts by their arguments at its positions."""
+
+    def agreeing(self, args: tuple[Any, ...], key: tuple[int, ...]) -> list[tuple[Any, ...]]:
+        """The percepts whose arguments at the positions ``key`` are these: it costs as much as there are of them."""
+        if not key:
+            return list(self.args)
+        if len(key) == len(args):
+            return [args] if args in self.args else []
+        index = self.by_key.get(key)
+        if index is None:
+            index = self.by_key[key] = {}
+            for percept in self.args:
+                index.setdefault(_at(key, percept), {})[percept] = None
+        return list(index.get(_at(key, args), ()))
+
+    def put(self, args: tuple[Any, ...]) -> None:
+        """Note a percept that was not there."""
+        self.args[args] = None
+        for key, index in self.by_key.items() if self.by_key else ():
+            index.setdefault(_at(key, args), {})[args] = None
+
+    def drop(self, args: tuple[Any, ...]) -> None:
+        """Forget a percept that is there."""
+        del self.args[args]
+        for key, index in self.by_key.items() if self.by_key else ():
+            found = index[_at(key, args)]
+            del found[args]
+            if not found:
+                del index[_at(key, args)]
+
+
+def _at(key: tuple[int, ...], args: tuple[Any, ...]) -> Any:
+    return args[key[0]] if len(key) == 1 else tuple([args[place] for place in key])
 
 
 def perceived(mind: Any, sig: Signature) -> Perceived:
@@ -40,8 +74,8 @@ def perceived(mind: Any, sig: Signature) -> Perceived:
 def forget(mind: Any, sig: Signature, args: tuple[Any, ...]) -> None:
     """A belief is gone that may have been a percept: told anew, it is new."""
     place = mind.percepts.get(sig)
-    if place is not None:
-        place.args.pop(args, None)
+    if place is not None and args in place.args:
+        place.drop(args)
 
 
 def change(mind: Any, item: PerceptsChanged, added: list[Addition]) -> None:
@@ -62,11 +96,11 @@ def update(mind: Any, item: PerceptReplaced | PerceptAdded | PerceptRemoved, add
     place, args = perceived(mind, literal.sig), _arguments(literal)
     match item:
         case PerceptReplaced(key=key):
-            for old in _agreeing(place.args, args, key):
+            for old in place.agreeing(args, key):
                 if old != args:
                     _remove(mind, place, old)
         case PerceptRemoved(key=key):
-            for old in _agreeing(place.args, args, key):
+            for old in place.agreeing(args, key):
                 _remove(mind, place, old)
             return
     if args not in place.args:
@@ -92,17 +126,8 @@ def _arguments(literal: Literal) -> tuple[Any, ...]:
     return literal.args
 
 
-def _agreeing(present: dict[tuple[Any, ...], None], args: tuple[Any, ...], key: tuple[int, ...]) -> list[Any]:
-    """The percepts whose arguments at the positions ``key`` are these; one alone can be when the key is all of them."""
-    if not key:
-        return list(present)
-    if len(key) == len(args):
-        return [args] if args in present else []
-    return [percept for percept in present if all(percept[k] == args[k] for k in key)]
-
-
 def _add(mind: Any, place: Perceived, literal: Literal, args: tuple[Any, ...], added: list[Addition]) -> None:
-    place.args[args] = None
+    place.put(args)
     annots = sorted_annots((*literal.annots, *PERCEPT)) if literal.annots else PERCEPT
     new = place.predicate.add(args, annots)
     if new is not None:
@@ -112,7 +137,7 @@ def _add(mind: Any, place: Perceived, literal: Literal, args: tuple[Any, ...], a
 
 def _remove(mind: Any, place: Perceived, args: tuple[Any, ...]) -> None:
     """A percept holds no longer: the belief loses source(percept), and stays if another source holds it."""
-    del place.args[args]
+    place.drop(args)
     predicate = place.predicate
     fact = predicate.entries.get(args)
     if fact is None:
