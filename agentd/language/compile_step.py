@@ -7,6 +7,7 @@ from typing import Any
 from agentd.language import syntax
 from agentd.language.compile_queries import QUERIES, is_query
 from agentd.language.compile_terms import Scope
+from agentd.language.computed_once import ComputedOnce
 from agentd.language.constants import is_plain_atom, signature_of
 from agentd.language.emit import Ref, tuple_of
 from agentd.language.signatures import signature
@@ -191,24 +192,28 @@ def _resolved_annots(annots: str) -> str:
 
 
 def _wait(writer: StepWriter, term: syntax.InternalAction) -> None:
-    """``.wait(Formula[, Ms[, Elapsed]])``: the formula becomes a function that the mind asks after each change."""
+    """``.wait(Formula[, Ms[, Elapsed]])``: the formula becomes a function that the mind asks after each change.
+
+    Functions in it are computed before, once, as Jason does.
+    """
     scope = writer.use(term)
     others = "".join(f", {writer.function.assign(writer.compiler.build(arg, scope))}" for arg in term.args[1:])
+    formula = ComputedOnce(writer, scope).formula(term.args[0])
     writer.store(scope)
     check = writer.unit.name("w")
     writer.function.emit(f"return wait_until(m, i, f, {check}{others})")
     writer.became(scope)
     writer.finish()
     writer.start(check, writer.bound)
-    inner = writer.use(term.args[0])
+    inner = writer.use(formula)
 
     def holds(found: Scope) -> None:
         writer.store(found)
         writer.function.emit("return True")
 
-    writer.compiler.formula(term.args[0], inner, holds)
+    writer.compiler.formula(formula, inner, holds)
     writer.function.emit("return False")
-    writer.became(dict.fromkeys(variables(term.args[0]), ""), certain=False)
+    writer.became(dict.fromkeys(variables(formula), ""), certain=False)
 
 
 def _is_condition(node: Any) -> bool:

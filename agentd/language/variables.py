@@ -7,6 +7,9 @@ from typing import Any
 
 from agentd.language import syntax
 
+HIDDEN = "computed "
+"""How the names of variables begin that no program can write."""
+
 
 def is_plain_variable(node: Any) -> bool:
     """Whether a node is a variable without decorations."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language.terms import Literal, Var, deref
+from agentd.language.variables import HIDDEN
 from agentd.mind.frames import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Frame, Step
 
 
@@ -54,5 +55,8 @@ def values_of(frame: Frame) -> dict[str, Any]:
     return {
         name: frame[place]
         for name, place in frame[PLAN].slots.items()
-        if place < len(frame) and frame[place] is not None and type(deref(frame[place])) is not Var
+        if place < len(frame)
+        and frame[place] is not None
+        and type(deref(frame[place])) is not Var
+        and not name.startswith(HIDDEN)
     }
