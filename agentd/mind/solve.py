@@ -87,5 +87,19 @@ def _expression(mind: Any, formula: Expression, trail: Trail) -> Iterator[None]:
             undo(trail, mark)
             return
         yield
-    elif len(operands) == 2 and relation_holds(operator, operands[0], operands[1], trail):
-        yield
+    elif len(operands) == 2:
+        left, right = (computed(mind, operand) for operand in operands)
+        if relation_holds(operator, left, right, trail):
+            yield
+
+
+def computed(mind: Any, term: Any) -> Any:
+    """A side of a relation with the functions in it computed, now that their variables may have values."""
+    term = deref(term)
+    if type(term) is Expression:
+        return Expression(term.operator, tuple([computed(mind, operand) for operand in term.operands]))
+    if type(term) is not Literal or not mind.compiler.is_function(term.sig.functor, term.sig.arity):
+        return term
+    function = mind.compiler.function(term.sig.functor, term.sig.arity)
+    value = function(mind, *[deref(computed(mind, argument)) for argument in resolve(term).args])
+    return term if value is None else value
