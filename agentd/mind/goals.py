@@ -106,6 +106,8 @@ def perform(mind: Any, intention: Intention, action: Any) -> bool:
     name, args = action.sig.name, action.args
     if args or action.annots:
         if not is_ground(action):
+            if "." in name:
+                raise Failed("action_failed", f"there is no internal action {action.sig.indicator}")
             raise Failed("action_failed", f"the action {text(action)} has a variable without a value")
         args = resolve_all(args)
     if mind.actions is not None and name not in mind.actions:
