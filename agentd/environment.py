@@ -129,12 +129,17 @@ class Environment:
 
     def after(self, seconds: float, call: Callable[[], object]) -> None:
         """Call something after so many seconds of the run's clock (in tests, that is virtual time)."""
-        self._host.after(seconds, call)
+        self._running().after(seconds, call)
 
     @property
     def now(self) -> float:
         """Seconds since the run began, by its clock."""
-        return float(self._host.now())
+        return float(self._running().now())
+
+    def _running(self) -> Any:
+        if self._host is None:
+            raise RuntimeError("the run has not begun in __init__: its clock can be used from init on")
+        return self._host
 
 
 def _read(percept: Literal | str) -> Literal:

@@ -253,6 +253,10 @@ class Broken(Environment):
     def init(self, arguments):
         self.count = arguments[3]
 
+class TooEarly(Environment):
+    def __init__(self):
+        self.after(1.0, print)
+
 not_a_class = 3
 class Other: pass
 """
@@ -282,7 +286,8 @@ def test_the_command_finds_the_class_from_the_working_directory(folder: Path, na
         ("world", "`world` names no class; write module:Class or file.py:Class"),
         ("nowhere:X", "there is no Python module nowhere (looked in "),
         ("nowhere.py:X", "there is no file nowhere.py"),
-        ("world:Contre", "world has no class Contre; there are Broken, Counter"),
+        ("world:Contre", "world has no class Contre; there are Broken, Counter, TooEarly"),
+        ("world:TooEarly", "world:TooEarly cannot be made: RuntimeError: the run has not begun in __init__: "),
         ("world:Other", "world:Other is no Environment; derive it from agentd.environment.Environment"),
         ("world:Broken", "the environment's init failed: IndexError: list index out of range ("),
         ("typo:X", "typo cannot be imported: SyntaxError: "),
