@@ -132,6 +132,8 @@ class Host:
             await self._leave()
 
     async def _leave(self) -> None:
+        for note in self._mind.drops.untold():
+            self._carry_out(note)
         await self._mailing.drain(LEAVE)
         for task in list(self._tasks):
             task.cancel()
@@ -315,7 +317,7 @@ class Host:
             failed={text: mind.query(formula) for text, formula in self.part.failed.items()},
             decisions=decisions,
             failures=failures,
-            dropped=mind.dropped,
+            dropped=dict(mind.drops.counts),
         )
 
     def health(self) -> Health:
@@ -327,7 +329,7 @@ class Host:
         counters["cycles"] = self._mind.cycle
         missed = self._perceiving.percepts.missed if self._perceiving else 0
         return Health(
-            drops=sum(self._mind.dropped.values()) + self._mailing.counters["dropped"] + stdout().dropped,
+            drops=sum(self._mind.drops.counts.values()) + self._mailing.counters["dropped"] + stdout().dropped,
             bad_input=self.counters["bad_percepts"] + self.counters["bad_mail"],
             counters={**{name: float(count) for name, count in sorted(counters.items())}, "percepts_missed": missed},
         )

@@ -113,8 +113,15 @@ class Team:
             if self._world is not None:
                 self._world.stop()
             sys.stdout.flush()
-            if self._narrator is not None:
-                self._narrator.finish()
+            self._finish()
+
+    def _finish(self) -> None:
+        """Tell what is left to be told."""
+        for mind in self.minds.values():
+            for note in mind.drops.untold():
+                self._carry_out(mind, note)
+        if self._narrator is not None:
+            self._narrator.finish()
 
     def _run(self, timeout: float | None, exit_when_idle: bool) -> int:
         while True:

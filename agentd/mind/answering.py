@@ -44,6 +44,10 @@ class _AnsweringPlan:
 
 def answer_by_plan(mind: Any, mail: Mail, relevant: Any, question: Literal, annots: tuple[Any, ...]) -> None:
     """Start the intention that finds the answer to a question and tells it."""
+    if mind.crowded:
+        told = f"too many events and intentions: questions such as that of {mail.sender} get no answer"
+        mind.drops.note("questions", told)
+        return
     written = syntax.Step(syntax.Operator.TEST, syntax.Structure(question.sig.functor))
 
     def ask(mind: Any, intention: Any, frame: Any) -> bool:

@@ -73,6 +73,8 @@ class Fork:
 
 def fork(mind: Any, intention: Intention, frame: Frame, operator: str, firsts: tuple[Step, ...]) -> bool:
     """Start the branches; the intention waits for their join."""
+    if mind.crowded:
+        raise Failed("too_many_intentions", "there are as many events and intentions as there may be")
     state = Fork(intention, frame, operator == "|&|", firsts[0] if firsts else None)
     for first in firsts:
         branch = mind.new_intention()

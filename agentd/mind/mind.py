@@ -13,6 +13,7 @@ from agentd.language.compile_plan import compile_formula
 from agentd.language.emit import Ref
 from agentd.language.numbers import UndefinedNumber
 from agentd.language.signatures import Signature
+from agentd.language.sources import told_by_others
 from agentd.language.terms import Literal
 from agentd.mind.annotations import with_source
 from agentd.mind.beliefs import BeliefBase
@@ -22,6 +23,7 @@ from agentd.mind.cycle import atomic_can_run, run_cycles
 from agentd.mind.decision_views import DecisionView, FailureView, view_of, views_of
 from agentd.mind.decisions import Decisions
 from agentd.mind.dropping import fail_too_deep
+from agentd.mind.drops import Drops
 from agentd.mind.effects import Effect, Log
 from agentd.mind.failed import Failed
 from agentd.mind.frames import PLAN, Frame
@@ -45,6 +47,9 @@ from agentd.mind.waiting import Wait
 
 MOST_FOCUSES: Final = 100_000
 """So many events and intentions there may be; an agent that raises more floods itself, and the newest are dropped."""
+
+FOR_OTHERS: Final = 10_000
+"""So many more there may be of events from outside: an agent that floods itself still hears others."""
 
 
 MOST_FRAMES: Final = 300_000
@@ -105,10 +110,8 @@ class Mind:
         self.compiler = Library()
         self.plans = PlanLibrary(self.compiler, RUNTIME, self._provide)
         self.events: deque[Event] = deque()
-        self.dropped_events = 0
-        """How many events were dropped because too many waited."""
-        self.dropped_mail = 0
-        """How many messages were dropped because too many waited."""
+        self.drops = Drops(self)
+        """What was dropped because too much waited."""
         self.running: deque[Intention] = deque()
         self.waiting: dict[int, tuple[Intention, Any]] = {}
         """Intentions that wait for something other than an event of theirs, with what must be taken back."""
@@ -201,8 +204,7 @@ class Mind:
         """Hand in an input; it is taken in the next cycle (mail: one message per cycle, at most `MOST_MAIL` wait)."""
         if type(item) is Mail:
             if len(self.mailbox) >= MOST_MAIL:
-                self.dropped_mail += 1
-                self.warn_once(f"more than {MOST_MAIL} messages wait; further ones are dropped")
+                self.drops.note("messages", f"more than {MOST_MAIL} messages wait; further ones are dropped")
                 return
             self.mailbox.append(item)
         else:
@@ -236,12 +238,6 @@ class Mind:
         if self.atomic is not None:
             return atomic_can_run(self)
         return bool(self.events or self.running or self.mailbox)
-
-    @property
-    def dropped(self) -> dict[str, int]:
-        """What was dropped because too much waited, by kind; kinds of which nothing was dropped are left out."""
-        counts = {"events": self.dropped_events, "messages": self.dropped_mail}
-        return {kind: count for kind, count in counts.items() if count}
 
     @property
     def wake_at(self) -> float | None:
@@ -281,12 +277,18 @@ class Mind:
 
     def post(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
         """Queue an event that starts an intention of its own; arguments and annotations are resolved."""
-        if len(self.events) + len(self.running) + len(self.waiting) >= MOST_FOCUSES:
-            self.dropped_events += 1
+        focuses = len(self.events) + len(self.running) + len(self.waiting) + len(self.suspended)
+        if focuses >= MOST_FOCUSES and (focuses >= MOST_FOCUSES + FOR_OTHERS or not told_by_others(annots)):
             event = f"{relevant.text}{relevant.sig.indicator}"
-            self.warn_once(f"more than {MOST_FOCUSES} events and intentions; events such as {event} are dropped")
+            told = f"more than {MOST_FOCUSES} events and intentions; events such as {event} are dropped"
+            self.drops.note("events", told)
             return
         self.events.append((relevant, args, annots, None))
+
+    @property
+    def crowded(self) -> bool:
+        """Whether there are as many events and intentions as there may be."""
+        return len(self.events) + len(self.running) + len(self.waiting) + len(self.suspended) >= MOST_FOCUSES
 
     def add_goal(self, literal: Literal, operator: str = "!") -> None:
         """A goal of its own, with its event."""

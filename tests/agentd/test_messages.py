@@ -34,7 +34,7 @@ def test_messages_beyond_the_bound_are_dropped_counted_and_told_once() -> None:
     mail = Mail("amy", "tell", term("m(1)"))
     for _ in range(MOST_MAIL + 5):
         world.mind.feed(mail)
-    assert world.mind.dropped_mail == 5
+    assert world.mind.drops.counts == {"messages": 5}
     told = [effect for effect in world.mind.run(0.0, 1) if isinstance(effect, Log)]
     assert len(told) == 1
     assert str(MOST_MAIL) in told[0].text

@@ -94,7 +94,7 @@ def test_an_agent_that_floods_itself_is_bounded_and_says_so(monkeypatch: pytest.
     world = run("!a. +!a <- for (.range(I,1,1000)) { !!b(I) }; .print(done). +!b(I) <- .wait(100000).")
     assert world.prints == ["done"]
     assert len(world.mind.all_intentions()) <= 501
-    assert world.mind.dropped_events >= 499
+    assert world.mind.drops.counts["events"] >= 499
     assert ["are dropped" in line for line in world.logs] == [True]
 
 
