@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from agentd.analysis.elsewhere import Elsewhere, from_team
 from agentd.analysis.includes import Includes
@@ -16,6 +18,9 @@ from agentd.language.parser import parse_file, parse_term
 from agentd.language.syntax import Belief, Goal, Item, ListTerm, Program, Structure
 from agentd.paths import SourcePaths
 from schemas.findings import Finding, Findings
+
+if TYPE_CHECKING:
+    from agentd.projects.syntax import Project
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +107,7 @@ def _cannot_be_read(file: str, shown: dict[Finding, str], subjects: Subjects) ->
 
 def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
     from agentd.projects.parser import parse_project  # most checks are of programs
-    from agentd.projects.read import read_project
+    from agentd.projects.read import project_paths, read_project
 
     try:
         told = read_project(file, paths, False).warnings
@@ -121,7 +126,7 @@ def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
         subjects.incomplete = True
         return
     home = Path(file).parent
-    paths = SourcePaths(paths.names, (*paths.folders, *(home / path.text for path in project.source_paths)), home)
+    paths = SourcePaths(paths.names, (*paths.folders, *_source_folders(project, paths, home)), home)
     subjects.percepts_unknown |= project.environment is not None
     for entry in project.agents:
         wanted = entry.file.text if entry.file is not None else entry.name
@@ -138,6 +143,13 @@ def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
         more = [item for name, value in options for item in _begins_with(name, value)]
         if path not in subjects.programs:
             _read(path, paths, more, subjects)
+
+
+def _source_folders(project: Project, paths: SourcePaths, home: Path) -> Iterator[Path]:
+    """The folders of a project's programs; those that are not there are told by the project's reader."""
+    for path in project.source_paths:
+        with suppress(FileNotFoundError):
+            yield home / paths.expand(path.text)
 
 
 def _begins_with(name: str, value: str) -> Iterator[Item]:

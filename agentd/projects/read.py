@@ -46,11 +46,9 @@ def read_project(file: str, paths: SourcePaths, has_environment: bool) -> Setup:
     except UnicodeDecodeError as error:
         raise Findings([Finding(file, 0, 0, f"is no UTF-8 text (byte {error.start}); save it as UTF-8")]) from None
     project = parse_project(source.text, file)
-    home = Path(file).parent
     setup = Setup()
     setup.warnings += _of_java(project, has_environment)
-    folders = [*paths.folders, *_source_folders(project, paths, home, setup.warnings)]
-    setup.paths = SourcePaths(paths.names, folders, home)
+    setup.paths = project_paths(project, paths, setup.warnings)
     if project.environment is not None:
         setup.environment_arguments = project.environment.arguments
     errors: list[Finding] = []
@@ -69,6 +67,13 @@ def read_project(file: str, paths: SourcePaths, has_environment: bool) -> Setup:
     if errors:
         raise Findings([*errors, *setup.warnings])
     return setup
+
+
+def project_paths(project: Project, paths: SourcePaths, warnings: list[Finding]) -> SourcePaths:
+    """Where the programs of a project are looked for; folders that are not there are added to the warnings."""
+    home = Path(project.file).parent
+    folders = [*paths.folders, *_source_folders(project, paths, home, warnings)]
+    return SourcePaths(paths.names, folders, home)
 
 
 def _add(setup: Setup, project: Project, entry: AgentEntry) -> None:

@@ -333,7 +333,7 @@ def test_a_project_is_checked_with_its_agents(tmp_path: Path, capsys: pytest.Cap
     project.write_text('MAS t { agents: ann [beliefs="size(1)", goals="begin(2)"]; bob; eve; aslSourcePath: "src"; }\n')
     assert check(str(project)) == 1
     told = capsys.readouterr().err
-    assert f"{project}:1:65: error: cannot read the program of the agent eve" in told
+    assert f"{project}:1:65: error: cannot read eve.asl, the program of the agent eve" in told
     assert "ann.asl:1:33: error: there is no internal action .prnt/1" in told
     assert "bob.asl:1:10: error: a ; is missing before 'b'" in told
     assert "size" not in told
