@@ -6,9 +6,9 @@ import os
 from collections.abc import Iterable
 
 from agentd.analysis.kinds import Kind, finding
-from agentd.analysis.survey import DEFAULT
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file
+from agentd.language.signatures import DEFAULT
 from agentd.language.syntax import Directive, Item, String
 from agentd.paths import SourcePaths
 from schemas.findings import Finding

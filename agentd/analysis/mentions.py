@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from agentd.language.syntax import Belief, Body, Directive, InternalAction, Plan, Position, Rule, Structure
+from agentd.language.signatures import DEFAULT
+from agentd.language.syntax import (
+    Belief,
+    Body,
+    Directive,
+    InternalAction,
+    ListTerm,
+    Plan,
+    Position,
+    Rule,
+    Structure,
+)
 
 ANY_ARITY = -1
 """The arity of a registered function that takes any number of arguments."""
@@ -115,3 +126,26 @@ class Survey:
     """Beliefs are sent that only the run knows."""
     open_wanted: bool = False
     """Goals are sent that only the run knows."""
+
+
+_NEARBY = frozenset(("self", "percept"))
+
+
+def qualified(literal: Structure, namespace: str) -> str:
+    """The name of a literal in a namespace: with its sign, and with the namespace unless it is the default one."""
+    written = literal.namespace
+    if isinstance(written, str):
+        namespace = written or DEFAULT
+    name = f"~{literal.functor}" if literal.negated else literal.functor
+    return name if namespace == DEFAULT else f"{namespace}::{name}"
+
+
+def asks_others(annotations: ListTerm) -> bool:
+    """Whether annotations ask for a source that is neither the agent itself nor its percepts."""
+    for term in annotations.items:
+        match term:
+            case Structure("source", (Structure(functor),)):
+                return functor not in _NEARBY
+            case Structure("source", _):
+                return True
+    return False

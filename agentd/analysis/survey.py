@@ -6,8 +6,10 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from typing import NamedTuple, TypeAlias
 
-from agentd.analysis.mentions import ANY_ARITY, Call, Mention, PlacedPlan, Survey
+from agentd.analysis.arguments import ASSERTIONS, PLAN_MAKERS, RUNNERS, query_of
+from agentd.analysis.mentions import ANY_ARITY, Call, Mention, PlacedPlan, Survey, asks_others, qualified
 from agentd.language.patterns import PATTERNS, WrongPattern
+from agentd.language.signatures import DEFAULT
 from agentd.language.syntax import (
     And,
     Arithmetic,
@@ -41,30 +43,8 @@ from agentd.language.syntax import (
     While,
 )
 
-DEFAULT = "default"
-
-QUERIES = {
-    ".findall": 1,
-    ".setof": 1,
-    ".count": 0,
-    ".eval": 1,
-    ".wait": 0,
-    ".belief": 0,
-    ".foreach": 0,
-    ".loop": 0,
-    ".if_then_else": 0,
-}
-"""The internal actions with a logical formula among their arguments, and which argument it is."""
-
-RUNNERS = frozenset((".foreach", ".loop", ".if_then_else", ".fork", ".add_plan", ".send", ".broadcast"))
-"""The internal actions that run, keep or send the code that stands in their arguments."""
-
-ASSERTIONS = frozenset((".asserta", ".assertz"))
-PLAN_MAKERS = frozenset((".add_plan", ".include", ".create_agent"))
-
 _ADDITIONS = frozenset((Operator.ADD, Operator.ADD_NEW_FOCUS, Operator.ADD_FIRST, Operator.ADD_LAST, Operator.UPDATE))
 _GOALS = frozenset((Operator.ACHIEVE, Operator.ACHIEVE_NEW_FOCUS))
-_ELSEWHERE = frozenset(("self", "percept"))
 
 Includes: TypeAlias = Callable[[Directive, str], Iterable[Item]]
 
@@ -162,7 +142,7 @@ class _Walk:
 
     def _place(self, plan: Plan, namespace: str) -> PlacedPlan:
         literal = plan.trigger.literal
-        name = _qualified(literal, namespace) if isinstance(literal, Structure) else None
+        name = qualified(literal, namespace) if isinstance(literal, Structure) else None
         placed = PlacedPlan(plan, name)
         self.found.plans.append(placed)
         return placed
@@ -244,9 +224,7 @@ class _Walk:
     def _call(self, action: InternalAction, namespace: str, as_term: bool) -> None:
         self.found.calls.append(Call(action, as_term))
         name, args = action.name, action.args
-        query = QUERIES.get(name)
-        if name in (".min", ".max") and len(args) == 3:
-            query = 1
+        query = query_of(action)
         if name in ASSERTIONS and args:
             self._addition(args[0], namespace)
         if name in PLAN_MAKERS:
@@ -327,24 +305,6 @@ class _Walk:
 
     def _mention(self, kind: list[Mention], literal: Structure, namespace: str, inverted: bool = False) -> None:
         if not isinstance(literal.namespace, Variable):
-            name = _qualified(literal, namespace)
-            others = literal.annotations is not None and _from_others(literal.annotations)
+            name = qualified(literal, namespace)
+            others = literal.annotations is not None and asks_others(literal.annotations)
             kind.append(Mention(name, literal, inverted, others))
-
-
-def _qualified(literal: Structure, namespace: str) -> str:
-    written = literal.namespace
-    if isinstance(written, str):
-        namespace = written or DEFAULT
-    name = f"~{literal.functor}" if literal.negated else literal.functor
-    return name if namespace == DEFAULT else f"{namespace}::{name}"
-
-
-def _from_others(annotations: ListTerm) -> bool:
-    for term in annotations.items:
-        match term:
-            case Structure("source", (Structure(functor),)):
-                return functor not in _ELSEWHERE
-            case Structure("source", _):
-                return True
-    return False
