@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +19,7 @@ from agentd.paths import SourcePaths
 from schemas.findings import Finding, Findings
 
 if TYPE_CHECKING:
-    from agentd.projects.syntax import Project
+    pass
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,8 +124,7 @@ def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
     except (SyntaxErrors, OSError, UnicodeDecodeError):
         subjects.incomplete = True
         return
-    home = Path(file).parent
-    paths = SourcePaths(paths.names, (*paths.folders, *_source_folders(project, paths, home)), home)
+    paths = project_paths(project, paths, [])  # what is wrong with them is told by the project's reader
     subjects.percepts_unknown |= project.environment is not None
     for entry in project.agents:
         wanted = entry.file.text if entry.file is not None else entry.name
@@ -143,13 +141,6 @@ def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
         more = [item for name, value in options for item in _begins_with(name, value)]
         if path not in subjects.programs:
             _read(path, paths, more, subjects)
-
-
-def _source_folders(project: Project, paths: SourcePaths, home: Path) -> Iterator[Path]:
-    """The folders of a project's programs; those that are not there are told by the project's reader."""
-    for path in project.source_paths:
-        with suppress(FileNotFoundError):
-            yield home / paths.expand(path.text)
 
 
 def _begins_with(name: str, value: str) -> Iterator[Item]:
