@@ -34,6 +34,7 @@ def _excerpt(at: Position | None) -> list[str]:
     """The line that a position is on, if its file can (still) be read."""
     if at is None or not at.line:
         return []
+    linecache.checkcache(at.file)
     source = linecache.getline(at.file, at.line).rstrip("\r\n").replace("\t", " ")
     if not source.strip():
         return []

@@ -1,0 +1,32 @@
+"""docs/why.md tells the truth: each program on it says what stands below it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from agentd.clocks import VirtualClock
+from agentd.paths import SourcePaths
+from agentd.standalone import Team
+from agentd.why import Narrator
+
+PAGE = (Path(__file__).parents[2] / "docs" / "why.md").read_text(encoding="utf-8")
+SHOWN = re.findall(r"^\*\*(.*?)\*\*.*?^```asl\n(.*?)^```\n\n```\n(.*?)^```\n", PAGE, re.MULTILINE | re.DOTALL)
+
+
+def test_the_page_shows_five_failures_and_a_decision() -> None:
+    assert len(SHOWN) == 6
+
+
+@pytest.mark.parametrize(("program", "output"), [shown[1:] for shown in SHOWN], ids=[shown[0] for shown in SHOWN])
+def test_a_program_of_the_page_says_what_stands_below_it(
+    program: str, output: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("fly.asl").write_text(program, encoding="utf-8")
+    programs = [("bob", SourcePaths().compiled("fly.asl"))]
+    narrator = Narrator() if "why:" in output else None
+    Team(programs, clock=VirtualClock(), narrator=narrator).run(60, True)
+    assert capsys.readouterr().err == output
