@@ -111,6 +111,7 @@ def _set_up(args: argparse.Namespace, paths: SourcePaths) -> Setup:
         return _project(args.agents[0], paths, args.env is not None)
     setup = Setup(paths=paths)
     taken: set[str] = set()
+    refused: list[str] = []
     for argument in args.agents:
         name, equals, path = argument.partition("=")
         if not equals:
@@ -118,7 +119,12 @@ def _set_up(args: argparse.Namespace, paths: SourcePaths) -> Setup:
         if name in taken:
             raise Refused(f"two agents are called '{name}'; give them names: NAME=FILE.asl")
         taken.add(name)
-        setup.programs.append((name, read_program(path, paths)))
+        try:
+            setup.programs.append((name, read_program(path, paths)))
+        except Refused as wrong:
+            refused.append(str(wrong))
+    if refused:
+        raise Refused("\n".join(dict.fromkeys(refused)))
     return setup
 
 

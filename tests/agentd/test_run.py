@@ -59,6 +59,14 @@ def test_a_file_that_does_not_parse_ends_with_two_the_line_and_a_caret(program) 
     assert done.stdout == ""
 
 
+def test_what_is_wrong_with_each_of_several_programs_is_told_at_once(program) -> None:
+    wrong = [program("+!g <- a b.", "a.asl"), program("+!g : c, d.", "b.asl"), program("{ inculde(x) }", "c.asl")]
+    done = _run(*wrong, program("!g.", "d.asl"))
+    assert done.returncode == 2
+    for path, message in zip(wrong, ("a ; is missing", "not by a comma", "did you mean include?"), strict=True):
+        assert any(line.startswith(f"{path}:1") and message in line for line in done.stderr.splitlines()), message
+
+
 def test_a_missing_file_and_a_missing_include_end_with_two(program, tmp_path: Path) -> None:
     assert _run(tmp_path / "nowhere.asl").returncode == 2
     done = _run(program('{ include("nowhere.asl") }'))
