@@ -33,7 +33,7 @@ from agentd.roster import Roster
 from agentd.telling import line_of
 from agentd.viewing import decisions_of, intentions_of
 from agentd.wire import BadTerm, from_wire, perceived, to_wire
-from commd.bus import Bus, Query, Token
+from commd.bus import Bus, Query, Token, boot_id
 from commd.clock import Clock
 from commd.output import stdout
 from schemas import keys
@@ -83,6 +83,8 @@ class Host:
         """What the program said when it stopped the team."""
         self.counters: Counter[str] = Counter()
         self._bus, self._clock, self._roster, self._team, self._token = bus, clock, roster, team, token
+        self._life = boot_id()
+        """Tells the messages of this agent from those of one of its name that this daemon had before."""
         self._mind = Mind(
             part.name,
             part.program,
@@ -245,7 +247,7 @@ class Host:
             self._mailing.send(
                 Message(
                     header=self._bus.header("mail", self.part.name),
-                    id=f"{mail.msg_id}.{self._bus.boot}",
+                    id=f"{mail.msg_id}.{self._life}",
                     sender=self.part.name,
                     performative=mail.performative,
                     receiver=receiver,
@@ -283,7 +285,7 @@ class Host:
             log.warning("agent=%s bad_mail sender=%s why=%s", self.part.name, message.sender, bad)
             return ""
         # The answer to a question of a former life keeps its whole id: nobody waits for it.
-        answered = message.in_reply_to.removesuffix(f".{self._bus.boot}")
+        answered = message.in_reply_to.removesuffix(f".{self._life}")
         self._feed(Mail(message.sender, message.performative, content, message.id, answered))
         return ""
 

@@ -12,7 +12,7 @@ ANSWERS = """\
 v(7).
 +?twice(X, Y) <- Y = X * 2.
 +?never(_) <- .wait(never).
-+?late(X) <- .wait(3000); X = 1; .print("late").
++?late(X) <- .wait(12000); X = 1; .print("late").
 """
 ASKS = """\
 !go.
@@ -23,24 +23,25 @@ ASKS = """\
       .send(b, askHow, { +?twice(_, _) }, P); .length(P, K); .print(K, " plan");
       .send(b, askOne, late(_), W, 1000); .print("limit ", W);
       .send(b, askOne, never(_), F); .print("default ", F);
-      .send([a,b], askOne, v(_), Vs, 5000); .print(Vs);
+      .send([a,b], askOne, v(_), Vs, 30000); .sort(Vs, Sorted); .print(Sorted);
       .send(b, askOne, v(_)); .wait(v(7)[source(b)]); .print("end").
 """
 
 
 def test_questions_are_answered_or_time_out_after_thirty_mission_seconds(tmp_path: Path, endpoint: str) -> None:
-    text = "mission: asks\nspeed: 20\nagents:\n  a: {program: a.asl}\n  b: {program: b.asl}\ndone: 'a: never'\n"
+    text = "mission: asks\nspeed: 10\nagents:\n  a: {program: a.asl}\n  b: {program: b.asl}\ndone: 'a: never'\n"
     path = mission(tmp_path, text, a=ASKS, b=ANSWERS)
     with (
         running("commd", "serve", path, "--router", endpoint),
         running("agentd", "serve", path, "b", "--router", endpoint) as b,
-        running("agentd", "serve", path, "a", "--router", endpoint) as a,
     ):
-        a.says("[a] end")
-        b.says("[b] late")
-        for daemon in (a, b):
-            daemon.signal(signal.SIGTERM)
-            assert daemon.ends() == 0
+        b.says("agents=b")  # a question waits for 3 s here, and a busy machine takes its time to start another daemon
+        with running("agentd", "serve", path, "a", "--router", endpoint) as a:
+            a.says("[a] end")
+            b.says("[b] late")
+            for daemon in (a, b):
+                daemon.signal(signal.SIGTERM)
+                assert daemon.ends() == 0
     assert [line for line in a.lines if line.startswith("[a]")] == [
         "[a] v 7",
         "[a] twice(4,8)[source(b)]",
