@@ -120,7 +120,6 @@ class FormulaCompiler(RelationCompiler):
         rows = [self.function.local("r") for _ in node.args]
         targets = targets_of(rows) if rows else "_"
         annotated = node.annotations is not None and (node.annotations.items or node.annotations.tail)
-        mark = self.function.assign("len(trail)", "t")
         if annotated:
             annots = self.function.local("n")
             head = f"for ({targets}), {annots} in {predicate}.literals({mode}, {values}, m, trail):"
@@ -143,6 +142,8 @@ class FormulaCompiler(RelationCompiler):
         if self.rows is not None:
             self.rows.append(f"({predicate}, {tuple_of(rows)})")
         with self.function.block(head):
+            # Of each answer anew: what a rule has bound to find it stays bound for the next one.
+            mark = self.function.assign("len(trail)", "t") if rows or annotated else ""
             self._match_row(list(zip(node.args, given, rows, strict=True)), scope, found)
             if rows or annotated:
                 self.function.emit(f"if len(trail) > {mark}: undo(trail, {mark})")

@@ -171,9 +171,10 @@ def answers(mind: Mind, question: Any) -> list[Any]:
         if predicate is None:
             return []
         for args, annots in predicate.literals((True,) * question.sig.arity, question.args, mind, trail):
+            mark = len(trail)
             if unify(question, Literal(question.sig, args, annots), trail):
                 found.append(resolve(Literal(question.sig, args, annots)))
-            undo(trail, 0)
+            undo(trail, mark)
         return found
     for _ in solve(mind, question, trail):
         found.append(resolve(question))

@@ -172,8 +172,10 @@ def _holds(mind: Any, trail: Trail, asked: tuple[Any, ...]) -> bool:
     answers = mind.beliefs.predicate(RULE).solve((True,) * len(asked), asked, mind, trail)
     held = False
     for answer in answers:
+        before = len(trail)
         held = all(unify(found, given, trail) for given, found in zip(asked, answer, strict=True))
         if held:
             break
+        undo(trail, before)
     undo(trail, mark)
     return held

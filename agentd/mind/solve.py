@@ -51,9 +51,9 @@ def _literal(mind: Any, formula: Literal, trail: Trail) -> Iterator[None]:
     predicate = mind.beliefs.known(sig)
     if predicate is None:
         return
-    mark = len(trail)
     args = tuple([resolve(a) for a in formula.args])
     for found, annots in predicate.literals((True,) * sig.arity, args, mind, trail):
+        mark = len(trail)  # of each answer anew: a rule needs what it has bound to find the next one
         if unify(formula, Literal(sig, found, annots), trail):
             yield
         undo(trail, mark)
