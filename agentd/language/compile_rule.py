@@ -33,7 +33,12 @@ def compile_rule(rule: syntax.Rule, mode: tuple[bool, ...], library: Any, values
         ]
         if annotated:
             out.append(compiler.annots(head.annotations, inner))
-        function.emit(f"yield {tuple_of(out) if out else '()'}")
+        answered = tuple_of(out) if out else "()"
+        # Who asked frees what has been bound before asking for the next answer, also what this rule still needs.
+        with function.block("if len(trail) > mark:"):
+            function.emit(f"yield from bound_again(trail, mark, {answered})")
+        with function.block("else:"):
+            function.emit(f"yield {answered}")
 
     given = [(arg, name) for arg, name, known in zip(head.args, parameters, mode, strict=False) if known]
     compiler.match_all(given, scope, lambda inner: compiler.formula(rule.body, inner, answer))

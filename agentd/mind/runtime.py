@@ -33,7 +33,7 @@ from agentd.mind.loops import begin_rounds, free_again, next_round, present
 from agentd.mind.relations import arithmetic, order, same, univ
 from agentd.mind.resolving import detach, resolve, resolve_annots
 from agentd.mind.solve import solve
-from agentd.mind.unifier import in_default, open_list, open_structure, subsets, undo, unify, value
+from agentd.mind.unifier import bound_again, in_default, open_list, open_structure, subsets, undo, unify, value
 from agentd.mind.waiting import wait_until
 
 RUNTIME: Final[dict[str, Any]] = {
@@ -54,6 +54,7 @@ RUNTIME: Final[dict[str, Any]] = {
     "arithmetic": arithmetic,
     "begin_rounds": begin_rounds,
     "believe": believe,
+    "bound_again": bound_again,
     "call": call,
     "capture": capture,
     "change_term": change_term,

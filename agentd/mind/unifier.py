@@ -6,6 +6,7 @@ Every function that may bind takes the trail as an argument.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from agentd.language.instantiate import calculate
@@ -33,6 +34,16 @@ def undo(trail: Trail, mark: int) -> None:
     """Free every variable bound since the trail had the length ``mark``."""
     while len(trail) > mark:
         trail.pop().ref = None
+
+
+def bound_again(trail: Trail, mark: int, answer: Any) -> Iterator[Any]:
+    """Give an answer; afterwards everything that was bound since ``mark`` is bound again."""
+    bound = [(variable, variable.ref) for variable in trail[mark:]]
+    yield answer
+    del trail[mark:]
+    for variable, term in bound:
+        variable.ref = term
+        trail.append(variable)
 
 
 def value(term: Any) -> Any:
