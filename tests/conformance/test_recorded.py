@@ -5,12 +5,14 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from agentd.clocks import VirtualClock
 from agentd.paths import SourcePaths
 from agentd.run import DEEPEST_CALLS
 from agentd.standalone import Team
+from agentd.viewing import decisions_of
 from agentd.why import Narrator
 from tests.conformance.test_conformance import CASES, _arguments, _comparable
 
@@ -29,10 +31,17 @@ def test_a_program_prints_the_same_while_its_decisions_are_told(
     sys.setrecursionlimit(max(limit, DEEPEST_CALLS))
     try:
         team = Team(
-            programs, out=printed.append, paths=paths, clock=VirtualClock(), narrator=Narrator(write=told.append)
+            programs,
+            out=printed.append,
+            paths=paths,
+            clock=VirtualClock(),
+            decisions=50,
+            narrator=Narrator(write=told.append),
         )
         assert team.run(60, True) == 0
     finally:
         sys.setrecursionlimit(limit)
     assert _comparable("".join(printed), source) == _comparable(expected.read_text(), source)
     assert told
+    for mind in team.minds.values():
+        assert len(msgspec.json.encode(decisions_of(mind))) < 100_000
