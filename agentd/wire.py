@@ -96,12 +96,13 @@ class _ToWire:
 
     def _literal(self, term: Literal, depth: int) -> wire.Term:
         sig = term.sig
-        if not (term.args or term.annots or sig.negated) and sig.namespace == DEFAULT:
+        annotations = self._several(term.annots, depth)  # what is left of a tail without value is nothing
+        if not (term.args or annotations or sig.negated) and sig.namespace == DEFAULT:
             return {"true": True, "false": False}.get(sig.functor, wire.Atom(sig.functor))
         return wire.Structure(
             sig.functor,
             self._several(term.args, depth),
-            self._several(term.annots, depth),
+            annotations,
             sig.negated,
             "" if sig.namespace == DEFAULT else sig.namespace,
         )
