@@ -7,6 +7,8 @@ continuation, in the innermost block.
 
 from __future__ import annotations
 
+from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 from agentd.language import syntax
@@ -115,16 +117,24 @@ class FormulaCompiler(RelationCompiler):
         """A literal: a loop over the answers of its predicate."""
         predicate = self.constant(Ref("predicate", signature_of(node)))
         given = [self._given(arg, scope) for arg in node.args]
-        mode = self.constant(_shared_mode(tuple(g is not None for g in given)))
-        values = tuple_of([g or "None" for g in given])
+        patterns = self._patterns(node.args, given, scope)
+        told = [g or p for g, p in zip(given, patterns, strict=True)]
+        mode = self.constant(_shared_mode(tuple(part is not None for part in told)))
         rows = [self.function.local("r") for _ in node.args]
         targets = targets_of(rows) if rows else "_"
         annotated = node.annotations is not None and (node.annotations.items or node.annotations.tail)
         if annotated:
             annots = self.function.local("n")
+            values = self._asked(given, patterns, scope)
             head = f"for ({targets}), {annots} in {predicate}.literals({mode}, {values}, m, trail):"
         else:
-            solve = f"{predicate}.solve({mode}, {values}, m, trail)"
+            if any(patterns):
+                asked = self.function.local("q")
+                with self.function.block(f"if not {predicate}.plain:"):
+                    self.function.emit(f"{asked} = {self._asked(given, patterns, scope)}")
+            else:
+                asked = self._asked(given, patterns, scope)
+            solve = f"{predicate}.solve({mode}, {asked}, m, trail)"
             position = next((i for i, g in enumerate(given) if g is not None), None)
             if position is None:
                 quick = f"reversed({predicate}.entries)"
@@ -147,6 +157,41 @@ class FormulaCompiler(RelationCompiler):
             self._match_row(list(zip(node.args, given, rows, strict=True)), scope, found)
             if rows or annotated:
                 self.function.emit(f"if len(trail) > {mark}: undo(trail, {mark})")
+
+    def _patterns(self, args: tuple[Any, ...], given: list[str | None], scope: Scope) -> list[Any]:
+        """For each argument that is known in part what a rule must be told of it, None for the others.
+
+        A rule may compare, negate or compute what it is asked with, so it has to see all that is known: ``box(5,_)``
+        and ``[a|T]`` as much as ``p(X,X)``. A variable that stands alone is left for the rule to find.
+        """
+        often = Counter(name for arg in args for name in variables(arg))
+        patterns = []
+        for arg, known in zip(args, given, strict=True):
+            pattern = None if known else self._known_part(arg, scope)
+            alone = type(pattern) is syntax.Variable and (pattern.anonymous or often[pattern.name] < 2)
+            patterns.append(None if alone else pattern)
+        return patterns
+
+    def _known_part(self, node: Any, scope: Scope, depth: int = 0) -> Any:
+        """A term with a variable in place of each part that cannot be told before the answer is compared with it."""
+        if is_constant(node) or is_plain_variable(node):
+            return node
+        if depth <= MAX_INDENT:
+            match node:
+                case syntax.Structure() if self._is_plain_structure(node):
+                    return replace(node, args=tuple(self._known_part(a, scope, depth + 1) for a in node.args))
+                case syntax.ListTerm(items=items, tail=tail):
+                    parts = tuple(self._known_part(i, scope, depth + 1) for i in items)
+                    return syntax.ListTerm(parts, tail and self._known_part(tail, scope, depth + 1))
+                case syntax.Arithmetic() if all(name in scope for name in variables(node)):
+                    return node
+        return syntax.Variable("_")
+
+    def _asked(self, given: list[str | None], patterns: list[Any], scope: Scope) -> str:
+        """What a rule is asked with: values, patterns with new variables in them, None for what it is to find."""
+        inner = dict(scope)
+        parts = zip(given, patterns, strict=True)
+        return tuple_of([g or ("None" if p is None else self.build(p, inner)) for g, p in parts])
 
     def _given(self, arg: Any, scope: Scope) -> str | None:
         """The local with the value of an argument that is known before the query; None for one to be found."""

@@ -33,9 +33,9 @@ class Unit:
         self._code: CodeType | None = None
 
     def name(self, prefix: str) -> str:
-        """A new global name."""
+        """A new global name; no local is called alike."""
         self._count += 1
-        return f"{prefix}{self._count}"
+        return f"{prefix}_{self._count}"
 
     def constant(self, value: Any) -> str:
         """The name of a constant; equal references and the same object share one."""
