@@ -114,7 +114,7 @@ class Decisions:
         self._origins: dict[int, tuple[Any, Origin]] = {}
         """Where events that wait come from, by their identity; each is kept alive while it is in here."""
         self._given: list[Any] = []
-        self._given_in = 0
+        self._given_in = -1
         """The inputs that may raise events, and the cycle in which they came."""
         if mind.compiler.form == "select":
             mind.compiler.form = "trace"
@@ -200,8 +200,7 @@ class Decisions:
         if frame is None and rejected is None and not relevant.goal:
             return  # a belief that no plan is for
         begun = 0 if frame is None else mind.intention_count + 1
-        entry = self._origins.pop(id(event), None)
-        origin = None if entry is None else entry[1]
+        origin = self.origin_of(event)
         self.note((mind.cycle, mind.now, event, None, None, rejected, frame, annots, begun, origin, args, held))
 
     def failed(self, intention: Any, failed: Failed, frames: Sequence[Frame], handler: Any) -> None:
@@ -229,19 +228,31 @@ class Decisions:
     def post(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
         """Queue an event that starts an intention of its own, and note where it comes from."""
         self._post(relevant, args, annots)
-        if annots is PERCEPT:
+        mind = self._mind
+        events = mind.events
+        if annots is PERCEPT or not events:
             return
-        events = self._mind.events
-        event = events[-1] if events else None
-        if event is None or event[1] is not args or event[0] is not relevant:
+        event = events[-1]
+        if event[1] is not args or event[0] is not relevant:
             return  # it was dropped
-        origin = self._origin(relevant, annots)
-        if origin is not None:
-            origins = self._origins
-            if len(origins) > 2 * len(events) + 100:
-                waiting = set(map(id, events))
-                origins = self._origins = {key: entry for key, entry in origins.items() if key in waiting}
-            origins[id(event)] = (event, origin)
+        origin: Origin | None = None
+        if self._given_in == mind.cycle:
+            last = self._given[-1]
+            if type(last) is Mail and type(last.content) is Literal and last.content.sig is relevant.sig:
+                origin = (last, 0, None)
+        if origin is None:
+            origin = self._origin(relevant, annots)
+            if origin is None:
+                return
+        if len(self._origins) > 2 * len(events) + 100:
+            waiting = set(map(id, events))
+            self._origins = {key: entry for key, entry in self._origins.items() if key in waiting}
+        self._origins[id(event)] = (event, origin)
+
+    def origin_of(self, event: Any) -> Origin | None:
+        """Where an event that starts an intention comes from; asked once, when it is taken."""
+        entry = self._origins.pop(id(event), None)
+        return None if entry is None else entry[1]
 
     def _origin(self, relevant: Any, annots: tuple[Any, ...]) -> Origin | None:
         mind = self._mind

@@ -121,12 +121,18 @@ def take_event_recorded(mind: Mind, event: Event) -> bool:
             undo(trail, mark)
             frame = recorder.select_after(trail, event, plan, rejected or [], error)
         else:
-            if annots is SELF and intention is not None and shown is args and frame is not None and len(trail) == mark:
-                stack = intention.stack
-                below = stack[-1] if stack else None
-                recorder.note((mind.cycle, mind.now, event, below, intention.last, rejected, frame, SELF))
-            else:
+            if frame is None or shown is not args or len(trail) > mark:
                 recorder.decided(event, shown, rejected, frame, len(trail) > mark)
+            else:
+                if annots is not SELF and not (len(annots) == 1 and type(annots[0]) is Literal and annots[0].ground):
+                    annots = held_all(annots)
+                if intention is not None:
+                    stack = intention.stack
+                    below = stack[-1] if stack else None
+                    recorder.note((mind.cycle, mind.now, event, below, intention.last, rejected, frame, annots))
+                else:
+                    begun, origin = mind.intention_count + 1, recorder.origin_of(event)
+                    recorder.note((mind.cycle, mind.now, event, None, None, rejected, frame, annots, begun, origin))
     if frame is None:
         return _no_plan(mind, relevant, args, annots, intention)
     if trail:
