@@ -50,30 +50,29 @@ def end_frames(mind: Mind, intention: Intention) -> bool:
         top = stack[-1]
         if top[STEP] is not None:
             return True
-        if (has_meta or top[PLAN].special) and not _may_leave(mind, intention, top):
-            return False
-        stack.pop()
+        if has_meta or top[PLAN].special:
+            if not _leave(mind, intention, top):
+                return False
+        else:
+            stack.pop()
         if len(intention.trail) > top[MARK]:
             intention.trim(top[MARK])
-        if has_meta or top[PLAN].special:
-            _left(mind, intention, top)
-    mind.gone(intention)
+    if mind.atomic is intention:
+        mind.gone(intention)
     return False
 
 
-def _may_leave(mind: Mind, intention: Intention, frame: Frame) -> bool:
-    """Whether a special plan that has ended may be left: where its goal's condition does not hold yet, it waits."""
-    if frame[PLAN].condition is None or condition_holds(mind, intention, frame):
-        return True
-    mind.await_something(intention, "goal condition")
-    return False
-
-
-def _left(mind: Mind, intention: Intention, frame: Frame) -> None:
+def _leave(mind: Mind, intention: Intention, frame: Frame) -> bool:
+    """Take away a plan that needs more than that; False when its goal's condition does not hold yet, and it waits."""
+    if frame[PLAN].condition is not None and not condition_holds(mind, intention, frame):
+        mind.await_something(intention, "goal condition")
+        return False
+    intention.stack.pop()
     mind.left(intention, frame)
     if mind.plans.has_meta and frame[RELEVANT].operator == "+" and frame[RELEVANT].goal:
         raise_state(mind, frame[RELEVANT], frame[ARGS], frame[ANNOTS], "achieved")
         raise_state(mind, frame[RELEVANT], frame[ARGS], frame[ANNOTS], "finished")
+    return True
 
 
 def condition_holds(mind: Mind, intention: Intention, frame: Frame) -> bool:

@@ -44,17 +44,18 @@ def receive(mind: Mind, mail: Mail) -> None:
         mind.post(custom, detach(args), ())
         return
     try:
-        handle(mind, mail)
+        _HANDLERS.get(mail.performative, _nobody_handles)(mind, mail)
     except (Failed, UndefinedNumber, RecursionError) as error:
         _not_handled(mind, mail, as_failed(error))
 
 
 def handle(mind: Mind, mail: Mail) -> None:
     """Do what a message asks for, as the built-in plans for ``+!kqml_received``. Raises `Failed` where these fail."""
-    handler = _HANDLERS.get(mail.performative)
-    if handler is None:
-        raise Failed("no_applicable", f"nobody handles the performative {mail.performative}")
-    handler(mind, mail)
+    _HANDLERS.get(mail.performative, _nobody_handles)(mind, mail)
+
+
+def _nobody_handles(mind: Mind, mail: Mail) -> None:
+    raise Failed("no_applicable", f"nobody handles the performative {mail.performative}")
 
 
 def handle_event(mind: Mind, args: tuple[Any, ...], intention: Any) -> None:
@@ -130,17 +131,23 @@ def _untell(mind: Mind, mail: Mail) -> None:
 
 
 def _achieve(mind: Mind, mail: Mail) -> None:
+    if type(mail.content) is Literal:
+        _achieve_literal(mind, mail.content, mail.sender)
+        return
     for content in _each(mail.content):
-        if type(content) is not Literal:
-            content = deref(content)
+        content = deref(content)
         if type(content) is Literal:
-            relevant = mind.plans.relevant("+", "!", content.sig)
-            annots = told_annots(mind, content, mail.sender)
-            if mind.plans.has_meta:
-                raise_state(mind, relevant, content.args, annots, "pending")
-            mind.post(relevant, content.args if content.ground else detach(content.args), annots)
+            _achieve_literal(mind, content, mail.sender)
         elif content is mail.content:
             raise Failed("body_var_not_literal", f"{text(content)} is no goal to achieve")
+
+
+def _achieve_literal(mind: Mind, goal: Literal, sender: str) -> None:
+    relevant = mind.plans.relevant("+", "!", goal.sig)
+    annots = told_annots(mind, goal, sender)
+    if mind.plans.has_meta:
+        raise_state(mind, relevant, goal.args, annots, "pending")
+    mind.post(relevant, goal.args if goal.ground else detach(goal.args), annots)
 
 
 def _unachieve(mind: Mind, mail: Mail) -> None:
