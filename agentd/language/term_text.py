@@ -11,6 +11,7 @@ from agentd.language.signatures import DEFAULT
 from agentd.language.terms import (
     ARITHMETIC,
     EMPTY,
+    FIRST_NODES,
     MOST_NODES,
     Code,
     Collection,
@@ -21,6 +22,8 @@ from agentd.language.terms import (
     Rest,
     Var,
     deref,
+    further,
+    split,
 )
 
 
@@ -44,12 +47,15 @@ def printed(term: Any) -> str:
 def write(term: Any, out: list[str]) -> None:
     """Append the text of a term in pieces. No recursion, so any depth can be written; a cyclic term is cut off."""
     pending: list[Any] = [term]
-    budget = MOST_NODES
+    budget, rest = FIRST_NODES, MOST_NODES
     while pending:
         budget -= 1
         if not budget:
-            out.append("...")
-            return
+            try:
+                budget, rest = further(rest, pending, "written")
+            except RecursionError:
+                out.append("...")
+                return
         term = pending.pop()
         kind = type(term)
         if kind is _Piece:
@@ -126,15 +132,15 @@ def _annotations(annots: tuple[Any, ...]) -> list[Any]:
 
 def _push_list(term: List, pending: list[Any]) -> None:
     pieces: list[Any] = [_LEFT]
-    end: Any = term
-    first = True
-    while type(end) is List and end is not EMPTY:
-        for item in end.items[end.at :]:
-            if not first:
-                pieces.append(_COMMA)
-            first = False
-            pieces.append(item)
-        end = deref(end.tail)
+    try:
+        items, end = split(term)
+    except RecursionError:
+        pending.append(_Piece("[...]"))
+        return
+    for place, item in enumerate(items):
+        if place:
+            pieces.append(_COMMA)
+        pieces.append(item)
     if end is not EMPTY:
         pieces += [_BAR, end]
     pieces.append(_RIGHT)

@@ -19,7 +19,9 @@ Term: TypeAlias = Union[float, str, "Literal", "List", "Var", "Expression", "Cod
 """Any run-time term."""
 
 MOST_NODES: Final = 5_000_000
-"""A term with more parts than this is cyclic (``X = f(X)``) or as good as: walking it ends with RecursionError."""
+"""Walking a term with more parts than this ends with RecursionError."""
+FIRST_NODES: Final = 100_000
+"""After so many parts whoever walks a term asks `further` whether it is cyclic (``X = f(X)``)."""
 
 
 class Literal:
@@ -272,20 +274,30 @@ def deref(term: Any) -> Any:
 
 def elements(term: Any) -> Iterator[Any]:
     """The elements of a list, whatever its end; nothing if it is no list."""
+    for span in spans(term):
+        yield from span.items[span.at :] if span.at else span.items
+
+
+def spans(term: Any) -> Iterator[List]:
+    """The lists of which each is the tail of the one before; raises RecursionError if they go round."""
     term = deref(term)
+    budget, rest = FIRST_NODES, MOST_NODES
     while type(term) is List and term is not EMPTY:
-        yield from term.items[term.at :] if term.at else term.items
+        yield term
         term = deref(term.tail)
+        budget -= 1
+        if not budget:
+            budget, rest = further(rest, (term,), "gone through")
 
 
 def split(term: Any) -> tuple[list[Any], Any]:
     """The elements of a list and what ends it (`EMPTY` for a proper list)."""
-    term = deref(term)
+    end = deref(term)
     found: list[Any] = []
-    while type(term) is List and term is not EMPTY:
-        found.extend(term.items[term.at :] if term.at else term.items)
-        term = deref(term.tail)
-    return found, term
+    for span in spans(end):
+        found.extend(span.items[span.at :] if span.at else span.items)
+        end = deref(span.tail)
+    return found, end
 
 
 def proper(term: Any) -> list[Any] | None:
@@ -300,7 +312,7 @@ def proper(term: Any) -> list[Any] | None:
 def equal(left: Any, right: Any) -> bool:
     """Equality of terms at any depth without recursion: bound variables are their values, free ones only themselves."""
     pending = [(left, right)]
-    budget = MOST_NODES
+    budget, rest = FIRST_NODES, MOST_NODES
     while pending:
         a, b = pending.pop()
         a, b = deref(a), deref(b)
@@ -308,7 +320,7 @@ def equal(left: Any, right: Any) -> bool:
             continue
         budget -= 1
         if not budget:
-            raise RecursionError("a term is cyclic or too large to be compared")
+            budget, rest = further(rest, pending, "compared")
         kind = type(a)
         if kind is not type(b):
             return False
@@ -320,13 +332,8 @@ def equal(left: Any, right: Any) -> bool:
         elif kind is List:
             if a is EMPTY or b is EMPTY:
                 return False
-            while type(a) is List and type(b) is List and a is not b and a is not EMPTY and b is not EMPTY:
-                pending.append((a.items[a.at], b.items[b.at]))
-                a, b = deref(a.rest()), deref(b.rest())
-            if a is not b:
-                if type(a) is List or type(b) is List:
-                    return False
-                pending.append((a, b))
+            pending.append((a.rest(), b.rest()))
+            pending.append((a.items[a.at], b.items[b.at]))
         elif kind is Expression:
             if a.operator != b.operator or len(a.operands) != len(b.operands):
                 return False
@@ -334,6 +341,52 @@ def equal(left: Any, right: Any) -> bool:
         elif kind is Var or kind is Open or a != b:
             return False
     return True
+
+
+def further(rest: int, pending: Iterable[Any], what: str) -> tuple[int, int]:
+    """How many more parts of a term may be walked, and how many after those.
+
+    ``pending`` is what is still to be walked (terms, or tuples with terms in them), ``rest`` how many parts were left
+    to the walk and ``what`` was to be done with the term. Raises RecursionError for a cyclic or too large one.
+    """
+    if not rest or _cyclic(pending):
+        raise RecursionError(f"a term is {'cyclic' if rest else 'too large to be ' + what}")
+    return rest, 0
+
+
+def _cyclic(roots: Iterable[Any]) -> bool:
+    """Whether a term holds itself. Each part is looked at once."""
+    path: set[int] = set()
+    done: set[int] = set()
+    work: list[tuple[Any, bool]] = [(root, False) for root in roots]
+    while work:
+        node, left = work.pop()
+        if left:
+            path.discard(id(node))
+            done.add(id(node))
+        elif id(node) in path:
+            return True
+        elif id(node) not in done and (inside := _inside(node)):
+            path.add(id(node))
+            work.append((node, True))
+            work.extend((part, False) for part in inside)
+    return False
+
+
+def _inside(node: Any) -> tuple[Any, ...]:
+    """The parts of a term, or of a tuple of terms."""
+    match node:
+        case tuple():
+            return node
+        case Literal():
+            return node.args + node.annots
+        case List():
+            return (*node.items[node.at :], node.tail) if node is not EMPTY else ()
+        case Var():
+            return () if node.ref is None else (node.ref,)
+        case Expression():
+            return tuple(node.operands)
+    return ()
 
 
 def describe(term: Any) -> str:

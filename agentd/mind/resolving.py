@@ -8,6 +8,7 @@ from agentd.language.instantiate import calculate
 from agentd.language.order import sorted_annots
 from agentd.language.terms import (
     ARITHMETIC,
+    FIRST_NODES,
     MOST_NODES,
     Code,
     Expression,
@@ -18,6 +19,7 @@ from agentd.language.terms import (
     Var,
     deref,
     elements,
+    further,
     split,
 )
 
@@ -72,11 +74,11 @@ def detached(term: Any) -> Any:
 def is_ground(term: Any) -> bool:
     """Whether no free variable is inside."""
     pending = [term]
-    budget = MOST_NODES
+    budget, rest = FIRST_NODES, MOST_NODES
     while pending:
         budget -= 1
         if not budget:
-            raise RecursionError("a term is cyclic or too large")
+            budget, rest = further(rest, pending, "looked through")
         term = deref(pending.pop())
         kind = type(term)
         if kind is float or kind is str:
@@ -88,11 +90,9 @@ def is_ground(term: Any) -> bool:
                 pending.extend(term.args)
                 pending.extend(term.annots)
         elif kind is List:
-            while type(term) is List and not term.ground:
+            if not term.ground:
                 pending.extend(term.items[term.at :])
-                term = deref(term.tail)
-            if type(term) is not List:
-                pending.append(term)
+                pending.append(term.tail)
         elif kind is Expression:
             pending.extend(term.operands)
     return True
@@ -136,11 +136,11 @@ class Copier:
         work: list[tuple[Any, bool]] = [(term, False)]
         done: list[Any] = []
         opened: list[bool] = []
-        budget = MOST_NODES
+        budget, rest = FIRST_NODES, MOST_NODES
         while work:
             budget -= 1
             if not budget:
-                raise RecursionError("a term is cyclic or too large to be copied")
+                budget, rest = further(rest, work, "copied")
             node, build = work.pop()
             if build:
                 self._build(node, done, opened)

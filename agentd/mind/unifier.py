@@ -14,6 +14,7 @@ from agentd.language.signatures import DEFAULT, signature
 from agentd.language.terms import (
     ARITHMETIC,
     EMPTY,
+    FIRST_NODES,
     MOST_NODES,
     Code,
     Collection,
@@ -24,6 +25,7 @@ from agentd.language.terms import (
     Rest,
     Var,
     deref,
+    further,
     make_list,
 )
 
@@ -61,7 +63,7 @@ def unify(left: Any, right: Any, trail: Trail) -> bool:
     False leaves the bindings made so far on the trail, for the caller to `undo`.
     """
     pending: list[tuple[Any, Any]] | None = None
-    budget = MOST_NODES
+    budget, rest = FIRST_NODES, MOST_NODES
     while True:
         left, right = deref(left), deref(right)
         if left is not right:
@@ -91,7 +93,7 @@ def unify(left: Any, right: Any, trail: Trail) -> bool:
             return True
         budget -= 1
         if not budget:
-            raise RecursionError("a term is cyclic or too large to be unified")
+            budget, rest = further(rest, pending, "unified")
         left, right = pending.pop()
 
 

@@ -83,14 +83,14 @@ def test_a_context_of_fifty_literals_compiles() -> None:
     assert run(f"{facts} !s. +!s : {context} <- .print(X0, X49).").prints == ["049"]
 
 
-def test_a_cyclic_term_fails_the_plan_that_stores_it_and_hangs_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (
-        "agentd.language.terms",
-        "agentd.language.term_text",
-        "agentd.mind.unifier",
-        "agentd.mind.resolving",
-    ):
-        monkeypatch.setattr(f"{module}.MOST_NODES", 10_000)
+@pytest.mark.parametrize("term", ["f(X)", "[1|X]", "[a,f(b)|X]", "f([1|X],2)"])
+@pytest.mark.parametrize("use", ["+b(X)", ".print(X)", ".send(me,tell,b(X))", "!other(X)", ".length(X,N); .sort(X,S)"])
+def test_a_cyclic_term_of_any_kind_is_found_out_soon(term: str, use: str) -> None:
+    world = run(f"!s. +!s <- X = {term}; {use}; .fail. +!other(Y) <- +b(Y). -!s <- .print(handled).")
+    assert world.prints[-1] == "handled"
+
+
+def test_a_cyclic_term_fails_the_plan_that_stores_it_and_hangs_nobody() -> None:
     world = run("!s. +!s <- X = f(X); .print(cyclic); +b(X). -!s <- .print(handled).")
     assert world.prints == ["cyclic", "handled"]
 
