@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import os
 import sys
+
+from agentd.ending import guarded
 
 _COMMANDS = {
     "run": ("agentd.run", "run agents in this process, without any bus"),
@@ -16,7 +17,7 @@ _COMMANDS = {
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run a command; the exit code is 0 for done, 1 for failed, 2 for bad input."""
+    """Run a command; the exit code is 0 for done, 1 for failed, 2 for bad input, 128 + N for signal N."""
     arguments = sys.argv[1:] if argv is None else argv
     parser = argparse.ArgumentParser(prog="agentd", description="BDI agents in the Jason dialect of AgentSpeak.")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -28,13 +29,7 @@ def main(argv: list[str] | None = None) -> int:
     args = parser.parse_args(arguments)
     entry = importlib.import_module(_COMMANDS[args.command][0])
     importlib.import_module("agentd.plugins").discover()
-    try:
-        return int(entry.run(args) or 0)
-    except KeyboardInterrupt:
-        return 130
-    except BrokenPipeError:  # the reader has gone, as in `agentd run ... | head`: nobody is left to tell
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+    return guarded(lambda: int(entry.run(args) or 0))
 
 
 if __name__ == "__main__":

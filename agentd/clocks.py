@@ -5,6 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+LONGEST = 86400.0
+"""Seconds that are slept at once: what is due later is waited for again, so that no wait is too long for the system."""
+
 
 class WallClock:
     """Real seconds since it was made."""
@@ -17,7 +20,7 @@ class WallClock:
 
     def pass_time(self, seconds: float, sleep: Callable[[float], None] = time.sleep) -> None:
         """Wait so long; ``sleep`` may end sooner."""
-        sleep(max(0.0, seconds))
+        sleep(min(max(0.0, seconds), LONGEST))
 
 
 class VirtualClock(WallClock):

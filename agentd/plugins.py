@@ -19,7 +19,7 @@ from typing import Any
 from agentd.language.numbers import UndefinedNumber
 from agentd.mind.failed import Failed
 from agentd.stdlib.registry import ACTIONS, FUNCTIONS, SOURCES
-from agentd.user_code import describe_error
+from agentd.user_code import MISTAKES, describe_error
 
 GROUP = "argosy.internal_actions"
 
@@ -44,7 +44,7 @@ def load_plugin(package: str) -> str | None:
             loaded = entry.load()
             if callable(loaded):
                 loaded()
-        except Exception as error:
+        except MISTAKES as error:
             origin = "" if entry.dist is None else f" of {entry.dist.name} {entry.dist.version}"
             return f"the plug-in {package}{origin} cannot be loaded: {describe_error(error)}"
     for name, group in ACTIONS.items():
@@ -59,7 +59,7 @@ def load_plugin(package: str) -> str | None:
 def _named(name: str, function: Callable[..., Any], backtracks: bool) -> Callable[..., Any]:
     """A function whose unforeseen errors are told with its name and place."""
 
-    def failed(error: Exception) -> PluginError:
+    def failed(error: BaseException) -> PluginError:
         return PluginError(f"{name}: {describe_error(error)}")
 
     @functools.wraps(function)
@@ -68,7 +68,7 @@ def _named(name: str, function: Callable[..., Any], backtracks: bool) -> Callabl
             return function(*arguments)
         except (Failed, UndefinedNumber, RecursionError):
             raise
-        except Exception as error:
+        except MISTAKES as error:
             raise failed(error) from error
 
     @functools.wraps(function)
@@ -77,7 +77,7 @@ def _named(name: str, function: Callable[..., Any], backtracks: bool) -> Callabl
             yield from function(*arguments)
         except (Failed, UndefinedNumber, RecursionError):
             raise
-        except Exception as error:
+        except MISTAKES as error:
             raise failed(error) from error
 
     return answers if backtracks else call

@@ -7,12 +7,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from agentd.ending import seconds
 from agentd.language.compile import CompiledProgram, DirectiveError
 from agentd.language.errors import SyntaxErrors
 from agentd.paths import SourcePaths, read_folders
 from agentd.setup import Setup
 from agentd.standalone import Team
-from agentd.user_code import UserCodeError, describe_error, load_class
+from agentd.user_code import MISTAKES, UserCodeError, describe_error, load_class
 from agentd.why import add_why_arguments, narrator_of
 from schemas.findings import Findings
 
@@ -32,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="an agent (its name is the file's if none is given), or a project file of Jason",
     )
     parser.add_argument("--exit-when-idle", action="store_true", help="end when no agent has anything left to do")
-    parser.add_argument("--timeout", type=float, metavar="S", help="end with exit code 1 after so many seconds")
+    parser.add_argument("--timeout", type=seconds, metavar="S", help="end with exit code 1 after so many seconds")
     parser.add_argument("--seed", type=int, default=0, help="start of the random numbers (default 0)")
     add_why_arguments(parser)
     add_environment_arguments(parser)
@@ -56,7 +57,7 @@ def make_environment(name: str | None) -> Environment | None:
     chosen = load_class(name, Environment)
     try:
         made: Environment = chosen()
-    except Exception as error:
+    except MISTAKES as error:
         raise UserCodeError(f"{name} cannot be made: {describe_error(error)}") from error
     return made
 

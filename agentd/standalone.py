@@ -80,8 +80,13 @@ class Team:
         self._kills: list[tuple[float, str]] = []
         self._directory = Directory()
         self.minds: dict[str, Mind] = {}
-        for name, program in programs:
-            self._add(name, program)
+        try:
+            for name, program in programs:
+                self._add(name, program)
+        except BaseException:  # a signal, say: the environment has begun and must end
+            if self._world is not None:
+                self._world.stop()
+            raise
 
     def _add(self, name: str, program: CompiledProgram) -> Mind:
         zone = timezone(timedelta(seconds=time.localtime().tm_gmtoff))

@@ -14,6 +14,10 @@ _OURS = str(Path(__file__).parent)
 _LIBRARY = str(Path(os.__file__).parent)
 
 
+MISTAKES = (Exception, SystemExit)
+"""What users' code may raise that is its own mistake: whether the process ends is not for it to say."""
+
+
 class UserCodeError(Exception):
     """Code that the user brought cannot be used; the text says what, where and why."""
 
@@ -59,7 +63,7 @@ def _module(place: str) -> ModuleType:
                 f"there is no Python module {place} (looked in {here} and where Python looks)"
             ) from error
         raise UserCodeError(f"{place} cannot be imported: {describe_error(error)}") from error
-    except Exception as error:
+    except MISTAKES as error:
         raise UserCodeError(f"{place} cannot be imported: {describe_error(error)}") from error
 
 

@@ -14,7 +14,7 @@ from agentd.language.terms import Literal
 from agentd.mind import Mind
 from agentd.mind.effects import CancelAction, PerformAction
 from agentd.mind.inputs import ActionDone
-from agentd.user_code import UserCodeError, describe_error
+from agentd.user_code import MISTAKES, UserCodeError, describe_error
 from agentd.values import plain_signature
 
 MOST_TOLD = 1000
@@ -43,8 +43,11 @@ class World:
         """Let the environment begin. Raises `UserCodeError`."""
         try:
             self._environment.init(arguments)
-        except Exception as error:
+        except MISTAKES as error:
             raise UserCodeError(f"the environment's init failed: {describe_error(error)}") from error
+        except BaseException:  # the process is to end: what init has begun is ended too
+            self.stop()
+            raise
 
     def join(self, mind: Mind) -> None:
         """A mind comes into being."""
@@ -70,7 +73,7 @@ class World:
             outcome = self._environment.execute(mind.name, Literal(plain_signature(name, len(parameters)), parameters))
         except ActionFailed as failed:
             mind.feed(ActionDone(action.id, False, str(failed)))
-        except Exception as error:
+        except MISTAKES as error:
             reason = f"the environment's execute went wrong in {name}/{len(parameters)}: {describe_error(error)}"
             self._tell(reason)
             mind.feed(ActionDone(action.id, False, reason))
@@ -165,7 +168,7 @@ class World:
     def _guarded(self, what: str, call: Callable[..., object], *arguments: Any) -> None:
         try:
             call(*arguments)
-        except Exception as error:
+        except MISTAKES as error:
             self._tell(f"the environment's {what} went wrong: {describe_error(error)}")
 
     def _on_settled(self, name: str, number: int, deferred: Deferred) -> None:

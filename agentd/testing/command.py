@@ -8,6 +8,7 @@ from argparse import ArgumentParser, Namespace
 from dataclasses import replace
 from pathlib import Path
 
+from agentd.ending import seconds
 from agentd.paths import read_folders
 from agentd.run import DEEPEST_CALLS, add_environment_arguments, add_path_argument, make_environment
 from agentd.testing.cases import TestPaths, find_cases
@@ -30,7 +31,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--junit", metavar="FILE.xml", help="also write the results as JUnit XML")
     parser.add_argument(
         "--timeout",
-        type=float,
+        type=seconds,
         metavar="S",
         help="a test fails after so many seconds, real ones or of its own time, in which waiting costs nothing "
         "(default: 30 real ones, an hour of its own)",
@@ -89,8 +90,6 @@ def _settings(args: Namespace) -> Settings:
     )
     if args.timeout is None:
         return settings
-    if args.timeout <= 0:
-        raise ValueError(f"--timeout {args.timeout:g}: a test needs more than no time")
     return replace(settings, own_seconds=args.timeout, real_seconds=args.timeout)
 
 

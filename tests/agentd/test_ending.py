@@ -1,0 +1,136 @@
+"""How commands end before their work is done: by signals, and when nobody can take their output."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+AGENTD = [sys.executable, "-m", "agentd"]
+FULL = Path("/dev/full")
+needs_full = pytest.mark.skipif(not FULL.exists(), reason="the system has no /dev/full")
+
+ENVIRONMENT = """
+import sys
+from agentd import Environment
+
+class Motors(Environment):
+    def init(self, arguments):
+        print("motors on", flush=True)
+
+    def stop(self):
+        print("motors off", flush=True)
+
+class Quitter(Environment):
+    def execute(self, agent, action):
+        sys.exit(7)
+
+class Hasty(Environment):
+    def init(self, arguments):
+        sys.exit(7)
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "motors.py").write_text(ENVIRONMENT)
+    (tmp_path / "fast.asl").write_text('!s. +!s <- .print("done"); .stopMAS.')
+    (tmp_path / "waits.asl").write_text('!s. +!s <- .print("waits"); .wait("+never").')
+    (tmp_path / "acts.asl").write_text("!s. +!s <- act. -!s[error_msg(M)] <- .print(M); .stopMAS.")
+    return tmp_path
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_a_signal_lets_the_environment_stop_and_shows_in_the_exit_code(folder: Path, number: signal.Signals) -> None:
+    command = [*AGENTD, "run", "--env", "motors:Motors", "waits.asl"]
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "motors on\n"
+        assert process.stdout.readline() == "[waits] waits\n"
+        process.send_signal(number)
+        out, err = process.communicate(timeout=60)
+    assert out == "motors off\n"
+    assert process.returncode == 128 + number
+    assert "Traceback" not in err
+    assert (f"ended by {number.name}" in err) == (number is not signal.SIGINT)
+
+
+@needs_full
+@pytest.mark.parametrize("command", [["run", "fast.asl"], ["check", "--json", "fast.asl"], ["test", "t.asl"]])
+def test_output_that_cannot_be_written_is_told_in_one_line(folder: Path, command: list[str]) -> None:
+    (folder / "t.asl").write_text("@t[test] +!t <- !force_pass.")
+    with FULL.open("w") as full:
+        done = subprocess.run(
+            [*AGENTD, *command], cwd=folder, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False
+        )
+    assert done.stderr == "agentd: error: cannot write the output: No space left on device\n"
+    assert done.returncode == 1
+
+
+@pytest.mark.parametrize("command", ["run fast.asl", "check --json fast.asl"])
+def test_a_closed_standard_output_is_told(folder: Path, command: str) -> None:
+    shell = f'exec "{sys.executable}" -m agentd {command} >&-'
+    done = subprocess.run(["sh", "-c", shell], cwd=folder, capture_output=True, text=True, timeout=60, check=False)
+    assert done.stderr == "agentd: error: standard output is closed; send it to /dev/null if nobody wants it\n"
+    assert done.returncode == 2
+
+
+@pytest.mark.parametrize("value", ["inf", "nan", "-1", "0", "1e300", "soon"])
+def test_a_timeout_that_is_none_is_refused(folder: Path, value: str) -> None:
+    done = subprocess.run(
+        [*AGENTD, "run", f"--timeout={value}", "fast.asl"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert f"argument --timeout: `{value}`" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_wait_beyond_all_bounds_is_only_a_long_wait(folder: Path) -> None:
+    (folder / "long.asl").write_text(
+        '!s. !e. +!s <- .wait("+never", 1e300). +!e <- .wait(200); .print("here"); .stopMAS.'
+    )
+    done = subprocess.run(
+        [*AGENTD, "run", "long.asl"], cwd=folder, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.stdout, done.stderr, done.returncode) == ("[long] here\n", "", 0)
+
+
+def test_an_environment_that_would_end_the_process_is_told_with_its_place(folder: Path) -> None:
+    def run(environment: str) -> subprocess.CompletedProcess[str]:
+        command = [*AGENTD, "run", "--env", f"motors:{environment}", "acts.asl"]
+        return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
+
+    done = run("Quitter")
+    assert "execute went wrong in act/0: SystemExit: 7 (" in done.stdout
+    assert "motors.py:14, in execute)" in done.stderr
+    assert done.returncode == 0
+    done = run("Hasty")
+    assert "the environment's init failed: SystemExit: 7 (" in done.stderr
+    assert done.returncode == 2
+
+
+def test_an_internal_action_that_would_end_the_process_is_told_with_its_place(folder: Path) -> None:
+    source = (folder / "motors.py").read_text()
+    action = """
+from agentd import internal_action
+
+@internal_action("mine.quit", 0)
+def quit_(mind, trail):
+    sys.exit(7)
+"""
+    (folder / "motors.py").write_text(source + action)
+    (folder / "quits.asl").write_text("!s. +!s <- mine.quit.")
+    command = [*AGENTD, "run", "--env", "motors:Motors", "quits.asl"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
+    assert done.stdout == "motors on\nmotors off\n"
+    assert "SystemExit: 7 (" in done.stderr
+    assert "in quit_)" in done.stderr
+    assert done.returncode == 1
