@@ -24,6 +24,13 @@ DEEPEST_CALLS = 9000
 """How deep rules may call one another; a computation beyond fails its plan."""
 
 
+_DESCRIPTION = """\
+Run agents in this process, without any bus. Exit code: that of .stopMAS; 0 when nothing was left to do, whether or not
+the agents have reached their goals (see --fail-on-error); 1 when the --timeout was over, or the output cannot be
+written; 2 when a program or argument cannot be used; 128 + N when signal N ended it (SIGINT 130, SIGTERM 143), after
+the environment was stopped."""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the command."""
     parser.add_argument(
@@ -32,7 +39,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="[NAME=]FILE.asl | FILE.mas2j",
         help="an agent (its name is the file's if none is given), or a project file of Jason",
     )
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.description = _DESCRIPTION
     parser.add_argument("--exit-when-idle", action="store_true", help="end when no agent has anything left to do")
+    parser.add_argument(
+        "--fail-on-error",
+        action="store_true",
+        help="end with exit code 1 instead of 0 when an intention has ended by a failure that no plan handled, or "
+        "still waited when --exit-when-idle ended the run",
+    )
     parser.add_argument("--timeout", type=seconds, metavar="S", help="end with exit code 1 after so many seconds")
     parser.add_argument("--seed", type=int, default=0, help="start of the random numbers (default 0)")
     add_why_arguments(parser)
@@ -97,7 +112,8 @@ def run(args: argparse.Namespace) -> int:
     except UserCodeError as error:
         print(f"--env {args.env}: error: {error}", file=sys.stderr)
         return 2
-    return team.run(args.timeout, args.exit_when_idle)
+    code = team.run(args.timeout, args.exit_when_idle)
+    return 1 if code == 0 and args.fail_on_error and team.failures else code
 
 
 class Refused(Exception):

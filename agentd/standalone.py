@@ -29,6 +29,7 @@ from agentd.mind.effects import (
 )
 from agentd.mind.inputs import ActionDone, Mail, SignalRaised, TeamReply
 from agentd.paths import SourcePaths
+from agentd.stuck import MOST_TOLD, stuck, stuck_note
 from agentd.telling import lines_of
 
 if TYPE_CHECKING:
@@ -80,6 +81,8 @@ class Team:
         self._kills: list[tuple[float, str]] = []
         self._directory = Directory()
         self.minds: dict[str, Mind] = {}
+        self.failures = 0
+        """How many intentions have ended by a failure that nothing handled, or were stuck when the run ended."""
         try:
             for name, program in programs:
                 self._add(name, program)
@@ -120,6 +123,15 @@ class Team:
             sys.stdout.flush()
             self._finish()
 
+    def _tell_stuck(self) -> None:
+        """Tell which intentions are left when nothing can happen any more."""
+        left = stuck(self.minds.values())
+        for mind, intention in left[:MOST_TOLD]:
+            self._carry_out(mind, stuck_note(intention))
+        if len(left) > MOST_TOLD:
+            print(f"agentd: {len(left) - MOST_TOLD} more intentions wait as these do", file=sys.stderr)
+        self.failures += len(left)
+
     def _finish(self) -> None:
         """Tell what is left to be told."""
         for mind in self.minds.values():
@@ -141,6 +153,7 @@ class Team:
                 continue
             sys.stdout.flush()
             if exit_when_idle and self.idle:
+                self._tell_stuck()
                 return 0
             wake = min(self.due(timeout), default=now + SLEEP)
             self.pass_time(wake - now)
@@ -212,6 +225,7 @@ class Team:
             case Print(text=text, plain=plain):
                 self._write(f"{text}\n" if plain else f"[{mind.name}] {text}\n")
             case Log(level=level):
+                self.failures += effect.ends
                 if level != "debug":
                     print(f"[{mind.name}] " + "\n".join(lines_of(effect)), file=sys.stderr)
             case PerformAction(id=number, name=name):

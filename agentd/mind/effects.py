@@ -57,6 +57,8 @@ class Log:
     """Further lines."""
     at: Position | None = None
     """The place in the program that it is about."""
+    ends: bool = False
+    """Whether it tells that a failure which nothing handled has ended an intention."""
 
 
 @dataclass(slots=True)

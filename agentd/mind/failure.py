@@ -108,7 +108,7 @@ def _note(mind: Any, intention: Intention | None, failure: Failed, frames: Seque
 def _end_unanswered(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
     """A test for which no ``+?g`` is applicable: ``-?g`` runs, but he who asked does not go on (rule 61)."""
     told = f"{where}: {failure.error}: {failure}; -? runs for it, the intention that asked ends"
-    mind.effects.append(Log("error", told))
+    mind.effects.append(Log("error", told, ends=True))
     intention.stack.clear()
     mind.gone(intention)
     if intention.branch is not None:

@@ -64,7 +64,7 @@ class Fork:
             fail_parent(mind, self.parent, extra, where, failure)
             return
         text = f"{where}: {failure.error}: all branches of ||| have failed; the intention ends, no handler is asked"
-        mind.effects.append(Log("error", text))
+        mind.effects.append(Log("error", text, ends=True))
         outer = self.parent.branch
         drop(mind, self.parent)
         if outer is not None:

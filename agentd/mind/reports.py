@@ -39,7 +39,7 @@ def failure_report(mind: Any, failed: Failed, goals: Sequence[str], frames: Sequ
         details.append(_unhandled(failed, goals_of))
     else:
         details.append(_unhandled(failed, [failed.goal]))
-    return Log("warning", _sentence(failed), tuple(details), position)
+    return Log("warning", _sentence(failed), tuple(details), position, ends=True)
 
 
 def unhandled_report(mind: Any, event: Any) -> Log:
@@ -51,7 +51,7 @@ def unhandled_report(mind: Any, event: Any) -> Log:
     goal = event_text(relevant, as_they_are(args))
     plans = rejected_lines(rejected_plans(mind, event))
     last = f"no plan for {goal} is applicable: the intention ends"
-    return Log("warning", _sentence(failed), (*_hints(mind, failed), *plans, last), position)
+    return Log("warning", _sentence(failed), (*_hints(mind, failed), *plans, last), position, ends=True)
 
 
 def _unhandled(failed: Failed, goals: list[Any]) -> str:

@@ -113,3 +113,56 @@ def test_a_waiting_agent_sleeps(program) -> None:
         after = watched.cpu_times()
         process.terminate()
     assert (after.user + after.system) - (before.user + before.system) < 0.1
+
+
+def test_what_still_waits_when_nothing_is_left_to_do_is_told(program) -> None:
+    path = program(
+        """!a. !b. !c. !d. !e.
++!a <- .wait("+never").
++!b <- !sub(3).
++!sub(N) <- .wait(flag(N)).
++!c <- .suspend; .print(no).
++!d <- { .wait("+x") |&| .print(hi) }.
++!e <- .send(bob, askOne, x(_), _).
+"""
+    )
+    bob = program("+?x(_) <- .wait({+never}).", "bob.asl")
+    done = _run(path, bob, "--exit-when-idle")
+    assert (done.stdout, done.returncode) == ("[agent] hi\n", 0)
+    told = [line for line in done.stderr.splitlines() if "warning: " in line]
+    assert [line.partition("warning: ")[2].removeprefix(f"{path.parent}/") for line in told] == [
+        'agent.asl:2:8: .wait("+never") waits for what cannot come any more',
+        "agent.asl:4:13: .wait(flag(3)) waits for what cannot come any more",
+        "agent.asl:5:8: the intention was suspended after .suspend, and nothing resumes it",
+        "agent.asl:7:8: .send(bob,askOne,x(_),_) waits for what cannot come any more",
+        'agent.asl:6:10: .wait("+x") waits for what cannot come any more',
+        "bob.asl:1:11: .wait({ +never }) waits for what cannot come any more",
+    ]
+    assert f"in the plan for +!sub(3) ({path}:4), called by +!b ({path}:3)" in done.stderr
+    assert _run(path, bob, "--exit-when-idle", "--fail-on-error").returncode == 1
+
+
+def test_of_many_that_wait_the_number_is_told(program) -> None:
+    path = program('!s. +!s <- for (.range(N, 1, 25)) { !!w(N) }. +!w(N) <- .wait("+never").')
+    done = _run(path, "--exit-when-idle")
+    assert done.stderr.count("waits for what cannot come any more") == 10
+    assert "15 more intentions wait as these do" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("!s. +!s <- .print(x).", 0),
+        ("!s. +!s <- .fail. -!s <- .print(handled).", 0),
+        ("!s. +!s <- .fail; .print(x).", 1),
+        ("!s. +!s <- !nothing.", 1),
+        ("!nothing.", 1),
+        ("!s. +!s <- .fail. -!s : false <- .print(x).", 1),
+        ("!s. +!s <- !!t; .wait(50); .stopMAS. +!t <- .fail.", 1),
+        ("!s. +!s <- !!t; .wait(50); .stopMAS(0, 3). +!t <- .fail.", 3),
+    ],
+)
+def test_an_exit_code_tells_failures_to_those_who_ask(program, text: str, code: int) -> None:
+    path = program(text)
+    assert _run(path, "--exit-when-idle", "--fail-on-error").returncode == code
+    assert _run(path, "--exit-when-idle").returncode == (code if code == 3 else 0)
