@@ -268,8 +268,14 @@ class FormulaCompiler(RelationCompiler):
 
     def count(self, query: Any, scope: Scope) -> str:
         counter = self.function.assign("0", "c")
-        self.formula(query, dict(scope), lambda _: self.function.emit(f"{counter} += 1"))
+        self.each(query, scope, lambda _: self.function.emit(f"{counter} += 1"))
         return self.function.assign(f"float({counter})")
+
+    def each(self, query: Any, scope: Scope, take: Next) -> None:
+        """Write what is done for each solution of a query inside a formula, which binds nothing in that."""
+        rows, self.rows = self.rows, None  # no one solution of the formula rests on these facts
+        self.formula(query, dict(scope), take)
+        self.rows = rows
 
 
 def conjuncts(node: Any) -> list[Any]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 from agentd.language import syntax
 from agentd.language.compile_match import Next
 from agentd.language.compile_terms import Scope
+from agentd.language.variables import variables
 
 if TYPE_CHECKING:
     from agentd.language.compile_formula import FormulaCompiler
@@ -23,9 +24,17 @@ def is_query(node: Any, scope: Scope) -> bool:
     return isinstance(node, _FORMULAS) or (isinstance(node, syntax.Variable) and node.name in scope)
 
 
-def _collect(compiler: FormulaCompiler, node: syntax.InternalAction, scope: Scope) -> str:
-    """Write the loop that collects the instances of the first argument over the solutions of the second."""
+def _collect(compiler: FormulaCompiler, node: syntax.InternalAction, scope: Scope) -> tuple[str, Scope]:
+    """Write the loop that collects the instances of the first argument over the solutions of the second.
+
+    Returns the local with them, and the scope with the variables that only the first argument has: all share those.
+    """
     function = compiler.function
+    asked = variables(node.args[1])
+    scope = dict(scope)
+    for name in variables(node.args[0]):
+        if name not in asked:
+            compiler.build(syntax.Variable(name), scope)
     found = function.assign("[]", "l")
     mark = function.assign("len(trail)", "t")
 
@@ -33,15 +42,15 @@ def _collect(compiler: FormulaCompiler, node: syntax.InternalAction, scope: Scop
         item = function.assign(compiler.build(node.args[0], dict(inner)))
         function.emit(f"{found}.append({item} if type({item}) is float else resolve({item}))")
 
-    compiler.formula(node.args[1], dict(scope), take)
+    compiler.each(node.args[1], scope, take)
     function.emit(f"if len(trail) > {mark}: undo(trail, {mark})")
-    return found
+    return found, scope
 
 
 def _findall(compiler: FormulaCompiler, node: syntax.InternalAction, scope: Scope, then: Next) -> bool:
     if not is_query(node.args[1], scope):
         return False
-    found = _collect(compiler, node, scope)
+    found, scope = _collect(compiler, node, scope)
     result = compiler.function.assign(f"make_list({found})")
     compiler.match(node.args[2], result, scope, then)
     return True
@@ -50,7 +59,7 @@ def _findall(compiler: FormulaCompiler, node: syntax.InternalAction, scope: Scop
 def _setof(compiler: FormulaCompiler, node: syntax.InternalAction, scope: Scope, then: Next) -> bool:
     if not is_query(node.args[1], scope):
         return False
-    found = _collect(compiler, node, scope)
+    found, scope = _collect(compiler, node, scope)
     result = compiler.function.assign(f"make_list(distinct({found}))")
     compiler.match(node.args[2], result, scope, then)
     return True
@@ -60,7 +69,7 @@ def _extreme(end: str) -> Writer:
     def write(compiler: FormulaCompiler, node: syntax.InternalAction, scope: Scope, then: Next) -> bool:
         if not is_query(node.args[1], scope):
             return False
-        found = _collect(compiler, node, scope)
+        found, scope = _collect(compiler, node, scope)
         with compiler.function.block(f"if {found}:"):
             result = compiler.function.assign(f"ordered({found})[{end}]")
             compiler.match(node.args[2], result, scope, then)

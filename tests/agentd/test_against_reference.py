@@ -1,0 +1,104 @@
+"""Compiled queries answer as a reference does that was written from the book, wherever a query can stand."""
+
+from __future__ import annotations
+
+import re
+
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from agentd.language.parser import parse_program
+from agentd.language.syntax import Rule
+from tests.agentd.generated_queries import Case, Generator
+from tests.agentd.minds import run
+from tests.agentd.reference import Reference, Undetermined
+
+MANY = settings(
+    max_examples=300,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much, HealthCheck.data_too_large],
+)
+
+
+@st.composite
+def cases(draw: st.DrawFn) -> Case:
+    return Generator(lambda options: draw(st.sampled_from(options))).case()
+
+
+def expected(case: Case) -> list[str]:
+    """The answers of the reference."""
+    asked = f"asked({case.shown}) :- {case.known} & {case.query}."
+    program = parse_program(f"{case.program}\n{asked}", "reference.asl")
+    rule = program.items[-1]
+    assert isinstance(rule, Rule)
+    return Reference(program.items[:-1]).answers(rule.body, rule.head.args[0])
+
+
+def program_of(case: Case) -> str:
+    """The query wherever it can stand; each place prints lines that begin with its name."""
+    known, query, shown = case.known, case.query, case.shown
+    both = f"{known} & {query}"
+    steps = "; ".join(part for part in known.split(" & ") if part != "true")
+    return f"""{case.program}
+the({shown}) :- {both}.
+an(X,Y,Z,W) :- {query}.
+none :- not ({both}).
+!go.
++!go <- !all; !steps; !each; !branch; !no; !context; !test; !tested; !rule; !arguments; !passed.
++!all <- .findall({shown}, {both}, L); .print("findall ", L).
++!steps <- {steps}{"; " if steps else ""}.findall({shown}, {query}, L); .print("steps ", L).
+-!steps <- .print("steps []").
++!each <- for ({both}) {{ .print("for ", {shown}) }}.
++!branch <- if ({both}) {{ .print("if ", {shown}) }}
+  else {{ .print("if none") }}.
++!no : none <- .print("not none").
++!no : not none & not not_there <- .print("not some").
++!context : {both} <- .print("context ", {shown}).
++!context <- .print("context none").
++!test <- ?({both}); .print("test ", {shown}).
+-!test <- .print("test none").
++!tested <- {steps}{"; " if steps else ""}?({query} & true); .print("tested ", {shown}).
+-!tested <- .print("tested none").
++!rule <- .findall(O, the(O), L); .print("rule ", L).
++!arguments <- .findall({shown}, {known} & an(X,Y,Z,W), L); .print("arguments ", L).
++!passed <- {steps}{"; " if steps else ""}!pass(X,Y,Z,W).
+-!passed.
++!pass(X,Y,Z,W) : {query} <- .print("passed ", {shown}).
++!pass(X,Y,Z,W) <- .print("passed none").
+"""
+
+
+def wanted(case: Case, answers: list[str]) -> list[str]:
+    """What the program prints if each place has the answers of the reference."""
+    whole = f"[{','.join(answers)}]"
+    first = answers[0] if answers else "none"
+    lines = [f"findall {whole}", f"steps {whole}", *(f"for {answer}" for answer in answers)]
+    lines += [f"if {first}", f"not {'some' if answers else 'none'}"]
+    lines += [f"context {first}", f"test {first}", f"tested {first}", f"rule {whole}", f"arguments {whole}"]
+    return [*lines, f"passed {first}"]
+
+
+def anonymous(line: str) -> str:
+    """A printed line with ``_`` for each free variable."""
+    return re.sub(r"\b[A-Z_]\w*", "_", line)
+
+
+def check(case: Case) -> bool:
+    """Compare; False if the reference cannot say."""
+    try:
+        answers = expected(case)
+    except (Undetermined, RecursionError):
+        return False
+    if sum(map(len, answers)) > 20_000:
+        return False
+    prints = [anonymous(line) for line in run(program_of(case)).prints]
+    found = [line for line in prints if line != "passed none" or not answers]
+    assert found == wanted(case, answers), program_of(case)
+    return True
+
+
+@MANY
+@given(cases())
+def test_a_query_has_the_answers_of_the_reference_wherever_it_stands(case: Case) -> None:
+    assume(check(case))
