@@ -99,9 +99,10 @@ def write_for(writer: StepWriter, formula: syntax.For) -> None:
 
     rows: list[str] = []
     writer.compiler.rows = rows
+    opened = {name: _opened(writer, scope[name]) for name in new if name in before}
 
     def take(inner: Scope) -> None:
-        parts = [_part(inner.get(name), name in before) for name in new]
+        parts = [_part(inner.get(name), opened.get(name)) for name in new]
         facts = f"present({tuple_of(rows)})" if rows else "()"
         writer.function.emit(f"{found}.append(({', '.join([*parts, facts])},))")
 
@@ -132,7 +133,7 @@ def write_for(writer: StepWriter, formula: syntax.For) -> None:
         function.emit(f"f[{writer.code.slot(name)}] = r[{k}]")
     for k, name in known:
         place = writer.code.slot(name)
-        with function.block(f"if type(f[{place}]) is not Var or not unify(f[{place}], r[{k}], trail):"):
+        with function.block(f"if f[{place}] is not r[{k}] and not unify(f[{place}], r[{k}], trail):"):
             function.emit(f"f[{place}] = r[{k}]")
     bound = {**dict.fromkeys(new, False), **before}
     first = writer.body.body(formula.body, bound, number)
@@ -143,11 +144,16 @@ def write_for(writer: StepWriter, formula: syntax.For) -> None:
     writer.bound.update(before)
 
 
-def _part(local: str | None, known: bool) -> str:
-    """The value of a variable in a solution; one that was known before the loop most often has its value already."""
+def _opened(writer: StepWriter, local: str) -> str:
+    """A local that says whether a variable from before the loop has no value, or one with free variables inside."""
+    return writer.function.assign(f"type({local}) is not float and type({local}) is not str and not is_ground({local})")
+
+
+def _part(local: str | None, opened: str | None) -> str:
+    """The value of a variable in a solution; one that was known in full before the loop has its value already."""
     if local is None:
         return "None"
-    return f"({local} if type({local}) is not Var else resolve({local}))" if known else f"resolve({local})"
+    return f"resolve({local})" if opened is None else f"(resolve({local}) if {opened} else {local})"
 
 
 def _begin_rounds(writer: StepWriter, formula: syntax.While | syntax.For, before: Bound, first: bool = False) -> int:

@@ -11,21 +11,26 @@ from typing import Any
 from agentd.language.terms import Var, deref
 from agentd.mind.beliefs import Predicate
 from agentd.mind.frames import Frame
+from agentd.mind.resolving import Copier, is_ground
 from agentd.mind.unifier import Trail, undo
 
 Row = tuple[Predicate, tuple[Any, ...]]
 
 Kept = tuple[int, list[tuple[int, Any, Any]]]
-"""How long the trail was when a loop began, and the free variables of the frame: place, what it held, the cell."""
+"""How long the trail was when a loop began, and the free variables in the frame: place, what it held, the cell."""
 
 
 def begin_rounds(trail: Trail, frame: Frame, places: tuple[int, ...]) -> Kept:
-    """Note which of these places of a frame hold no value: what `free_again` needs."""
+    """Note which of these places of a frame hold no value, or one with free variables: what `free_again` needs."""
     free = []
     for place in places:
         cell = deref(frame[place])
         if cell is None or type(cell) is Var:
             free.append((place, frame[place], cell))
+        elif type(cell) is not float and type(cell) is not str and not is_ground(cell):
+            inside: dict[Var, Var] = {}
+            Copier(fresh=True, known=inside).copy(cell)
+            free.extend([(place, frame[place], variable) for variable in inside])
     return len(trail), free
 
 

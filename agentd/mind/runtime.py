@@ -31,7 +31,7 @@ from agentd.mind.goals import achieve_term, perform, qualify, run_term, test_eve
 from agentd.mind.holding import held
 from agentd.mind.loops import begin_rounds, free_again, next_round, present
 from agentd.mind.relations import arithmetic, order, same, univ
-from agentd.mind.resolving import detach, resolve, resolve_annots
+from agentd.mind.resolving import detach, is_ground, resolve, resolve_annots
 from agentd.mind.solve import solve
 from agentd.mind.unifier import bound_again, in_default, open_list, open_structure, subsets, undo, unify, value
 from agentd.mind.waiting import wait_until
@@ -68,6 +68,7 @@ RUNTIME: Final[dict[str, Any]] = {
     "held": held,
     "free_again": free_again,
     "in_default": in_default,
+    "is_ground": is_ground,
     "join": join,
     "make_list": make_list,
     "open_list": open_list,

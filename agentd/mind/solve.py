@@ -9,7 +9,7 @@ from agentd.language.signatures import signature
 from agentd.language.terms import Expression, Literal, Open, deref
 from agentd.mind.relations import relation_holds
 from agentd.mind.resolving import resolve
-from agentd.mind.unifier import Trail, undo, unify
+from agentd.mind.unifier import Trail, subsets, undo, unify
 
 
 def solve(mind: Any, formula: Any, trail: Trail) -> Iterator[None]:
@@ -54,8 +54,8 @@ def _literal(mind: Any, formula: Literal, trail: Trail) -> Iterator[None]:
     args = tuple([resolve(a) for a in formula.args])
     for found, annots in predicate.literals((True,) * sig.arity, args, mind, trail):
         mark = len(trail)  # of each answer anew: a rule needs what it has bound to find the next one
-        if unify(formula, Literal(sig, found, annots), trail):
-            yield
+        if unify(formula.bare(), Literal(sig, found), trail):
+            yield from subsets(formula.annots, annots, trail)
         undo(trail, mark)
 
 

@@ -55,16 +55,12 @@ class Generator:
                 self._predicates += [(name, arity)] * 2
         names = ("X", "Y", "Z")
         known = [f"{name} = {self.term(('X', 'Y', 'Z', 'W'), 1)}" for name in names if self.pick((True, False, False))]
-        query = self.formula((*names, *names, "W"), 2)
+        query = self.formula((*names, *names, "W"), self.pick((1, 2, 2, 3)))
         return Case("\n".join(program) + LISTS, " & ".join(["true", *known]), query, "k(X,Y,Z)")
 
     def _facts(self, name: str, arity: int) -> str:
         facts = dict.fromkeys(f"{name}({self._constants(arity)})" for _ in range(self.pick((1, 2, 3, 4, 9))))
         lines = [fact + self.pick(("", "", "[m(1)]", "[m(1),m(2)]")) + "." for fact in facts]
-        if self.pick((False,) * 5 + (True,)):
-            lines.append(f"{name}({','.join(self.term(('A', 'B'), 1) for _ in range(arity))}).")
-            if not any(letter in lines[-1] for letter in "AB_") or lines[-1][:-1] in facts:
-                lines.pop()
         return "\n".join(lines)
 
     def _constants(self, count: int) -> str:

@@ -33,7 +33,7 @@ Bindings: TypeAlias = dict[str, Any]
 
 TRUE = Structure("true")
 SELF = Structure("source", (Structure("self"),))
-MOST_STEPS = 2_000
+MOST_STEPS = 800
 _RANKS = {Number: 0, String: 1, ListTerm: 2, Structure: 3, Variable: 4}
 
 

@@ -45,10 +45,11 @@ the({shown}) :- {both}.
 an(X,Y,Z,W) :- {query}.
 none :- not ({both}).
 !go.
-+!go <- !all; !steps; !each; !branch; !no; !context; !test; !tested; !rule; !arguments; !passed.
++!go <- !all; !steps; !held; !each; !branch; !no; !context; !test; !tested; !rule; !arguments; !passed.
 +!all <- .findall({shown}, {both}, L); .print("findall ", L).
 +!steps <- {steps}{"; " if steps else ""}.findall({shown}, {query}, L); .print("steps ", L).
 -!steps <- .print("steps []").
++!held <- .findall({shown}, {known} & Held = ({query}) & Held, L); .print("held ", L).
 +!each <- for ({both}) {{ .print("for ", {shown}) }}.
 +!branch <- if ({both}) {{ .print("if ", {shown}) }}
   else {{ .print("if none") }}.
@@ -73,7 +74,7 @@ def wanted(case: Case, answers: list[str]) -> list[str]:
     """What the program prints if each place has the answers of the reference."""
     whole = f"[{','.join(answers)}]"
     first = answers[0] if answers else "none"
-    lines = [f"findall {whole}", f"steps {whole}", *(f"for {answer}" for answer in answers)]
+    lines = [f"findall {whole}", f"steps {whole}", f"held {whole}", *(f"for {answer}" for answer in answers)]
     lines += [f"if {first}", f"not {'some' if answers else 'none'}"]
     lines += [f"context {first}", f"test {first}", f"tested {first}", f"rule {whole}", f"arguments {whole}"]
     return [*lines, f"passed {first}"]
