@@ -15,7 +15,8 @@ class Finding:
     line: int
     column: int
     message: str
-    severity: Literal["error", "warning"] = "error"
+    severity: Literal["error", "warning", "info"] = "error"
+    """`info` is nothing that is wrong, but what could not be looked at."""
     kind: str = ""
     """What sort of problem it is, for tools; empty where there is no list of kinds."""
 

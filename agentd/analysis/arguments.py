@@ -21,8 +21,8 @@ RUNNERS = frozenset((".foreach", ".loop", ".if_then_else", ".fork", ".add_plan",
 """The internal actions that run, keep or send the code that stands in their arguments."""
 
 ASSERTIONS = frozenset((".asserta", ".assertz"))
-PLAN_MAKERS = frozenset((".add_plan", ".include", ".create_agent"))
-"""The internal actions that make plans, beliefs and goals which the text of the program does not show."""
+FILE_READERS = {".include": 0, ".create_agent": 1}
+"""The internal actions that read a program while an agent runs, and which argument names its file."""
 
 
 def query_of(action: InternalAction) -> int | None:

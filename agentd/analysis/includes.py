@@ -4,35 +4,50 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from pathlib import Path
 
 from agentd.analysis.kinds import Kind, finding
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file
 from agentd.language.signatures import DEFAULT
-from agentd.language.syntax import Directive, Item, String
+from agentd.language.spelling import near
+from agentd.language.syntax import Directive, InternalAction, Item, Position, String, Structure
 from agentd.paths import SourcePaths
 from schemas.findings import Finding
+
+
+def near_file(name: str, beside: str) -> str:
+    """``; did you mean x.asl?`` where a program of nearly this name stands where that one was looked for."""
+    wanted = Path(beside).parent / name
+    try:
+        there = [path.name for path in wanted.parent.iterdir() if path.suffix == ".asl" and path.is_file()]
+    except (OSError, ValueError):
+        return ""
+    return near(wanted.name, there)
 
 
 class Includes:
     """Gives the items of included files, each once per namespace; what is wrong with them goes to ``findings``."""
 
     def __init__(self, file: str, paths: SourcePaths, findings: list[Finding]) -> None:
-        self._paths, self._findings = paths, findings
+        self._file, self._paths, self._findings = file, paths, findings
         self._seen = {(os.path.abspath(file), DEFAULT)}
         self.missing = False
         """Whether a file could not be read: then nothing can be said of what the program lacks."""
 
-    def __call__(self, directive: Directive, namespace: str) -> Iterable[Item]:
-        match directive.name.args:
-            case (String(name), *_) if "\0" not in name:
-                return self._items(name, namespace, directive)
+    def __call__(self, what: Directive | InternalAction, namespace: str) -> Iterable[Item]:
+        """The items of the file that a directive names, or an `.include` while the agent runs."""
+        match what:
+            case InternalAction(args=(String(name), *_)) if "\0" not in name:
+                return self._items(name, self._file, namespace, what.position)
+            case Directive(name=Structure(args=(String(name), *_))) if "\0" not in name:
+                return self._items(name, what.position.file, namespace, what.position)
             case _:
                 return ()  # told as a wrong directive
 
-    def _items(self, name: str, namespace: str, directive: Directive) -> Iterable[Item]:
+    def _items(self, name: str, beside: str, namespace: str, position: Position) -> Iterable[Item]:
         try:
-            path = self._paths.find(name, directive.position.file)
+            path = self._paths.find(name, beside)
             key = (os.path.abspath(path), namespace)
             if key in self._seen:
                 return ()
@@ -41,8 +56,8 @@ class Includes:
         except SyntaxErrors as errors:
             self._findings += errors.findings
         except OSError as error:
-            text = f'cannot include "{name}": {error.strerror or error}'
-            self._findings.append(finding(Kind.FILE, directive.position, text))
+            text = f'cannot include "{name}": {error.strerror or error}{near_file(name, beside)}'
+            self._findings.append(finding(Kind.FILE, position, text))
         else:
             self._findings += program.warnings
             return program.items

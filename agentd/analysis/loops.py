@@ -33,8 +33,6 @@ _GOALS: Final = (Operator.ACHIEVE, Operator.ACHIEVE_NEW_FOCUS)
 
 def busy_loops(survey: Survey) -> Iterator[Finding]:
     """Only those that surely are: ``while (true)``, and a goal that its only plan sets again, with nothing to wait."""
-    if survey.open_plans:
-        return
     events = {placed.name for placed in survey.plans if placed.event in ("+", "-")}
     for body in survey.bodies:
         for formula in body.formulas:

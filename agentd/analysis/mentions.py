@@ -124,6 +124,10 @@ class Survey:
     open_goals: bool = False
     open_told: bool = False
     """Beliefs are sent that only the run knows."""
+    late_files: list[InternalAction] = field(default_factory=list)
+    """Calls of `.include` and `.create_agent` that name their file by what only the run knows."""
+    created: list[tuple[str, Position]] = field(default_factory=list)
+    """The files of the agents that it creates, where it writes their names out."""
     open_wanted: bool = False
     """Goals are sent that only the run knows."""
 

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from agentd.analysis.elsewhere import Elsewhere, from_team
-from agentd.analysis.includes import Includes
+from agentd.analysis.includes import Includes, near_file
 from agentd.analysis.kinds import Kind, finding
 from agentd.analysis.mentions import Survey
 from agentd.analysis.survey import survey
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file, parse_term
-from agentd.language.syntax import Belief, Goal, Item, ListTerm, Program, Structure
+from agentd.language.syntax import Belief, Goal, InternalAction, Item, ListTerm, Program, Structure
 from agentd.paths import SourcePaths
 from schemas.findings import Finding, Findings
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +25,8 @@ class Surveyed:
 
     survey: Survey
     findings: tuple[Finding, ...]
+    created: tuple[str, ...] = ()
+    """The files of the agents that it creates."""
 
 
 def read_survey(program: Program, paths: SourcePaths) -> Surveyed:
@@ -39,7 +38,31 @@ def read_survey(program: Program, paths: SourcePaths) -> Surveyed:
         found.open_plans = found.open_beliefs = found.open_goals = True
     if any(placed.is_test for placed in found.plans):
         _add_assertions(found)
-    return Surveyed(found, tuple(findings))
+    findings += _not_checked(found.late_files)
+    created = tuple(_created(program.file, found, paths, findings))
+    return Surveyed(found, tuple(findings), created)
+
+
+def _created(file: str, found: Survey, paths: SourcePaths, findings: list[Finding]) -> Iterator[str]:
+    """The files of the agents that a program creates; one that is not there is told among the findings."""
+    for name, position in found.created:
+        try:
+            yield paths.find(name, file)
+        except (OSError, ValueError) as error:
+            why = (error.strerror if isinstance(error, OSError) else None) or error
+            text = f'cannot create an agent of "{name}": {why}{near_file(name, file)}'
+            findings.append(finding(Kind.FILE, position, text))
+
+
+def _not_checked(files: Sequence[InternalAction]) -> Iterator[Finding]:
+    """Say once what is not told because of files that only the run knows."""
+    if files:
+        first = min(files, key=lambda call: (call.position.file, call.position.line, call.position.column))
+        text = f"the file of {first.name} is not known before the run: "
+        text += "beliefs that nothing adds and plans that nothing uses are not told"
+        if any(call.name == ".include" for call in files):
+            text += ", goals without plans are warnings"
+        yield finding(Kind.KNOWN_WHEN_RUN, first.position, text, "info")
 
 
 def _add_assertions(found: Survey) -> None:
@@ -81,6 +104,7 @@ def read_subjects(files: Sequence[str], paths: SourcePaths) -> Subjects:
             _read_project(file, paths, subjects)
         else:
             _read(file, paths, (), subjects)
+    _read_created(paths, subjects)
     return subjects
 
 
@@ -97,6 +121,18 @@ def _read(file: str, paths: SourcePaths, more: Iterable[Item], subjects: Subject
     else:
         program = replace(program, items=(*program.items, *more))
         subjects.programs[file] = read_survey(program, paths)
+
+
+def _read_created(paths: SourcePaths, subjects: Subjects) -> None:
+    """Read the programs of the agents that those read create, and that these create."""
+    known = {os.path.abspath(file) for file in subjects.order}
+    pending = list(subjects.programs.values())
+    while pending:
+        for file in pending.pop().created:
+            if os.path.abspath(file) not in known:
+                known.add(os.path.abspath(file))
+                _read(file, paths, (), subjects)
+                pending += [subjects.programs[file]] if file in subjects.programs else []
 
 
 def _cannot_be_read(file: str, shown: dict[Finding, str], subjects: Subjects) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from typing import NamedTuple, TypeAlias
 
-from agentd.analysis.arguments import ASSERTIONS, PLAN_MAKERS, RUNNERS, query_of
+from agentd.analysis.arguments import ASSERTIONS, FILE_READERS, RUNNERS, query_of
 from agentd.analysis.mentions import ANY_ARITY, Call, Mention, PlacedPlan, Survey, asks_others, qualified
 from agentd.language.patterns import PATTERNS, WrongPattern
 from agentd.language.signatures import DEFAULT
@@ -46,7 +46,7 @@ from agentd.language.syntax import (
 _ADDITIONS = frozenset((Operator.ADD, Operator.ADD_NEW_FOCUS, Operator.ADD_FIRST, Operator.ADD_LAST, Operator.UPDATE))
 _GOALS = frozenset((Operator.ACHIEVE, Operator.ACHIEVE_NEW_FOCUS))
 
-Includes: TypeAlias = Callable[[Directive, str], Iterable[Item]]
+Includes: TypeAlias = Callable[[Directive | InternalAction, str], Iterable[Item]]
 
 
 class _Visit(NamedTuple):
@@ -61,7 +61,7 @@ class _Visit(NamedTuple):
 
 def survey(items: Iterable[Item], includes: Includes | None = None) -> Survey:
     """Survey the items of a program; ``includes`` gives the items of a file included into a namespace."""
-    return _Walk(includes or (lambda directive, namespace: ())).over(items)
+    return _Walk(includes or (lambda what, namespace: ())).over(items)
 
 
 class _Walk:
@@ -69,10 +69,18 @@ class _Walk:
         self._includes = includes
         self.found = Survey()
         self._pending: list[_Visit] = []
+        self._top: dict[str, list[PlacedPlan]] = {}
 
     def over(self, items: Iterable[Item]) -> Survey:
-        blocks: list[tuple[Iterator[Item], str]] = [(iter(items), DEFAULT)]
-        top: dict[str, list[PlacedPlan]] = {}
+        self._read(items, DEFAULT)
+        while self._pending:
+            self._visit(self._pending.pop())
+        self.found.families += self._top.values()
+        return self.found
+
+    def _read(self, items: Iterable[Item], namespace: str) -> None:
+        """Take in the items of a file; what stands inside them is left to be visited."""
+        blocks: list[tuple[Iterator[Item], str]] = [(iter(items), namespace)]
         while blocks:
             block, namespace = blocks[-1]
             item = next(block, None)
@@ -82,14 +90,10 @@ class _Walk:
                 inside, namespace = self._directive(item, namespace)
                 blocks.append((iter(inside), namespace))
             elif isinstance(item, Plan):
-                top.setdefault(namespace, []).append(self._place(item, namespace))
+                self._top.setdefault(namespace, []).append(self._place(item, namespace))
                 self._pending.append(_Visit(item, namespace))
             else:
                 self._fact(item, namespace)
-        self.found.families += top.values()
-        while self._pending:
-            self._visit(self._pending.pop())
-        return self.found
 
     def _directive(self, item: Directive, namespace: str) -> tuple[Iterable[Item], str]:
         """The items that a directive encloses or includes, and their namespace."""
@@ -227,8 +231,10 @@ class _Walk:
         query = query_of(action)
         if name in ASSERTIONS and args:
             self._addition(args[0], namespace)
-        if name in PLAN_MAKERS:
+        if name == ".add_plan":
             self.found.open_plans = self.found.open_beliefs = self.found.open_goals = True
+        elif name in FILE_READERS:
+            self._file(action)
         match name, args:
             case (".send", (_, Structure(performative), content, *_)) | (
                 ".broadcast",
@@ -239,6 +245,25 @@ class _Walk:
         for index, term in enumerate(args):
             # A query inside `not` is not what is inverted: `not .count(b(_), 0)` says nothing of b.
             self._pending.append(_Visit(term, namespace, index == query, data=not live))
+
+    def _file(self, action: InternalAction) -> None:
+        """Take in the file of an `.include`, note that of a new agent; what only the run knows leaves all open."""
+        match action.name, action.args:
+            case ".create_agent", (_,):
+                pass  # an agent without a program
+            case ".create_agent", (_, String(file), *_):
+                self.found.created.append((file, action.position))
+            case ".include", (String(),):
+                self._read(self._includes(action, DEFAULT), DEFAULT)
+            case ".include", (String(), Structure(into, ())):
+                self._read(self._includes(action, into), into)
+            case name, _:
+                self.found.late_files.append(action)
+                self.found.open_beliefs = self.found.open_goals = True
+                if name == ".include":
+                    self.found.open_plans = True
+                else:
+                    self.found.open_told = self.found.open_wanted = True
 
     def _sent(self, performative: str, content: Term, namespace: str) -> None:
         goal = performative in ("achieve", "askOne", "askAll")

@@ -15,7 +15,7 @@ from agentd.check import add_arguments, run
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "tests" / "data" / "check"
 KINDS = {kind.label for kind in Kind}
-ONLY_ELSEWHERE = {"undotted-internal-action", "file", "syntax", "project"}
+ONLY_ELSEWHERE = {"undotted-internal-action", "file", "syntax", "project", "known-when-run"}
 """What is told only without a manifest, what hides other findings and so stands in a file of its own, and projects."""
 
 
@@ -64,7 +64,11 @@ def test_every_kind_of_finding_has_its_line(capsys: pytest.CaptureFixture[str]) 
 
 def test_what_hides_other_findings_is_told_where_it_stands(capsys: pytest.CaptureFixture[str]) -> None:
     told = kinds_found(capsys, "tests/data/check/incomplete.asl")
-    assert told == {("incomplete.asl", 2, "file"), ("no_program.asl", 2, "syntax")}
+    assert told == {
+        ("incomplete.asl", 2, "file"),
+        ("no_program.asl", 2, "syntax"),
+        ("incomplete.asl", 4, "known-when-run"),
+    }
 
 
 def test_the_findings_read_as_written_down(capsys: pytest.CaptureFixture[str]) -> None:
