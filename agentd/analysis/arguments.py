@@ -21,8 +21,8 @@ RUNNERS = frozenset((".foreach", ".loop", ".if_then_else", ".fork", ".add_plan",
 """The internal actions that run, keep or send the code that stands in their arguments."""
 
 ASSERTIONS = frozenset((".asserta", ".assertz"))
-FILE_READERS = {".include": 0, ".create_agent": 1}
-"""The internal actions that read a program while an agent runs, and which argument names its file."""
+FILE_READERS = frozenset((".include", ".create_agent"))
+"""The internal actions that read a program while an agent runs."""
 
 
 def query_of(action: InternalAction) -> int | None:

@@ -70,11 +70,17 @@ class _Walk:
         self.found = Survey()
         self._pending: list[_Visit] = []
         self._top: dict[str, list[PlacedPlan]] = {}
+        self._files: list[InternalAction] = []
+        self._saved: set[str] = set()
+        self._saves_any = False
 
     def over(self, items: Iterable[Item]) -> Survey:
         self._read(items, DEFAULT)
-        while self._pending:
-            self._visit(self._pending.pop())
+        while self._pending or self._files:
+            if self._pending:
+                self._visit(self._pending.pop())
+            else:  # all else first: files that the program itself saves need not be there yet
+                self._file(self._files.pop())
         self.found.families += self._top.values()
         return self.found
 
@@ -234,7 +240,10 @@ class _Walk:
         if name == ".add_plan":
             self.found.open_plans = self.found.open_beliefs = self.found.open_goals = True
         elif name in FILE_READERS:
-            self._file(action)
+            self._files.append(action)
+        elif name == ".save_agent" and args:
+            self._saves_any |= not isinstance(args[0], String)
+            self._saved |= {args[0].value} if isinstance(args[0], String) else set()
         match name, args:
             case (".send", (_, Structure(performative), content, *_)) | (
                 ".broadcast",
@@ -249,21 +258,32 @@ class _Walk:
     def _file(self, action: InternalAction) -> None:
         """Take in the file of an `.include`, note that of a new agent; what only the run knows leaves all open."""
         match action.name, action.args:
-            case ".create_agent", (_,):
+            case ".create_agent", (_,) | (_, String(""), *_):
                 pass  # an agent without a program
+            case ".include", (String(file), *_) if self._may_save(file):
+                self._known_late(action)
+            case ".create_agent", (_, String(file), *_) if self._may_save(file):
+                self._known_late(action)
             case ".create_agent", (_, String(file), *_):
                 self.found.created.append((file, action.position))
             case ".include", (String(),):
                 self._read(self._includes(action, DEFAULT), DEFAULT)
             case ".include", (String(), Structure(into, ())):
                 self._read(self._includes(action, into), into)
-            case name, _:
-                self.found.late_files.append(action)
-                self.found.open_beliefs = self.found.open_goals = True
-                if name == ".include":
-                    self.found.open_plans = True
-                else:
-                    self.found.open_told = self.found.open_wanted = True
+            case _, args if any(isinstance(term, Variable | InternalAction) for term in args):
+                self._known_late(action)
+
+    def _may_save(self, file: str) -> bool:
+        """Whether the program itself may write a file that need not be there yet."""
+        return self._saves_any or file in self._saved
+
+    def _known_late(self, action: InternalAction) -> None:
+        self.found.late_files.append(action)
+        self.found.open_beliefs = self.found.open_goals = True
+        if action.name == ".include":
+            self.found.open_plans = True
+        else:
+            self.found.open_told = self.found.open_wanted = True
 
     def _sent(self, performative: str, content: Term, namespace: str) -> None:
         goal = performative in ("achieve", "askOne", "askAll")

@@ -79,3 +79,15 @@ def test_a_file_that_only_the_run_knows_is_said_once(
     found = told(capsys, main)
     assert [severity for kind, severity, _ in found if kind == "known-when-run"] == ["info"]
     assert "busy-loop" in {kind for kind, _, _ in found}, "what needs nothing but the plan is told all the same"
+
+
+@pytest.mark.parametrize("name", ['"new.asl"', "F"])
+def test_a_file_that_the_program_saves_itself_need_not_be_there(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main = tmp_path / "main.asl"
+    main.write_text(
+        f'file("new.asl"). !start. +!start : file(F) <- .print(F); .save_agent({name}); .include("new.asl").\n'
+    )
+    ((kind, severity, _),) = told(capsys, main)
+    assert (kind, severity) == ("known-when-run", "info")
