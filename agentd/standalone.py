@@ -178,6 +178,8 @@ class Team:
         if self._world is not None:
             self._world.deliver()
         for mind in tuple(self.minds.values()):
+            if not self._lives(mind):
+                continue  # another one has killed it in this turn
             if not mind.ready:
                 due = mind.wake_at
                 if due is None or due > self.clock.now():
@@ -191,13 +193,18 @@ class Team:
                         self._world.perform(mind, effect)
                     else:
                         self._carry_out(mind, effect)
+                        if not self._lives(mind):
+                            break  # what it would have done after it has killed itself is not done
                     if self._stop is not None and self._stop[0] <= self.clock.now():
                         return True
-                if not mind.inputs:
+                if not mind.inputs or not self._lives(mind):
                     break
         if self._kills:
             self._kill_those_due()
         return busy
+
+    def _lives(self, mind: Mind) -> bool:
+        return self.minds.get(mind.name) is mind
 
     def _kill_those_due(self) -> None:
         for due, name in [k for k in self._kills if k[0] <= self.clock.now()]:
@@ -315,7 +322,9 @@ class Team:
 
     def _do_df_register(self, mind: Mind, service: str) -> Any:
         for subscriber in self._directory.register(mind.name, service):
-            self.minds[subscriber].feed(Mail("df", "tell", provider(mind.name, service)))
+            told = self.minds.get(subscriber)
+            if told is not None:
+                told.feed(Mail("df", "tell", provider(mind.name, service)))
         return EMPTY
 
     def _do_df_deregister(self, mind: Mind, service: str) -> Any:

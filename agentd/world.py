@@ -118,8 +118,12 @@ class World:
             self._tell_percepts()
         while self._settled:
             name, number, deferred = self._settled.popleft()
-            if self._waiting.pop((name, number), None) is not None and deferred.outcome is not None:
-                self._minds[name].feed(ActionDone(number, *deferred.outcome))
+            if self._waiting.get((name, number)) is not deferred or deferred.outcome is None:
+                continue  # it was cancelled; another agent of that name may wait for an action of its own
+            del self._waiting[name, number]
+            mind = self._minds.get(name)
+            if mind is not None:
+                mind.feed(ActionDone(number, *deferred.outcome))
 
     def _tell_percepts(self) -> None:
         self._board.changed = False
