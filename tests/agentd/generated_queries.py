@@ -39,6 +39,16 @@ class Case(NamedTuple):
     shown: str
 
 
+class Call(NamedTuple):
+    """Beliefs and rules, the heads and contexts of plans for ``g/2``, and a call with what is known before it."""
+
+    program: str
+    plans: tuple[tuple[str, str], ...]
+    known: str
+    call: str
+    shown: str
+
+
 class Generator:
     """Makes one case."""
 
@@ -57,6 +67,20 @@ class Generator:
         known = [f"{name} = {self.term(('X', 'Y', 'Z', 'W'), 1)}" for name in names if self.pick((True, False, False))]
         query = self.formula((*names, *names, "W"), self.pick((1, 2, 2, 3)))
         return Case("\n".join(program) + LISTS, " & ".join(["true", *known]), query, "k(X,Y,Z)")
+
+    def call(self) -> Call:
+        program = [self._facts("p", 1), self._facts("q", 2), self._facts("r", 2)]
+        self._predicates = [("p", 1), ("q", 2), ("r", 2)]
+        program.append(self._rules("t", 2))
+        self._predicates += [("t", 2)] * 2
+        inner, outer = ("A", "B", "C"), ("X", "Y", "Z")
+        plans = tuple(
+            (f"g({self.head_term(inner)},{self.head_term(inner)})", self.formula(inner, self.pick((0, 1))))
+            for _ in range(self.pick((1, 2, 3)))
+        )
+        known = [f"{name} = {self.term((*outer, 'W'), 1)}" for name in outer if self.pick((True, False))]
+        call = f"g({self.argument(outer)},{self.argument(outer)})"
+        return Call("\n".join(program) + LISTS, plans, " & ".join(["true", *known]), call, "k(X,Y,Z)")
 
     def _facts(self, name: str, arity: int) -> str:
         facts = dict.fromkeys(f"{name}({self._constants(arity)})" for _ in range(self.pick((1, 2, 3, 4, 9))))

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from agentd.language.parser import parse_program
 from agentd.language.syntax import Rule
-from tests.agentd.generated_queries import Case, Generator
+from tests.agentd.generated_queries import Call, Case, Generator
 from tests.agentd.minds import run
 from tests.agentd.reference import Reference, Undetermined
 
 MANY = settings(
-    max_examples=300,
+    max_examples=200,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much, HealthCheck.data_too_large],
@@ -103,3 +103,41 @@ def check(case: Case) -> bool:
 @given(cases())
 def test_a_query_has_the_answers_of_the_reference_wherever_it_stands(case: Case) -> None:
     assume(check(case))
+
+
+@st.composite
+def calls(draw: st.DrawFn) -> Call:
+    return Generator(lambda options: draw(st.sampled_from(options))).call()
+
+
+def check_call(case: Call) -> bool:
+    """Compare what a goal and a test goal bind with the first answer of rules that say the same as their plans."""
+    known, call, shown = case.known, case.call, case.shown
+    rules = "\n".join(f"{head} :- {context}." for head, context in case.plans)
+    query = f"asked({shown}) :- {known} & {call}."
+    program = parse_program(f"{case.program}\n{rules}\n{query}", "reference.asl")
+    rule = program.items[-1]
+    assert isinstance(rule, Rule)
+    try:
+        answers = Reference(program.items[:-1]).answers(rule.body, rule.head.args[0])
+    except (Undetermined, RecursionError):
+        return False
+    steps = "".join(f"{part}; " for part in known.split(" & ") if part != "true")
+    plans = "\n".join(f"+!{head} : {context}. +?{head} : {context}." for head, context in case.plans)
+    source = f"""{case.program}
+{plans}
+!go.
++!go <- !achieved; !tested.
++!achieved <- {steps}!{call}; .print({shown}).
+-!achieved <- .print(none).
++!tested <- {steps}?{call}; .print({shown}).
+-!tested <- .print(none).
+"""
+    assert [anonymous(line) for line in run(source).prints] == [answers[0] if answers else "none"] * 2, source
+    return True
+
+
+@MANY
+@given(calls())
+def test_a_goal_binds_what_the_first_of_its_plans_says_as_the_reference_does(case: Call) -> None:
+    assume(check_call(case))
