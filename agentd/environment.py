@@ -26,6 +26,7 @@ from agentd.language.parser import parse_literal
 from agentd.language.terms import Literal, atom
 from agentd.mind.resolving import is_ground, resolve
 from agentd.percept_board import PerceptBoard
+from agentd.stdlib.registry import missing_action
 from agentd.values import literal, term_of, value_of
 
 __all__ = ["ActionFailed", "Deferred", "Environment", "Literal", "atom", "literal", "term_of", "value_of"]
@@ -92,6 +93,8 @@ class Environment:
         Raise `ActionFailed` to tell the reason. Actions of other names go to ``super().execute(agent, action)``, which
         fails them as unknown.
         """
+        if "." in action.sig.name:  # an internal action that does not exist is handed to the environment
+            raise ActionFailed(missing_action(action.sig.name, action.sig.arity))
         raise ActionFailed(f"the environment has no action {action.sig.indicator}")
 
     def perceive(self, agent: str) -> None:

@@ -29,6 +29,7 @@ from agentd.mind.effects import (
 )
 from agentd.mind.inputs import ActionDone, Mail, SignalRaised, TeamReply
 from agentd.paths import SourcePaths
+from agentd.stdlib.registry import missing_action
 from agentd.stuck import MOST_TOLD, stuck, stuck_note
 from agentd.telling import lines_of
 
@@ -235,11 +236,12 @@ class Team:
                 self.failures += effect.ends
                 if level != "debug":
                     print(f"[{mind.name}] " + "\n".join(lines_of(effect)), file=sys.stderr)
-            case PerformAction(id=number, name=name):
+            case PerformAction(id=number, name=name, parameters=parameters):
                 if self._world is not None:
                     self._world.perform(mind, effect)
                 else:
-                    mind.feed(ActionDone(number, False, f"there is no environment that could perform {name}"))
+                    why = f"there is no environment that could perform {name}"
+                    mind.feed(ActionDone(number, False, missing_action(name, len(parameters)) if "." in name else why))
             case CancelAction():
                 if self._world is not None:
                     self._world.cancel(mind, effect)

@@ -14,6 +14,7 @@ from agentd.language.terms import Code, Literal, atom
 from agentd.mind.effects import Log
 from agentd.mind.failed import Failed
 from agentd.mind.frames import ARGS, RELEVANT, Frame, Step
+from agentd.mind.holding import short_text
 from agentd.mind.intentions import values_of
 from agentd.mind.resolving import resolve, resolve_all
 
@@ -76,9 +77,16 @@ def error_annots(failure: Failed, code: Any, line: int, source: str) -> tuple[An
     own = as_they_are(failure.annots)
     found = [Literal(_ERROR, (atom(failure.error),))]
     if not any(type(a) is Literal and a.sig is _MESSAGE for a in own):
-        found.append(Literal(_MESSAGE, (str(failure),) if str(failure) != failure.error else ("",)))
+        found.append(Literal(_MESSAGE, (str(failure) if str(failure) != failure.error else _no(failure.error, code),)))
     found += [Literal(_CODE, (code,)), Literal(_LINE, (float(line),)), Literal(_SOURCE, (source,))]
     return (*found, *own)
+
+
+def _no(error: str, code: Any) -> str:
+    """The message of an internal action that only said no; empty for ``.fail``, as in Jason, and for other failures."""
+    if error != "ia_failed" or (type(code) is Literal and code.sig.functor == ".fail"):
+        return ""
+    return f"{short_text(code)} did not hold"
 
 
 def facts_of(annots: tuple[Any, ...]) -> tuple[str, str]:
@@ -99,7 +107,8 @@ def context_failed(mind: Any, relevant: Any, plan: Any, error: Exception) -> Non
 def failure_of(annots: tuple[Any, ...]) -> tuple[Failed, syntax.Position | None]:
     """The failure that the annotations of an event ``-!g`` describe, and the line that it is on."""
     facts = {a.sig: a.args[0] for a in as_they_are(annots) if type(a) is Literal and len(a.args) == 1}
-    failed = Failed(text(facts.get(_ERROR, atom("unknown"))), str(facts.get(_MESSAGE, "")), code=facts.get(_CODE, ""))
+    error, message, code = text(facts.get(_ERROR, atom("unknown"))), str(facts.get(_MESSAGE, "")), facts.get(_CODE, "")
+    failed = Failed(error, message if message != _no(error, code) else "", code=code)
     line, source = facts.get(_LINE), facts.get(_SOURCE)
     known = type(line) is float and line > 0 and type(source) is str
     return failed, syntax.Position(str(source), int(line or 0), 0) if known else None

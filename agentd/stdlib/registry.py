@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 from agentd.language.numbers import UndefinedNumber
+from agentd.language.spelling import near
 from agentd.mind.failed import Failed
 
 
@@ -92,6 +93,11 @@ FUNCTIONS: Final[dict[tuple[str, int], Callable[..., Any]]] = {}
 """Functions by name and number of arguments."""
 
 _MANY: Final = 1 << 30
+
+
+def missing_action(name: str, arity: int) -> str:
+    """What is told of an internal action that does not exist."""
+    return f"there is no internal action {name}/{arity}{near(name, ACTIONS)}"
 
 
 def internal_action(

@@ -166,3 +166,31 @@ def test_an_exit_code_tells_failures_to_those_who_ask(program, text: str, code: 
     path = program(text)
     assert _run(path, "--exit-when-idle", "--fail-on-error").returncode == code
     assert _run(path, "--exit-when-idle").returncode == (code if code == 3 else 0)
+
+
+def test_a_handler_of_a_misspelt_internal_action_is_told_what_is_wrong(program) -> None:
+    path = program("!s. +!s <- .prnt(1). -!s[error(E), error_msg(M)] <- .print(E, ' ', M).".replace("'", '"'))
+    expected = "[agent] action_failed there is no internal action .prnt/1; did you mean .print?\n"
+    assert _run(path, "--exit-when-idle").stdout == expected
+    (path.parent / "world.py").write_text("from agentd import Environment\nclass World(Environment):\n    pass\n")
+    assert _run(path, "--exit-when-idle", "--env", f"{path.parent}/world.py:World").stdout == expected
+
+
+@pytest.mark.parametrize(
+    ("formula", "message"),
+    [
+        (".length(5, L)", ".length(5,L) did not hold"),
+        (".max([], X)", ".max([],X) did not hold"),
+        ("X = 2; X > 3", ""),
+        (".fail", ""),
+        ("?absent(q)", "Failed to test 'absent(q)'"),
+    ],
+)
+def test_a_failure_that_only_says_no_says_of_what(program, formula: str, message: str) -> None:
+    path = program(f'!s. +!s <- {formula}. -!s[error_msg(M)] <- .print("<", M, ">").')
+    assert _run(path, "--exit-when-idle").stdout == f"[agent] <{message}>\n"
+
+
+def test_the_report_of_what_only_said_no_does_not_say_it_twice(program) -> None:
+    done = _run(program("!s. +!s <- .max([], X). -!s : false <- .print(x)."), "--exit-when-idle")
+    assert "agent.asl:1:0: .max([],X) does not succeed\n" in done.stderr.replace("agent.asl:1: ", "agent.asl:1:0: ")
