@@ -33,7 +33,10 @@ class Kind(enum.Enum):
     PLAN_NEVER_USED = "plan-never-used", "a plan for an event that nothing raises"
     DUPLICATE_LABEL = "duplicate-label", "two plans with one label"
     SINGLETON_VARIABLE = "singleton-variable", "a variable that stands only once: most often a misspelt one"
-    UNBOUND_VARIABLE = "unbound-variable", "a variable that is compared or computed with and never gets a value"
+    UNBOUND_VARIABLE = (
+        "unbound-variable",
+        "a variable that is compared or computed with before anything can give it a value",
+    )
     KNOWN_WHEN_RUN = "known-when-run", "a file that only the run knows or makes: what it could hold is not checked"
     ENDLESS_ASK = "endless-ask", "a synchronous ask without a time limit"
     UNKNOWN_PERFORMATIVE = "unknown-performative", "a performative that is nearly one of those that exist"

@@ -77,18 +77,26 @@ def _in_scope(scope: _Node) -> Iterator[Finding]:
 
 
 class _Use(NamedTuple):
-    """A node, the innermost ``not`` that it stands in, and whether a variable in it is only compared."""
+    """A node, the innermost ``not`` that it stands in, and whether a variable in it is only compared.
+
+    ``place`` counts the formulas in the order in which they are come to; 0 where several stand side by side.
+    """
 
     node: _Node
     negation: int
     compared: bool
+    place: int = 0
+
+
+_SEVERAL = (Plan, Trigger, Body, Step, And, Or, Not, If, While, For)
+"""What holds formulas that are come to one after the other; not rules: the body may give what the head computes with."""
 
 
 def unbound_variables(survey: Survey) -> Iterator[Finding]:
-    """Variables that stand twice or more, and only where a value is needed and none is given.
+    """Variables that stand twice or more, and where a value is needed before any can be given.
 
-    ``X > 3`` compares; ``b(X)``, ``X = 3``, ``.member(X, L)`` and ``!g(X)`` may give X its value. What stands in a
-    ``not`` gives none outside of it.
+    ``X > 3`` compares; ``b(X)``, ``X = 3``, ``.member(X, L)`` and ``!g(X)`` may give X its value: there and in what
+    follows. What stands in a ``not`` gives none outside of it.
     """
     for scope in _scopes(survey):
         yield from _unbound_in(scope)
@@ -96,29 +104,38 @@ def unbound_variables(survey: Survey) -> Iterator[Finding]:
 
 def _unbound_in(scope: _Node) -> Iterator[Finding]:
     count: Counter[str] = Counter()
-    given: dict[str, set[int]] = {}
-    compared: dict[str, list[tuple[int, Variable]]] = {}
+    given: dict[str, dict[int, int]] = {}
+    compared: dict[str, list[tuple[int, int, Variable]]] = {}
+    places = 0
     pending = [_Use(scope, 0, False)]
     while pending:
-        node, negation, comparing = pending.pop()
+        node, negation, comparing, place = pending.pop()
+        if place == 0 and not isinstance(node, _SEVERAL):
+            places += 1
+            place = places
         if isinstance(node, Variable):
             count[node.name] += 1
             if comparing and node.annotations is None:
-                compared.setdefault(node.name, []).append((negation, node))
+                compared.setdefault(node.name, []).append((negation, place, node))
             else:
-                given.setdefault(node.name, set()).add(negation)
+                given.setdefault(node.name, {}).setdefault(negation, place)
         elif isinstance(node, String):
             count.update(_IN_STRING.findall(node.value))
         inside = id(node) if isinstance(node, Not) else negation
         compares = isinstance(node, Arithmetic) or (isinstance(node, Relation) and node.operator in _COMPARISONS)
         compares |= comparing and isinstance(node, Arithmetic | Variable)
-        pending += (_Use(child, inside, compares) for child in _children(node))
+        pending += (_Use(child, inside, compares, place) for child in reversed(_children(node)))
     for name, uses in compared.items():
-        sources = given.get(name, set())
-        lost = [use for negation, use in uses if not sources & {0, negation}]
+        sources = given.get(name, {})
+        lost = [
+            use
+            for negation, place, use in uses
+            if not any(sources.get(where, place + 1) <= place for where in (0, negation))
+        ]
         if lost and count[name] > 1 and not name.startswith("_"):
             first = min(lost, key=lambda use: (use.position.line, use.position.column))
-            text = f"the variable {name} has no value here: it is only compared or computed with"
+            why = "nothing gives it one before" if sources else "it is only compared or computed with"
+            text = f"the variable {name} has no value here: {why}"
             yield warning(Kind.UNBOUND_VARIABLE, first.position, text)
 
 
@@ -146,7 +163,7 @@ def _children(node: _Node) -> list[_Node]:
         case Trigger(literal=literal):
             return [literal]
         case Plan():
-            parts = (node.label, node.trigger, node.context, node.goal_condition, node.body, *node.subplans)
+            parts = (node.label, node.trigger, node.context, node.body, *node.subplans, node.goal_condition)
             return [part for part in parts if part is not None]
         case _:
             return _of_body(node)

@@ -169,6 +169,10 @@ def test_what_may_be_a_mistake_is_a_warning(text: str, message: str) -> None:
         "+!g <- { !nothing(X); +b(X) } = _; P = { +!h(Y) : not_there(Y) <- !nowhere(Y) }; .print(P).",
         "+!g : altitude(A) & not (altitude(B) & B > A) <- land.",
         "+!g <- .findall(X, altitude(X) & X > 3, L); .print(L).",
+        "+!g <- .findall(X + 1, altitude(X), L); .print(L).",
+        "+!g : altitude(A) & A > 3 & B = A + 1 <- if (B > 4) { land }; ?altitude(C); while (C > B) { land }.",
+        "twice(X * 2) :- X = 3 | altitude(X). +!g : twice(_) <- land.",
+        "+!g(A) : not A > 3 <- land. +!h : altitude(H) & (H > 3 | H < 1) <- land. +!k <- !g(K); land; .print(K + 1).",
         "+!g <- while (true) { .wait(10) }; while (altitude(A) & A > 1) { -+high(A) }.",
         "+!g <- .print(1); !g. -!g.",
         "!g. +!g : altitude(_) <- land. +!kqml_received(A, B, C, D) <- .print(A, B, C, D).",
@@ -366,3 +370,19 @@ def test_the_command_checks_against_a_shipped_manifest(tmp_path: Path, capsys: p
     assert "bridge" not in err
     assert check("--manifest", "no_such_robot", str(path)) == 2
     assert "no_such_robot" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("+!g : Q > 3 <- .print(Q).", ["Q"]),
+        ("+!g : Q > 3 & altitude(Q) <- land.", ["Q"]),
+        ("+!g <- X = Y + 1; .print(X, Y).", ["Y"]),
+        ("+!g <- if (A > 1) { ?altitude(A) }; .print(A).", ["A"]),
+        ("+!g : not altitude(B) & B > 1 <- land.", ["B"]),
+    ],
+)
+def test_a_variable_that_nothing_before_can_have_given_a_value_is_told(text: str, names: list[str]) -> None:
+    found = [finding for finding in findings_of(text) if finding.kind == "unbound-variable"]
+    assert [finding.message.split()[2] for finding in found] == names
+    assert {finding.severity for finding in found} == {"warning"}
