@@ -89,7 +89,7 @@ class _Use(NamedTuple):
 
 
 _SEVERAL = (Plan, Trigger, Body, Step, And, Or, Not, If, While, For)
-"""What holds formulas that are come to one after the other; not rules: the body may give what the head computes with."""
+"""What holds formulas that are come to in turn; not rules, whose bodies may give what their heads compute with."""
 
 
 def unbound_variables(survey: Survey) -> Iterator[Finding]:
