@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from threading import Lock
 from typing import Any
 
 from agentd.language.instantiate import instantiate
@@ -37,13 +38,17 @@ class ActionFailed(Exception):
 
 
 class Deferred:
-    """The outcome of an action that is not known yet. Any thread may settle it, once; later calls change nothing."""
+    """The outcome of an action that is not known yet. Any thread may settle it, once; later calls change nothing.
+
+    It may be returned for several actions, which then end together.
+    """
 
     def __init__(self) -> None:
         self.cancelled = False
-        """Whether the intention that waited for the action is gone: nobody asks for the outcome any more."""
+        """Whether the intentions that waited for the action are gone: nobody asks for the outcome any more."""
         self.outcome: tuple[bool, str] | None = None
-        self._settled: Callable[[], None] | None = None
+        self._waiting: dict[object, Callable[[], None]] = {}
+        self._lock = Lock()
 
     def succeed(self) -> None:
         """The action was done."""
@@ -54,16 +59,28 @@ class Deferred:
         self._settle(False, reason)
 
     def _settle(self, ok: bool, reason: str) -> None:
-        if self.outcome is None:
+        with self._lock:
+            if self.outcome is not None:
+                return
             self.outcome = (ok, reason)
-            if self._settled is not None:
-                self._settled()
-
-    def when_settled(self, told: Callable[[], None]) -> None:
-        """Have the one who waits told; for the host of the environment."""
-        self._settled = told
-        if self.outcome is not None:
+            waiting, self._waiting = self._waiting, {}
+        for told in waiting.values():
             told()
+
+    def when_settled(self, who: object, told: Callable[[], None]) -> None:
+        """Have one who waits told; for the host of the environment."""
+        with self._lock:
+            self.cancelled = False
+            if self.outcome is None:
+                self._waiting[who] = told
+                return
+        told()
+
+    def forget(self, who: object) -> None:
+        """One who waited is gone; for the host of the environment."""
+        with self._lock:
+            self._waiting.pop(who, None)
+            self.cancelled = not self._waiting
 
 
 class Environment:

@@ -63,8 +63,8 @@ class World:
         """A mind is gone."""
         self._minds.pop(name, None)
         self._board.leave(name)
-        for agent, number in [key for key in self._waiting if key[0] == name]:
-            self._waiting.pop((agent, number)).cancelled = True
+        for key in [key for key in self._waiting if key[0] == name]:
+            self._waiting.pop(key).forget(key)
 
     def perform(self, mind: Mind, action: PerformAction) -> None:
         """Have an action executed; its outcome is fed to the mind, now or later."""
@@ -89,8 +89,9 @@ class World:
         if outcome is False:
             mind.feed(ActionDone(action.id, False, f"the environment could not do {action.name}"))
         elif isinstance(outcome, Deferred):
-            self._waiting[mind.name, action.id] = outcome
-            outcome.when_settled(lambda: self._on_settled(mind.name, action.id, outcome))
+            key = (mind.name, action.id)
+            self._waiting[key] = outcome
+            outcome.when_settled(key, lambda: self._on_settled(mind.name, action.id, outcome))
         else:
             reason = (
                 f"the environment's execute returned {outcome!r} for {action.name}/{len(action.parameters)}; "
@@ -101,9 +102,10 @@ class World:
 
     def cancel(self, mind: Mind, action: CancelAction) -> None:
         """The intention that waited for an action is gone."""
-        deferred = self._waiting.pop((mind.name, action.id), None)
+        key = (mind.name, action.id)
+        deferred = self._waiting.pop(key, None)
         if deferred is not None:
-            deferred.cancelled = True
+            deferred.forget(key)
 
     def perceive(self, mind: Mind) -> None:
         """A mind asks for its percepts."""

@@ -190,6 +190,29 @@ def test_an_intention_that_is_dropped_cancels_its_action() -> None:
     assert kept[0].cancelled
 
 
+def test_actions_that_share_an_outcome_end_together_and_it_is_cancelled_when_all_are_gone() -> None:
+    kept: list[Deferred] = []
+
+    class Shared(Environment):
+        def execute(self, agent: str, action: Any) -> Deferred:
+            if not kept:
+                kept.append(Deferred())
+                self.after(30, kept[0].succeed)
+            return kept[0]
+
+    acts = "!a. !b. +!a <- act; .print(a). +!b <- act; .print(b). "
+    stage = Stage({"bob": acts + "!c. +!c <- .wait(10); .drop_intention(a)."}, environment=Shared())
+    assert (stage.run(20), kept[0].cancelled) == (1, False)
+    assert (stage.run(), stage.lines) == (0, ["[bob] b"])
+    kept.clear()
+    stage = Stage({"ann": acts, "bob": "!a. +!a <- act; .print(done)."}, environment=Shared())
+    assert stage.run() == 0
+    assert sorted(stage.lines) == ["[ann] a", "[ann] b", "[bob] done"]
+    kept.clear()
+    stage = Stage({"bob": acts + "!c. +!c <- .wait(10); .drop_all_intentions."}, environment=Shared())
+    assert (stage.run(), stage.lines, kept[0].cancelled) == (0, [], True)
+
+
 def test_another_thread_settles_an_action_and_changes_percepts(tmp_path: Path) -> None:
     class Threaded(Environment):
         def execute(self, agent: str, action: Any) -> Deferred:
