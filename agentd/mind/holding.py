@@ -13,7 +13,12 @@ _MOST_COPIED: Final = 60
 """So many parts of a term with variables in it are copied; what lies beyond shows as ``...``."""
 _MOST_LOOKED_AT: Final = 2_000
 """So many parts of a term are looked at for variables; numbers and strings in a list do not count."""
+_MOST_HELD: Final = 500
+"""A term of more parts is held as a short copy: records are few, so their memory is bounded if each is small."""
+_LONGEST_HELD: Final = 2_000
+"""Characters of a string that is held whole."""
 _FLAT: Final = frozenset((float, str))
+_FLOATS: Final = frozenset((float,))
 _LONGEST: Final = 200
 """Characters of a term that are shown."""
 
@@ -22,23 +27,54 @@ MORE: Final = atom("...")
 
 
 def held(term: Any) -> Any:
-    """The term as it is now: whatever is bound or freed later shows no change in it."""
+    """The term as it is now: whatever is bound or freed later shows no change in it. A large one is cut short."""
     kind = type(term)
-    if kind is float or kind is str or ((kind is Literal or kind is List) and term.ground):
+    if kind is float:
         return term
-    term = deref(term)
-    if _is_ground(term):
-        return term
-    return _Copy(lambda part: part.ground).of(term)
+    if kind is str:
+        return term if len(term) <= _LONGEST_HELD else f"{term[:_LONGEST]}..."
+    if not ((kind is Literal or kind is List) and term.ground):
+        term = deref(term)
+        if not _is_ground(term):
+            return _Copy(lambda part: part.ground and _is_small(part)).of(term)
+    return term if _is_small(term) else _Copy(lambda part: part is EMPTY).of(term)
 
 
 def held_all(terms: tuple[Any, ...]) -> tuple[Any, ...]:
     """The terms as they are now."""
     for term in terms:
         kind = type(term)
-        if kind is not float and kind is not str and not (kind is Literal and term.ground):
+        if kind is not float and not (kind is Literal and not term.args and term.ground):
             return tuple([held(t) for t in terms])
     return terms
+
+
+def _is_small(term: Any) -> bool:
+    """Whether a ground term has few parts."""
+    left = _MOST_HELD
+    pending = [term]
+    while pending:
+        part = pending.pop()
+        kind = type(part)
+        if kind is Literal:
+            left -= 1
+            pending += part.args
+            pending += part.annots
+        elif kind is List:
+            if part is not EMPTY:
+                left -= len(part.items) - part.at
+                if left > 0:
+                    items = part.items[part.at :]
+                    if not _FLOATS.issuperset(map(type, items)):
+                        pending += items
+                    pending.append(part.tail)
+        elif kind is str:
+            left -= 1 + len(part) // 16
+        else:
+            left -= 1
+        if left <= 0:
+            return False
+    return True
 
 
 def _is_ground(term: Any) -> bool:
@@ -85,6 +121,8 @@ class _Copy:
             return MORE
         term = deref(term)
         match term:
+            case str() if len(term) > _LONGEST:
+                return f"{term[:_LONGEST]}..."
             case Literal():
                 return term if self._keeps(term) else Literal(term.sig, self._each(term.args), self._each(term.annots))
             case List():

@@ -12,6 +12,7 @@ from agentd.language.instantiate import Instantiation
 from agentd.language.signatures import DEFAULT
 from agentd.mind.beliefs import RuleClause
 from agentd.mind.effects import Log
+from agentd.mind.failed import as_failed
 from agentd.mind.functions import FunctionsOf, by_rule
 from agentd.mind.percepts import perceived
 from agentd.mind.plan_terms import refuse_label
@@ -56,22 +57,23 @@ def _begin(mind: Any, program: CompiledProgram) -> None:
         if isinstance(item, syntax.Rule):
             add_rule(mind, item, {})
             continue
-        with _too_deep(mind, item):
+        with _left_out(mind, item):
             mind.add_belief(Instantiation({}, functions).term(item.literal))
     for goal in program.goals:
-        with _too_deep(mind, goal):
+        with _left_out(mind, goal):
             mind.add_goal(Instantiation({}, functions).term(goal.literal), goal.operator)
     for warning in program.warnings:
         mind.effects.append(Log("warning", warning))
 
 
 @contextmanager
-def _too_deep(mind: Any, item: syntax.Belief | syntax.Goal) -> Iterator[None]:
-    """Leave out a belief or goal that is nested deeper than terms may be, and say so."""
+def _left_out(mind: Any, item: syntax.Belief | syntax.Goal) -> Iterator[None]:
+    """Leave out a belief or goal that is nested too deep, or whose functions raise whatever they may, and say so."""
     try:
         yield
-    except RecursionError:
-        message = f"{item.position}: {item.literal.functor}/{len(item.literal.args)} is nested too deep; it is left out"
+    except Exception as error:
+        why = "is nested too deep" if isinstance(error, RecursionError) else f"cannot be computed: {as_failed(error)}"
+        message = f"{item.position}: {item.literal.functor}/{len(item.literal.args)} {why}; it is left out"
         mind.effects.append(Log("error", message))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Final
 
-from agentd.language.numbers import UndefinedNumber
 from agentd.language.order import sorted_annots
 from agentd.language.sources import SELF, SOURCE_SELF, is_source, source, told_by
 from agentd.language.term_text import text
@@ -45,7 +44,7 @@ def receive(mind: Mind, mail: Mail) -> None:
         return
     try:
         _HANDLERS.get(mail.performative, _nobody_handles)(mind, mail)
-    except (Failed, UndefinedNumber, RecursionError) as error:
+    except Exception as error:  # a function of the program's may raise anything; it must not end the mind
         _not_handled(mind, mail, as_failed(error))
 
 
@@ -64,7 +63,7 @@ def handle_event(mind: Mind, args: tuple[Any, ...], intention: Any) -> None:
     mail = Mail(plain(sender), plain(performative), content, plain(msg_id))
     try:
         handle(mind, mail)
-    except (Failed, UndefinedNumber, RecursionError) as error:
+    except Exception as error:  # a function of the program's may raise anything; it must not end the mind
         _not_handled(mind, mail, as_failed(error))
     if intention is not None:
         resume_waiting(mind, intention)

@@ -11,7 +11,6 @@ from typing import Any, Final
 from agentd.language.compile import CompiledProgram
 from agentd.language.compile_plan import compile_formula
 from agentd.language.emit import Ref
-from agentd.language.numbers import UndefinedNumber
 from agentd.language.signatures import Signature
 from agentd.language.sources import told_by_others
 from agentd.language.terms import Literal
@@ -25,7 +24,6 @@ from agentd.mind.decisions import Decisions
 from agentd.mind.dropping import fail_too_deep
 from agentd.mind.drops import Drops
 from agentd.mind.effects import Effect, Log
-from agentd.mind.failed import Failed
 from agentd.mind.frames import PLAN, Frame
 from agentd.mind.goal_states import raise_state
 from agentd.mind.inputs import Input, Mail, TimeRead
@@ -258,7 +256,7 @@ class Mind:
         trail: list[Any] = []
         try:
             return bool(known[0](self, trail))
-        except (Failed, UndefinedNumber, RecursionError):
+        except Exception:  # a function of the program's may raise anything; what cannot be computed does not hold
             return False
         finally:
             undo(trail, 0)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from agentd.mind.effects import TeamRequest
-from agentd.mind.failed import Failed
+from agentd.mind.failed import Failed, as_failed
 from agentd.mind.inputs import TeamReply
 from agentd.mind.intentions import Intention
 from agentd.mind.unifier import undo, unify
@@ -30,8 +30,8 @@ class Request:
         if self.use is not None:
             try:
                 self.use(reply.value)
-            except Failed as failed:
-                fail_waiting(mind, intention, failed)
+            except Exception as error:  # a function of the program's may raise anything; it must not end the mind
+                fail_waiting(mind, intention, as_failed(error))
                 return
         mark = len(intention.trail)
         if self.result is not None and not unify(self.result, reply.value, intention.trail):
