@@ -35,6 +35,9 @@ class World:
         self._settled: deque[tuple[str, int, Deferred]] = deque()
         self._calls: list[tuple[float, int, Callable[[], object]]] = []
         self._count = count()
+        self._lock = threading.Lock()
+        self._called = False
+        """Whether a call has been asked for since `deliver` looked at them last."""
         self._stirred = threading.Event()
         self._asleep = False
         environment._host = self
@@ -114,8 +117,9 @@ class World:
 
     def deliver(self) -> None:
         """Call what is due, and feed the minds what has changed for them since the last time."""
-        while self._calls and self._calls[0][0] <= self.now():
-            self._guarded("after", heapq.heappop(self._calls)[2])
+        newer = next(self._count)
+        while (call := self._due_call(newer)) is not None:
+            self._guarded("after", call)
         if self._board.changed:
             self._tell_percepts()
         while self._settled:
@@ -127,6 +131,14 @@ class World:
             if mind is not None:
                 mind.feed(ActionDone(number, *deferred.outcome))
 
+    def _due_call(self, newer: int) -> Callable[[], object] | None:
+        """Take a call that is due; those ``newer`` than this number wait: one may ask for itself again, at once."""
+        with self._lock:
+            self._called = False
+            if self._calls and self._calls[0][0] <= self.now() and self._calls[0][1] < newer:
+                return heapq.heappop(self._calls)[2]
+            return None
+
     def _tell_percepts(self) -> None:
         self._board.changed = False
         for name, mind in self._minds.items():
@@ -135,18 +147,23 @@ class World:
                 mind.feed(changed)
 
     def after(self, seconds: float, call: Callable[[], object]) -> None:
-        """Call something in the environment's thread after so many seconds."""
-        heapq.heappush(self._calls, (self.now() + max(0.0, seconds), next(self._count), call))
+        """Call something in the environment's thread after so many seconds; any thread may ask for it."""
+        with self._lock:
+            heapq.heappush(self._calls, (self.now() + max(0.0, seconds), next(self._count), call))
+            self._called = True
+        if self._asleep:
+            self._stirred.set()
 
     @property
     def due(self) -> float | None:
         """When something of the environment is due that nothing else announces."""
-        return self._calls[0][0] if self._calls else None
+        with self._lock:
+            return self._calls[0][0] if self._calls else None
 
     @property
     def stirred(self) -> bool:
         """Whether something has come that was not delivered yet."""
-        return self._board.changed or bool(self._settled)
+        return self._board.changed or self._called or bool(self._settled)
 
     @property
     def waited_for(self) -> bool:

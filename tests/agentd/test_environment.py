@@ -11,9 +11,11 @@ from typing import Any
 import pytest
 
 from agentd import ActionFailed, Deferred, Environment, literal
+from agentd.clocks import WallClock
 from agentd.percept_board import PerceptBoard
 from agentd.standalone import Team
 from agentd.user_code import UserCodeError, load_class
+from agentd.world import World
 from tests.agentd.teams import Stage
 
 
@@ -232,6 +234,46 @@ def test_another_thread_settles_an_action_and_changes_percepts(tmp_path: Path) -
     program = compile_program(parse_program("!s. +!s <- work; ?worked; .print(done); .stopMAS(0, 7).", "bob.asl"))
     assert Team([("bob", program)], out=lines.append, environment=Threaded()).run(60.0, False) == 7
     assert lines == ["[bob] done\n"]
+
+
+def test_another_thread_asks_for_a_call_while_the_team_sleeps() -> None:
+    asleep = threading.Event()
+
+    class Sleeper(World):
+        def sleep(self, seconds: float) -> None:
+            asleep.set()
+            super().sleep(seconds)
+
+    class Caller(Environment):
+        def ask(self) -> None:
+            asleep.wait()
+            self.after(0.001, self.ring)
+
+        def ring(self) -> None:
+            called.append(threading.current_thread())
+
+    called: list[threading.Thread] = []
+    caller = Caller()
+    world = Sleeper(caller, WallClock().now, pytest.fail)
+    thread = threading.Thread(target=caller.ask)
+    thread.start()
+    world.sleep(3600)
+    while not called:
+        world.deliver()
+    thread.join()
+    assert called == [threading.current_thread()]
+
+
+def test_a_call_that_asks_for_itself_at_once_keeps_nobody_from_acting() -> None:
+    class Busy(Environment):
+        def init(self, arguments: list[str]) -> None:
+            self.again()
+
+        def again(self) -> None:
+            self.after(0, self.again)
+
+    stage = Stage({"bob": "!s. +!s <- .print(here); .stopMAS(0, 3)."}, environment=Busy())
+    assert (stage.run(), stage.lines) == (3, ["[bob] here"])
 
 
 def test_perceive_brings_the_percepts_up_to_date_before_the_next_formula() -> None:
