@@ -259,9 +259,20 @@ TRUE: Final = atom("true")
 FALSE: Final = atom("false")
 
 
+class LargeLists:
+    """How many lists of more than `LARGE_LIST` elements this process has made: who keeps terms looks at it."""
+
+    made = 0
+
+
+LARGE_LIST: Final = 5_000
+
+
 def make_list(items: Iterable[Any], tail: Any = EMPTY) -> Any:
     """The list of these elements, ended by ``tail``."""
     elements = tuple(items)
+    if len(elements) > LARGE_LIST:
+        LargeLists.made += 1
     return List(elements, tail) if elements else tail
 
 

@@ -18,11 +18,11 @@ from typing import Any, Final, NamedTuple
 
 from agentd.language.signatures import Signature, signature
 from agentd.language.sources import PERCEPT, SELF, SOURCE_SELF
-from agentd.language.terms import Literal, deref, elements
+from agentd.language.terms import LargeLists, Literal, deref, elements
 from agentd.mind.failed import Failed
 from agentd.mind.failure_facts import context_failed
 from agentd.mind.frames import VARIABLES, Frame, Step
-from agentd.mind.holding import held, held_all
+from agentd.mind.holding import held, held_all, lighten
 from agentd.mind.inputs import BeliefAdded, GoalAdded, Input, Mail, SignalRaised
 from agentd.mind.nested import nested_plans
 from agentd.mind.unifier import Trail, undo
@@ -111,6 +111,8 @@ class Decisions:
         """Takes the fields of a `Decision` as a tuple (the last ones may be left out), or a `Failure`."""
         self._post, self._on_input = mind.post, mind.on_input
         self._dropped: deque[Frame] = deque(maxlen=most)
+        self.large_lists = LargeLists.made
+        """How many large lists had been made when `let_go` looked last."""
         self._origins: dict[int, tuple[Any, Origin]] = {}
         """Where events that wait come from, by their identity; each is kept alive while it is in here."""
         self._given: list[Any] = []
@@ -126,6 +128,22 @@ class Decisions:
     def records(self) -> list[Decision | Failure]:
         """What is remembered, oldest first."""
         return [entry if type(entry) is Failure else Decision(*entry) for entry in self._last]
+
+    def let_go(self) -> None:
+        """Keep of large terms only what is shown of them, so that records are small however large lists become.
+
+        Records hold the frames of plans; where a plan has ended nobody else needs what is in its frame.
+        """
+        self.large_lists = LargeLists.made
+        alive = {id(frame) for intention in self._mind.all_intentions() for frame in intention.stack}
+        for place, entry in enumerate(self._last):
+            frames = entry.frames if type(entry) is Failure else (Decision(*entry).below, Decision(*entry).frame)
+            for frame in frames:
+                if frame is not None and id(frame) not in alive:
+                    lighten(frame)
+            if type(entry) is tuple:
+                relevant, args, annots, intention = entry[2]
+                self._last[place] = (*entry[:2], (relevant, held_all(args), annots, intention), *entry[3:])
 
     def last_rejected(self) -> Sequence[tuple[Any, Any]]:
         """The plans that were tried in vain for the last event, as `Decision.rejected` holds them."""

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from agentd.language.term_text import text
 from agentd.language.terms import EMPTY, Code, Collection, Expression, List, Literal, Var, atom, deref, make_list
+from agentd.mind.frames import ARGS, VARIABLES, Frame
 
 _MOST_COPIED: Final = 60
 """So many parts of a term with variables in it are copied; what lies beyond shows as ``...``."""
@@ -147,6 +148,20 @@ class _Copy:
             items.append(self.of(rest.head))
             rest = deref(rest.rest())
         return make_list(items, self.of(rest))
+
+
+def lighten(frame: Frame) -> None:
+    """Let go of what is large in the frame of a plan that has ended."""
+    frame[ARGS] = held_all(frame[ARGS])
+    for place in range(VARIABLES, len(frame)):
+        value = frame[place]
+        if type(value) is Var:
+            if not _is_small(deref(value)):
+                frame[place] = Var(value.name)  # it was free when the plan was selected
+        elif type(value) is list or type(value) is tuple:
+            frame[place] = None  # the rounds of a loop
+        elif value is not None:
+            frame[place] = held(value)
 
 
 def short_text(term: Any) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from agentd.language.sources import SELF
-from agentd.language.terms import Literal
+from agentd.language.terms import LargeLists, Literal
 from agentd.mind import failure
 from agentd.mind.communication import communication_error
 from agentd.mind.execution import condition_holds, end_frames
@@ -88,6 +88,8 @@ def take_event_recorded(mind: Mind, event: Event) -> bool:
     relevant, args, annots, intention = event
     library, recorder = mind.plans, mind.recorder
     assert recorder is not None
+    if recorder.large_lists != LargeLists.made:
+        recorder.let_go()
     trail: list[Any] = [] if intention is None else intention.trail
     mark = len(trail) if trail else 0
     frame = plan = rejected = None

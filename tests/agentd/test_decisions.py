@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import inspect
 import subprocess
 import sys
@@ -10,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from agentd.language.terms import Literal, Var
+from agentd.language.terms import List, Literal, Var
 from agentd.mind.decision_views import DecisionView, FailureView
 from agentd.mind.effects import PerformAction
 from agentd.mind.holding import held, held_all, short_text
@@ -319,3 +320,15 @@ def test_the_two_functions_that_take_an_event_agree_once_the_plan_is_found() -> 
     split = "if frame is None:\n        return _no_plan"
     tails = [inspect.getsource(each).partition(split)[2] for each in (take_event, take_event_recorded)]
     assert tails[0] == tails[1] != ""
+
+
+def test_records_hold_no_large_terms_of_plans_that_have_ended() -> None:
+    program = """!go(0). +!go(40) <- .print(done).
+    +!go(N) <- .findall(X, .range(X,1,6000), L); !use([N|L]); +seen(N); !go(N+1).
+    +!use(L) : .length(L,6001) <- true."""
+    world = World(mind_of(program, decisions=200)).settle()
+    assert world.prints == ["done"]
+    gc.collect()
+    large = [o for o in gc.get_objects() if type(o) is List and len(o.items) > 5000]
+    assert len(large) <= 4, "the last ones are let go when the next large list is made"
+    assert len([v for v in world.mind.decision_views() if "use" in str(v)]) >= 40
