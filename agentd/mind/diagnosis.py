@@ -13,63 +13,11 @@ from agentd.language import syntax
 from agentd.language.constants import signature_of
 from agentd.mind.beliefs import RuleClause
 from agentd.mind.decision_views import PASSED_OVER, RejectedView, rejected_view
+from agentd.mind.effect_free import WITHOUT_EFFECT
 from agentd.mind.intentions import Intention
 from agentd.mind.nested import nested_plans
 from agentd.mind.unifier import undo
 
-_WITHOUT_EFFECT: Final = frozenset(
-    (
-        ".all_names",
-        ".atom",
-        ".belief",
-        ".concat",
-        ".count",
-        ".delete",
-        ".desire",
-        ".difference",
-        ".empty",
-        ".eval",
-        ".findall",
-        ".ground",
-        ".intend",
-        ".intention",
-        ".internal_action",
-        ".intersection",
-        ".length",
-        ".list",
-        ".literal",
-        ".lower_case",
-        ".map.get",
-        ".map.key",
-        ".map.value",
-        ".max",
-        ".member",
-        ".min",
-        ".my_name",
-        ".nth",
-        ".number",
-        ".plan_label",
-        ".prefix",
-        ".relevant_plan",
-        ".relevant_plans",
-        ".relevant_rules",
-        ".replace",
-        ".reverse",
-        ".setof",
-        ".sort",
-        ".string",
-        ".structure",
-        ".sublist",
-        ".substring",
-        ".suffix",
-        ".suspended",
-        ".term2string",
-        ".type",
-        ".union",
-        ".upper_case",
-    )
-)
-"""Internal actions that a context may be asked again with."""
 _RANDOM: Final = "math.random"
 
 
@@ -111,7 +59,7 @@ def harmless(mind: Any, formula: Any, seen: frozenset[Any] = frozenset()) -> boo
     """Whether asking a formula (or building a term) has no effect."""
     match formula:
         case syntax.InternalAction(name=name, args=args):
-            known = name in _WITHOUT_EFFECT or (mind.compiler.is_function(name, len(args)) and name != _RANDOM)
+            known = name in WITHOUT_EFFECT or (mind.compiler.is_function(name, len(args)) and name != _RANDOM)
             return known and all(harmless(mind, arg, seen) for arg in args)
         case syntax.And(left=left, right=right) | syntax.Or(left=left, right=right):
             return harmless(mind, left, seen) and harmless(mind, right, seen)

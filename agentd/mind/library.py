@@ -37,6 +37,10 @@ class Library:
     def is_function(self, name: str, arity: int) -> bool:
         return self.find_function(name, arity) is not None
 
+    def is_own_function(self, name: str, arity: int) -> bool:
+        """Whether the program has registered a function itself."""
+        return (name, arity) in self._own
+
     def find_function(self, name: str, arity: int) -> Callable[..., Any] | None:
         """A function of the program's own, or a registered one."""
         return self._own.get((name, arity)) or registry.find_function(name, arity)

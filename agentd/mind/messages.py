@@ -10,6 +10,7 @@ from agentd.language.sources import SELF, SOURCE_SELF, is_source, source, told_b
 from agentd.language.term_text import text
 from agentd.language.terms import FALSE, Literal, Var, atom, deref, make_list, proper
 from agentd.mind.answering import answer_by_plan
+from agentd.mind.asked import answers
 from agentd.mind.changes import believe, disbelieve
 from agentd.mind.communication import communication_error
 from agentd.mind.dropping import drop_desire
@@ -20,8 +21,6 @@ from agentd.mind.inputs import Mail
 from agentd.mind.plan_terms import add_plans, relevant_plans, remove_plans
 from agentd.mind.resolving import Copier, detach, resolve, resolve_all
 from agentd.mind.sending import answer_text, reply, send
-from agentd.mind.solve import solve
-from agentd.mind.unifier import undo, unify
 from agentd.mind.waiting import hear, resume_waiting
 
 if TYPE_CHECKING:
@@ -167,29 +166,11 @@ def _signal(mind: Mind, mail: Mail) -> None:
     mind.post(relevant, content.args, annots)
 
 
-def answers(mind: Mind, question: Any) -> list[Any]:
-    """All instances of a question that the beliefs give, with the annotations of the beliefs."""
-    question = Copier(fresh=True).copy(question)
-    found: list[Any] = []
-    trail: list[Var] = []
-    if type(question) is Literal:
-        predicate = mind.beliefs.known(question.sig)
-        if predicate is None:
-            return []
-        for args, annots in predicate.literals((True,) * question.sig.arity, question.args, mind, trail):
-            mark = len(trail)
-            if unify(question, Literal(question.sig, args, annots), trail):
-                found.append(resolve(Literal(question.sig, args, annots)))
-            undo(trail, mark)
-        return found
-    for _ in solve(mind, question, trail):
-        found.append(resolve(question))
-    undo(trail, 0)
-    return found
-
-
 def _ask_one(mind: Mind, mail: Mail) -> None:
-    found = answers(mind, mail.content)
+    found = answers(mind, mail, 1)
+    if found is None:
+        reply(mind, mail, FALSE)
+        return
     if found:
         reply(mind, mail, answer_text(mind, found[0]))
         return
@@ -208,7 +189,7 @@ def _ask_plan(mind: Mind, mail: Mail, relevant: Any, question: Literal) -> None:
 
 
 def _ask_all(mind: Mind, mail: Mail) -> None:
-    found = [answer_text(mind, a) for a in answers(mind, mail.content)]
+    found = [answer_text(mind, a) for a in answers(mind, mail) or ()]
     if mail.msg_id.startswith("sync") or found:
         reply(mind, mail, make_list(found))
 

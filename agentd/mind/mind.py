@@ -15,6 +15,7 @@ from agentd.language.signatures import Signature
 from agentd.language.sources import told_by_others
 from agentd.language.terms import Literal
 from agentd.mind.annotations import with_source
+from agentd.mind.asked import Asked
 from agentd.mind.beliefs import BeliefBase
 from agentd.mind.changes import believe
 from agentd.mind.choosing import Chooser, Selector, selectors_of
@@ -141,6 +142,8 @@ class Mind:
         """What ``changes`` was when those formulas were asked last."""
         self.action_count = 0
         self.message_count = 0
+        self.asked: Asked | None = None
+        """While a question of another agent is solved: what it may do."""
         self.questions: dict[str, Any] = {}
         """Synchronous asks that wait for their answer, by message id."""
         self.percepts: dict[Signature, Perceived] = {}

@@ -16,6 +16,8 @@ def solve(mind: Any, formula: Any, trail: Trail) -> Iterator[None]:
     """One solution after another of a formula; bindings are undone between them and kept at the last yield."""
     formula = deref(formula)
     mark = len(trail)
+    if mind.asked is not None:
+        mind.asked.work()
     if type(formula) is Literal:
         yield from _literal(mind, formula, trail)
     elif type(formula) is Open and formula.literal is not None:
@@ -53,6 +55,8 @@ def _literal(mind: Any, formula: Literal, trail: Trail) -> Iterator[None]:
         return
     args = tuple([resolve(a) for a in formula.args])
     for found, annots in predicate.literals((True,) * sig.arity, args, mind, trail):
+        if mind.asked is not None:
+            mind.asked.work()
         mark = len(trail)  # of each answer anew: a rule needs what it has bound to find the next one
         if unify(formula.bare(), Literal(sig, found), trail):
             yield from subsets(formula.annots, annots, trail)
@@ -60,6 +64,9 @@ def _literal(mind: Any, formula: Literal, trail: Trail) -> Iterator[None]:
 
 
 def _internal_action(mind: Any, formula: Literal, trail: Trail) -> Iterator[None]:
+    asked = mind.asked
+    if asked is not None:
+        asked.action(formula.sig.functor, formula.args)  # before it is looked for: that may import a package
     action = mind.compiler.action(formula.sig.functor, formula.sig.arity)
     if action is None:
         return
@@ -67,6 +74,8 @@ def _internal_action(mind: Any, formula: Literal, trail: Trail) -> Iterator[None
     outcome = action.guarded()(mind, trail, *formula.args)
     if action.backtracks:
         for _ in outcome:
+            if asked is not None:
+                asked.work()
             yield
     elif outcome:
         yield
@@ -98,8 +107,15 @@ def computed(mind: Any, term: Any) -> Any:
     term = deref(term)
     if type(term) is Expression:
         return Expression(term.operator, tuple([computed(mind, operand) for operand in term.operands]))
-    if type(term) is not Literal or not mind.compiler.is_function(term.sig.functor, term.sig.arity):
+    if type(term) is not Literal or not _is_function(mind, term.sig.functor, term.sig.arity):
         return term
     function = mind.compiler.function(term.sig.functor, term.sig.arity)
     value = function(mind, *[deref(computed(mind, argument)) for argument in resolve(term).args])
     return term if value is None else value
+
+
+def _is_function(mind: Any, name: str, arity: int) -> bool:
+    if mind.asked is None:
+        return bool(mind.compiler.is_function(name, arity))
+    own = mind.compiler.is_own_function(name, arity)
+    return bool(mind.asked.function(name, own or (name, arity) in mind.compiler.functions(), own))
