@@ -133,6 +133,8 @@ def _set_up(args: argparse.Namespace, paths: SourcePaths) -> Setup:
         name, equals, path = argument.partition("=")
         if not equals:
             name, path = Path(argument).stem, argument
+        if not name:
+            raise Refused(f"{argument}: the agent has no name; NAME=FILE.asl is expected")
         if name in taken:
             raise Refused(f"two agents are called '{name}'; give them names: NAME=FILE.asl")
         taken.add(name)

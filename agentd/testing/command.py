@@ -8,11 +8,11 @@ from argparse import ArgumentParser, Namespace
 from dataclasses import replace
 from pathlib import Path
 
-from agentd.ending import seconds
+from agentd.ending import Terminated, seconds
 from agentd.paths import read_folders
 from agentd.run import DEEPEST_CALLS, add_environment_arguments, add_path_argument, make_environment
 from agentd.testing.cases import TestPaths, find_cases
-from agentd.testing.outcomes import Outcome, Unread
+from agentd.testing.outcomes import Outcome, Unread, Verdict
 from agentd.testing.report import details_of, junit, line_of, summary
 from agentd.testing.runner import Settings, run_case
 from agentd.user_code import UserCodeError
@@ -53,6 +53,7 @@ def run(args: Namespace) -> int:
         return 2
     outcomes: list[Outcome] = []
     unread: list[Unread] = []
+    broken_off: BaseException | None = None
     for case in find_cases(args.places, settings.paths, args.filter):
         if isinstance(case, Unread):
             print(case.message, file=sys.stderr)
@@ -63,20 +64,28 @@ def run(args: Namespace) -> int:
         except UserCodeError as error:
             print(f"agentd test: error: {error}", file=sys.stderr)
             return 2
+        except (KeyboardInterrupt, Terminated) as signalled:  # what is known by now is told and written all the same
+            broken_off = signalled
+            message = "the run was broken off while this test ran"
+            outcome = Outcome(case.name, case.file, case.plan.position.line, Verdict.ERROR, message=message)
         print(line_of(outcome), flush=True)
         if args.verbose and outcome.passed:
             print("".join(f"        {line}\n" for line in outcome.output), end="")
         outcomes.append(outcome)
+        if broken_off is not None:
+            break
     for outcome in outcomes:
         if not outcome.passed:
             print("", *details_of(outcome), sep="\n")
     if args.junit is not None and not _write(args.junit, junit(outcomes, unread)):
         return 2
-    if not outcomes:
+    if not outcomes and not unread:
         wanted = f" whose name fits {args.filter}" if args.filter is not None else ""
         print(f"agentd test: error: there is no test{wanted} in {' '.join(args.places)}", file=sys.stderr)
         return 2
     print("", summary(outcomes, unread, time.monotonic() - begun), sep="\n")
+    if broken_off is not None:
+        raise broken_off
     return 2 if unread else 0 if all(outcome.passed for outcome in outcomes) else 1
 
 

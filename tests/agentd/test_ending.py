@@ -134,3 +134,26 @@ def quit_(mind, trail):
     assert "SystemExit: 7 (" in done.stderr
     assert "in quit_)" in done.stderr
     assert done.returncode == 1
+
+
+def test_tests_that_are_broken_off_leave_their_report(tmp_path: Path) -> None:
+    (tmp_path / "t.asl").write_text(
+        "@a[test] +!a <- !assert_true(true).\n@b[test] +!b <- !loop(0).\n+!loop(N) <- !loop(N+1).\n"
+    )
+    command = [*AGENTD, "test", "t.asl", "--junit", "out.xml"]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith("ok")  # the first is over, the second runs for ever
+        process.send_signal(signal.SIGTERM)
+        out, _ = process.communicate(timeout=60)
+    assert process.returncode == 143
+    assert "ERROR   t.asl:2 b: the run was broken off while this test ran" in out
+    assert 'errors="1"' in (tmp_path / "out.xml").read_text()
+
+
+def test_an_agent_without_a_name_is_refused(folder: Path) -> None:
+    done = subprocess.run(
+        [*AGENTD, "run", "=x.asl"], cwd=folder, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr == "=x.asl: the agent has no name; NAME=FILE.asl is expected\n"
