@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -34,6 +36,12 @@ MOST_SETTLING = 1000
 _PATIENCE = 1.0
 """Real seconds between looks at the clock while an action is settled by another thread of the environment."""
 
+RING_AGAIN = 0.5
+"""Real seconds after which a test that has used up its time is ended again: the user's code may have swallowed it."""
+
+MOST_RINGS = 6
+"""So often a test is ended; code that goes on all the same cannot be ended but with the process."""
+
 MOST_LINES = 1000
 """Lines of a test's output that are kept."""
 
@@ -59,17 +67,36 @@ def run_case(case: Case, settings: Settings) -> Outcome:
     position = case.plan.position
     outcome = Outcome(case.name, position.file, position.line, own_assertions=case.own_assertions)
     begun = time.monotonic()
-    team = _TestTeam(case, settings, outcome)
+    late = f"not done after {settings.real_seconds:g} s of real time"
+    team: _TestTeam | None = None
     try:
         with _alarm(settings.real_seconds):
+            team = _TestTeam(case, settings, outcome)
             team.run_test(settings.own_seconds)
     except _OutOfTime:
-        team.give_up(f"not done after {settings.real_seconds:g} s of real time")
+        if team is None:
+            outcome.verdict, outcome.message = Verdict.TIMED_OUT, f"the environment's init was {late}"
+        else:
+            team.give_up(late)
     finally:
-        team.close()
+        if team is not None:
+            _close(team, settings.real_seconds, outcome)
     outcome.seconds = time.monotonic() - begun
     outcome.excerpt = _line_at(outcome.place)
     return outcome
+
+
+def _close(team: _TestTeam, seconds: float, outcome: Outcome) -> None:
+    """Let the environment end, which has as long as the test had."""
+    try:
+        with _alarm(seconds):
+            team.close()
+    except _OutOfTime:
+        why = f"the environment's stop was not done after {seconds:g} s of real time"
+        if outcome.passed:
+            outcome.verdict, outcome.message = Verdict.TIMED_OUT, why
+        else:
+            outcome.message += f"; and then {why}"
 
 
 class _TestTeam(Team):
@@ -188,24 +215,46 @@ class _TestTeam(Team):
 
 @contextmanager
 def _alarm(seconds: float) -> Iterator[None]:
-    """End what takes more real seconds than this with `_OutOfTime`, also in the middle of a computation."""
+    """End what takes more real seconds than this with `_OutOfTime`, also in the middle of a computation.
+
+    It is ended again while it goes on; when that has not helped either, the process ends, with exit code 2.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread can be interrupted; the bound on the test's own time remains
         return
 
+    rings: int | None = 0
+
     def ring(number: int, frame: FrameType | None) -> None:
+        nonlocal rings
+        if rings is None:
+            return
+        rings += 1
+        if rings > MOST_RINGS:
+            _end_process(frame)
         raise _OutOfTime
 
     before = signal.signal(signal.SIGALRM, ring)
     begun = time.monotonic()
-    others, interval = signal.setitimer(signal.ITIMER_REAL, seconds)
+    others, interval = signal.setitimer(signal.ITIMER_REAL, seconds, RING_AGAIN)
     try:
-        yield
+        try:
+            yield
+        finally:
+            rings = None
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
         if others:  # an alarm of those who run the tests in their own process
             signal.setitimer(signal.ITIMER_REAL, max(0.001, others - (time.monotonic() - begun)), interval)
+
+
+def _end_process(frame: FrameType | None) -> None:
+    place = "" if frame is None else f" ({frame.f_code.co_filename}:{frame.f_lineno})"
+    print(f"agentd test: error: code{place} goes on after its time, whatever ends it; ending", file=sys.stderr)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(2)
 
 
 def _line_at(place: str) -> str:

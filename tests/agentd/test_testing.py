@@ -248,6 +248,61 @@ def test_a_test_that_waits_for_ever_is_told_at_once_and_one_that_takes_too_long_
     assert told.summary.startswith("5 tests: 0 passed, 5 timed out")
 
 
+HANGS = """
+import time
+from agentd import Environment
+
+class Init(Environment):
+    def init(self, arguments):
+        time.sleep(1000)
+
+class Swallows(Environment):
+    def execute(self, agent, action):
+        try:
+            time.sleep(1000)
+        except:
+            time.sleep(1000)
+
+class Stop(Environment):
+    def execute(self, agent, action):
+        return True
+
+    def stop(self):
+        time.sleep(1000)
+
+class Never(Environment):
+    def execute(self, agent, action):
+        while True:
+            try:
+                time.sleep(0.05)
+            except:
+                pass
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "told_so"),
+    [
+        ("Init", "the environment's init was not done after 0.3 s of real time"),
+        ("Swallows", "not done after 0.3 s of real time"),
+        ("Stop", "the environment's stop was not done after 0.3 s of real time"),
+    ],
+)
+def test_the_limit_of_a_test_holds_for_its_environment(run, tmp_path: Path, name: str, told_so: str) -> None:
+    (tmp_path / "hangs.py").write_text(HANGS)
+    told = run("@t[test] +!t <- act; !force_pass.", "--timeout", "0.3", "--env", "hangs.py:" + name)
+    assert (told.code, [line.partition(": ")[2] for line in told.lines]) == (1, [told_so])
+
+
+def test_an_environment_that_nothing_ends_ends_the_command(tmp_path: Path) -> None:
+    (tmp_path / "hangs.py").write_text(HANGS)
+    (tmp_path / "t.asl").write_text("@t[test] +!t <- act; !force_pass.")
+    command = [sys.executable, "-m", "agentd", "test", "t.asl", "--timeout", "0.3", "--env", "hangs.py:Never"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert re.fullmatch(r"agentd test: error: code \(.*hangs\.py:\d+\) goes on after its time, .*\n", done.stderr)
+
+
 def test_other_agents_of_a_test_live_and_end_with_it(run, tmp_path: Path) -> None:
     (tmp_path / "echo.asl").write_text("+!say(X)[source(S)] <- .wait(1000); .print(X); .send(S, tell, said(X)).")
     told = run(
