@@ -11,7 +11,7 @@ from pathlib import Path
 from agentd.ending import Terminated, seconds
 from agentd.paths import read_folders
 from agentd.run import DEEPEST_CALLS, add_environment_arguments, add_path_argument, make_environment
-from agentd.testing.cases import TestPaths, find_cases
+from agentd.testing.cases import Case, TestPaths, find_cases
 from agentd.testing.outcomes import Outcome, Unread, Verdict
 from agentd.testing.report import details_of, junit, line_of, summary
 from agentd.testing.runner import Settings, run_case
@@ -53,27 +53,29 @@ def run(args: Namespace) -> int:
         return 2
     outcomes: list[Outcome] = []
     unread: list[Unread] = []
+    running: Case | None = None
     broken_off: BaseException | None = None
-    for case in find_cases(args.places, settings.paths, args.filter):
-        if isinstance(case, Unread):
-            print(case.message, file=sys.stderr)
-            unread.append(case)
-            continue
-        try:
+    try:
+        for case in find_cases(args.places, settings.paths, args.filter):
+            if isinstance(case, Unread):
+                print(case.message, file=sys.stderr)
+                unread.append(case)
+                continue
+            running = case
             outcome = run_case(case, settings)
-        except UserCodeError as error:
-            print(f"agentd test: error: {error}", file=sys.stderr)
-            return 2
-        except (KeyboardInterrupt, Terminated) as signalled:  # what is known by now is told and written all the same
-            broken_off = signalled
+            running = None
+            _tell(outcome, args.verbose)
+            outcomes.append(outcome)
+    except UserCodeError as error:
+        print(f"agentd test: error: {error}", file=sys.stderr)
+        return 2
+    except (KeyboardInterrupt, Terminated) as signalled:  # what is known by now is told and written all the same
+        broken_off = signalled
+        if running is not None:
             message = "the run was broken off while this test ran"
-            outcome = Outcome(case.name, case.file, case.plan.position.line, Verdict.ERROR, message=message)
-        print(line_of(outcome), flush=True)
-        if args.verbose and outcome.passed:
-            print("".join(f"        {line}\n" for line in outcome.output), end="")
-        outcomes.append(outcome)
-        if broken_off is not None:
-            break
+            line = running.plan.position.line
+            outcomes.append(Outcome(running.name, running.file, line, Verdict.ERROR, message=message))
+            _tell(outcomes[-1], args.verbose)
     for outcome in outcomes:
         if not outcome.passed:
             print("", *details_of(outcome), sep="\n")
@@ -87,6 +89,12 @@ def run(args: Namespace) -> int:
     if broken_off is not None:
         raise broken_off
     return 2 if unread else 0 if all(outcome.passed for outcome in outcomes) else 1
+
+
+def _tell(outcome: Outcome, verbose: bool) -> None:
+    print(line_of(outcome), flush=True)
+    if verbose and outcome.passed:
+        print("".join(f"        {line}\n" for line in outcome.output), end="")
 
 
 def _settings(args: Namespace) -> Settings:
