@@ -25,7 +25,7 @@ MOST_STEPS: Final = 100_000
 """Steps that a question may take: formulas tried, solutions found, list elements and characters handed to actions."""
 MOST_ANSWERS: Final = 10_000
 """Answers that a question solved by formulas or rules gets."""
-_SQUARE: Final = frozenset((".sublist", ".substring"))
+_SQUARE: Final = frozenset((".prefix", ".sublist", ".substring", ".suffix"))
 """Internal actions whose work may grow as the square of what they are given."""
 
 

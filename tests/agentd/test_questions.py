@@ -84,6 +84,7 @@ WITHOUT_END = [
     "(p(Y) & .findall(X, .range(X, 1, 1000000000000), L))",
     "(not (.range(X, 1, 1000000000000) & X < 0) & p(Y))",
     "(not (p(9) | not .count(.range(X, 1, 1000000000000), N)))",
+    "(p(Y) & .findall(X, .range(X, 1, 45000), L) & .suffix(P, L) & P == 0)",
     "(endless(X) & X < 0)",
     "holds((.range(X, 1, 1000000000000) & X < 0))",
     "(.range(A, 1, 1000) & .range(B, 1, 1000) & .range(C, 1, 1000) & A + B + C < 0)",
