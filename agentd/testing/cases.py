@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
@@ -17,9 +16,6 @@ from agentd.language.printer import source_text
 from agentd.language.signatures import DEFAULT
 from agentd.paths import SourcePaths
 from agentd.testing.outcomes import Unread
-
-_MARKED = re.compile(r"@[^\n]*\[[^\]\n]*\btest\b")
-"""What a line with the label of a test plan looks like; only files that have one are read in a folder."""
 
 LIBRARY = Path(__file__).parent / "assertions.asl"
 """The plans that every test program gets."""
@@ -72,10 +68,12 @@ def find_cases(places: Iterable[str], paths: TestPaths, wanted: str | None) -> I
 
 
 def _has_marks(file: Path) -> bool:
+    """Whether a file can have test plans: in a folder, no others are parsed."""
     try:
-        return _MARKED.search(file.read_text(encoding="utf-8", errors="replace")) is not None
+        text = file.read_bytes()
     except OSError:
         return True  # what cannot be read is told when it is read
+    return b"@" in text and b"test" in text
 
 
 def _of_file(file: str, paths: TestPaths, wanted: str | None, several: frozenset[str]) -> Iterator[Case | Unread]:

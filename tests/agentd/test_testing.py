@@ -375,6 +375,14 @@ def test_a_folder_is_searched_for_files_with_test_plans_and_each_plan_is_run_onc
     assert told.code == 0
 
 
+def test_a_folder_is_searched_for_marks_over_several_lines(run, tmp_path: Path) -> None:
+    (tmp_path / "lines.asl").write_text("@one[atomic,\n  test] +!one <- .fail.\n@[x,\ntest]\n+!two <- !force_pass.")
+    (tmp_path / "open.asl").write_text("// test " + "@[" * 100_000 + "\n+!work <- true.")
+    told = run(None, ".")
+    assert [line.split()[:3] for line in told.lines] == [["ERROR", "lines.asl:1", "one:"], ["ok", "lines.asl:3", "two"]]
+    assert (told.code, told.err) == (1, "")
+
+
 def test_a_folder_may_hold_programs_that_only_speak_of_tests(run, tmp_path: Path) -> None:
     (tmp_path / "agent.asl").write_text("// tests are marked so: @name[test]\n+!work <- true.")
     told = run("@t[test] +!t <- !force_pass.", ".")
