@@ -64,8 +64,8 @@ def run(args: Namespace) -> int:
             running = case
             outcome = run_case(case, settings)
             running = None
-            _tell(outcome, args.verbose)
             outcomes.append(outcome)
+            _tell(outcome, args.verbose)
     except UserCodeError as error:
         print(f"agentd test: error: {error}", file=sys.stderr)
         return 2
