@@ -346,6 +346,8 @@ class Team:
             Path(path).write_text(text, encoding="utf-8")
         except OSError as error:
             raise _No("unknown", f"cannot write {path}: {error.strerror or error}") from error
+        except ValueError as error:  # a name that no file can have, or a text that UTF-8 cannot write
+            raise _No("unknown", f"cannot write {path}: {error}") from error
         return EMPTY
 
     def _do_list_files(self, mind: Mind, folder: str, pattern: str) -> Any:
