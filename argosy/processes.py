@@ -73,6 +73,7 @@ class Kind:
 def _simulator(setup: Setup, robot: str) -> list[str]:
     declared = setup.mission.robots[robot]
     assert declared.simulate is not None
+    assert declared.simulate.home is not None
     home = ",".join(map(repr, declared.simulate.home))
     link = str(peer_of(LinkAddress.parse(declared.link)))
     where = ["--link", link, f"--home={home}", "--sysid", str(declared.sysid)]  # `=`: a latitude may be negative

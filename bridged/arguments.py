@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 
 from bridged.drivers.robot import Value
-from schemas.manifest import ActionEntry, Parameter, ParameterType
-from schemas.terms import Atom, Term, to_float
-from schemas.text import write
+from schemas.manifest import ActionEntry, Manifest, Parameter, ParameterType
+from schemas.terms import Atom, Structure, Term, to_float
+from schemas.text import read, write
 
 
 class BadArgument(ValueError):
@@ -27,6 +27,16 @@ def read_arguments(name: str, entry: ActionEntry, parameters: Sequence[Term]) ->
     return {
         parameter.name: _read(name, parameter, term) for parameter, term in zip(entry.params, parameters, strict=True)
     }
+
+
+def read_call(manifest: Manifest, text: str) -> tuple[str, dict[str, Value]]:
+    """Return the action and the arguments that a text such as `cmd_vel(0, 0, 0)` says. Raises ValueError."""
+    term = read(text)
+    name, arguments = (term.functor, term.args) if isinstance(term, Structure) else (write(term), ())
+    entry = manifest.actions.get(name)
+    if entry is None:
+        raise ValueError(f"`{text}`: the manifest has no action `{name}`")
+    return name, read_arguments(name, entry, arguments)
 
 
 def _read(name: str, parameter: Parameter, term: Term) -> Value:

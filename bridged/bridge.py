@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from bridged.board import PerceptBoard, Publish
+from bridged.body import Body
 from bridged.desk import ActionDesk
-from bridged.drivers import make_driver
+from bridged.drivers.robot import Setup
 from bridged.ledger import Ledger
 from bridged.orders import Orders
+from commd.bus import Bus
 from commd.clock import Clock
 from schemas.manifest import Manifest
 from schemas.mission import Mission
@@ -30,20 +33,35 @@ class Bridge:
         publish_status: Callable[[str, ActionStatus], None],
         *,
         boot: str,
+        bus: Bus | None = None,
+        simulated: bool = False,
+        shared: dict[str, Any] | None = None,
     ) -> None:
-        """Raises OSError if the ledger cannot be opened, ValueError for a link that cannot be understood."""
+        """`shared` is what the drivers of one process share.
+
+        Raises OSError if the ledger cannot be opened, ValueError for what a driver cannot use.
+        """
+        self.name = robot
         self._clock = clock
         agents = mission.agents_of(robot)
         speed = clock.speed
         self.board = PerceptBoard(
             manifest, agents, publish_percept, robot=robot, boot=boot, stamp=clock.stamp, speed=speed
         )
-        self.driver = make_driver(
-            manifest,
-            mission.robots[robot],
-            clock,
-            lambda reading: self.board.take(reading, clock.now()),
-            self.step,
+        self.driver = Body(
+            Setup(
+                name=robot,
+                manifest=manifest,
+                robot=mission.robots[robot],
+                folder=mission.path.parent,
+                clock=clock,
+                on_reading=lambda reading: self.board.take(reading, clock.now()),
+                on_step=self.step,
+                bus=bus,
+                state=ledger.parent,
+                simulated=simulated,
+                shared={} if shared is None else shared,
+            )
         )
         self.ledger = Ledger(ledger)
         self.desk = ActionDesk(

@@ -4,15 +4,47 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from dataclasses import dataclass
 from pathlib import Path
 
 from msgspec.structs import replace
 
-from bridged.drivers import check_link, check_manifest
+from bridged.drivers import check_manifest, check_robot
+from bridged.manifests import load_robot_manifest
 from bridged.orders import Step, read_steps
 from schemas.findings import Finding, Findings
-from schemas.manifest import Manifest, load_manifest
+from schemas.manifest import Manifest
 from schemas.mission import Mission
+
+
+@dataclass(frozen=True)
+class Part:
+    """One robot of a bridge: what was read of it."""
+
+    name: str
+    manifest: Manifest
+    steps: tuple[Step, ...]
+    """What is done when its agent is lost."""
+    agents: list[str]
+    where: str
+    """Its link, or the prefix of its keys, for people."""
+
+
+def prepare_all(mission: Mission, names: list[str], link: str | None, speed: float) -> tuple[Mission, list[Part]]:
+    """Prepare several robots of one bridge. Raises Findings with what is wrong with any of them."""
+    parts: list[Part] = []
+    findings: list[Finding] = []
+    for name in dict.fromkeys(names):
+        try:
+            mission, manifest, steps = prepare(mission, name, link, speed)
+        except Findings as found:
+            findings += found.findings
+            continue
+        robot = mission.robots[name]
+        parts.append(Part(name, manifest, steps, mission.agents_of(name), robot.link or f"{robot.prefix}/**"))
+    if findings:
+        raise Findings(findings)
+    return mission, parts
 
 
 def prepare(mission: Mission, name: str, link: str | None, speed: float) -> tuple[Mission, Manifest, tuple[Step, ...]]:
@@ -32,18 +64,15 @@ def prepare(mission: Mission, name: str, link: str | None, speed: float) -> tupl
     except Findings as found:
         findings += found.findings
     try:
-        if not isinstance(robot.manifest, str):
-            raise Findings([mission.positions.finding((*where, "manifest"), "INI manifests are not read yet")])
-        manifest = load_manifest(robot.manifest, mission.path.parent)
+        manifest = load_robot_manifest(robot.manifest, mission.path.parent)
         findings += check_manifest(manifest)
     except Findings as found:
         findings += found.findings
     robot = replace(robot, link=link or robot.link)
-    try:
-        if manifest is not None:
-            check_link(manifest, robot.link)
-    except ValueError as error:
-        findings.append(mission.positions.finding((*where, "link"), str(error)))
+    if manifest is not None:
+        for field, problem in check_robot(manifest, robot):
+            place = (*where, field) if (*where, field) in mission.positions.values else where
+            findings.append(mission.positions.finding(place, problem))
     if findings or manifest is None:
         raise Findings(findings)
     return dataclasses.replace(mission, robots=mission.robots | {name: robot}), manifest, steps

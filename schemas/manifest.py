@@ -19,6 +19,7 @@ from schemas.manifest_entries import (
     Field,
     FieldValue,
     Manifest,
+    Order,
     Parameter,
     ParameterType,
     PerceptEntry,
@@ -35,6 +36,7 @@ __all__ = [
     "Field",
     "FieldValue",
     "Manifest",
+    "Order",
     "Parameter",
     "ParameterType",
     "PerceptEntry",
@@ -98,8 +100,8 @@ class _Reader:
         self.problems: list[Finding] = []
 
     def manifest(self, document: dict[str, Any]) -> Manifest:
-        for key in sorted(set(document) - {"robot", "percepts", "actions"}):
-            self.problem(f"unknown table or key `{key}`, expected `robot`, `percepts` or `actions`", key)
+        for key in sorted(set(document) - {"robot", "percepts", "actions", "orders"}):
+            self.problem(f"unknown table or key `{key}`, expected `robot`, `percepts`, `actions` or `orders`", key)
         robot = None
         if "robot" not in document:
             self.problem("a `[robot]` table with its `driver` is missing")
@@ -179,7 +181,7 @@ class _Reader:
             if low is not None and high is not None and low > high:
                 self.problem(f"actions.{name}.params: `{parameter.name}` has min above max", *where, "params")
         for field, value in entry.fields.items():
-            refers = value.param if isinstance(value, FieldValue) else value
+            refers = value.param if isinstance(value, FieldValue) and value.value is None else value
             if isinstance(refers, str) and refers not in named:
                 known = ", ".join(named) or "none"
                 self.problem(
@@ -187,8 +189,12 @@ class _Reader:
                 )
         if entry.deadline <= 0:
             self.problem(f"actions.{name}.deadline: expected more than 0 s", *where, "deadline")
-        if bool(entry.command) == bool(entry.message):
-            self.problem(f"actions.{name}: expected either `command` or `message`", *where)
+        if len(entry.ways()) != 1:
+            self.problem(
+                f"actions.{name}: expected one of `command`, `message`, `topic`, `service` and `call`, "
+                f"got {' and '.join(f'`{way}`' for way in entry.ways()) or 'none of them'}",
+                *where,
+            )
 
 
 def _plain(said: str) -> str:

@@ -18,8 +18,10 @@ from schemas.toml_lines import line_of
 
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
 Factor = Annotated[float, Meta(ge=-1e15, le=1e15)]
-ParameterType = Literal["float", "int", "boolean", "string"]
+ParameterType = Literal["float", "int", "boolean", "string", "list"]
 Value = bool | int | float | str
+Values = Literal["typed", "text"]
+Order = Literal["hold", "land", "rtl"]
 
 
 class _Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
@@ -35,13 +37,18 @@ class Field(_Entry, frozen=True, kw_only=True):
     offset: Factor = 0.0
     absent: float | None = None
     """The raw value by which the robot says that it does not know (65535, -1): then there is no percept."""
+    each: tuple[str | Field, ...] = ()
+    """The field is a list of structures: of each element these fields, as a list; the paper's `status[](key, value)`.
+    A single one is not wrapped into a list of its own."""
 
 
 class PerceptEntry(_Entry, frozen=True, kw_only=True):
     """How one percept is made from what the robot says."""
 
     source: str
-    """Message of the robot's protocol, such as `GLOBAL_POSITION_INT`."""
+    """Where the driver has it from: a message such as `GLOBAL_POSITION_INT`, a Zenoh key, a function's name."""
+    driver: str = ""
+    """The driver of this percept, if it is not the robot's."""
     args: tuple[str | Field, ...] = ()
     buf: Literal["update", "add"] = "update"
     """`update` replaces the belief, `add` keeps every one (events)."""
@@ -72,6 +79,9 @@ class Parameter(_Entry, frozen=True, kw_only=True):
     unit: str = ""
     min: float | None = None
     max: float | None = None
+    each: tuple[Parameter, ...] = ()
+    """A list of structures: what each element holds, in this order; the paper's `Type[](a, b)`. None of them, and the
+    type `list`: any list."""
 
     @property
     def types(self) -> tuple[ParameterType, ...]:
@@ -88,10 +98,13 @@ class Parameter(_Entry, frozen=True, kw_only=True):
 
 
 class FieldValue(_Entry, frozen=True, kw_only=True):
-    """What goes into a field of a command: an argument of the action, converted."""
+    """What goes into a field of a command: an argument of the action, converted, or a constant."""
 
-    param: str
+    param: str = ""
+    value: Value | None = None
+    """A constant instead of an argument; a text needs this form, a number may stand by itself."""
     scale: Factor = 1.0
+    offset: Factor = 0.0
     table: str = ""
     """The argument is looked up in this table of the driver, such as `modes`."""
 
@@ -106,17 +119,30 @@ class Retry(_Entry, frozen=True, kw_only=True):
 class ActionEntry(_Entry, frozen=True, kw_only=True):
     """How one action is carried out, and how its success is known."""
 
+    driver: str = ""
+    """The driver of this action, if it is not the robot's."""
     params: tuple[Parameter, ...] = ()
     command: str = ""
     """MAVLink command, such as `MAV_CMD_NAV_TAKEOFF`."""
     message: str = ""
     """MAVLink message to send instead of a command, such as `SET_POSITION_TARGET_GLOBAL_INT`."""
+    topic: str = ""
+    """Zenoh key to put to."""
+    service: str = ""
+    """Zenoh key to ask."""
+    call: str = ""
+    """What the driver calls by a name of its own: a procedure such as `mission_upload`, a function of a plug-in."""
     frame: Literal["relative", "amsl"] | None = None
     """What an altitude counts from: home, or mean sea level."""
     fields: dict[str, Value | FieldValue] = {}
     """Fields of the command or message: a parameter's name, a number, or a conversion."""
-    confirm: str
+    confirm: str = ""
     """By which state of the robot success is known; one of those that the driver offers."""
+    feedback: tuple[str, ...] | None = None
+    """Which figures of its progress the agent perceives as `feedback(Action, What, Value)` while it runs; none named =
+    all that the driver tells, an empty list = none of them."""
+    latch: bool = False
+    """Whoever subscribes to the topic later is given the last value too."""
     tolerance: Positive | None = None
     """How near is there, in metres; none = the confirmation's own."""
     deadline: Duration = Duration(60)
@@ -133,6 +159,11 @@ class ActionEntry(_Entry, frozen=True, kw_only=True):
         """Number of arguments."""
         return len(self.params)
 
+    def ways(self) -> dict[str, str]:
+        """By which of the ways that exclude one another it is carried out: there must be one."""
+        names = ("command", "message", "topic", "service", "call")
+        return {name: said for name in names if (said := getattr(self, name))}
+
 
 class RobotEntry(_Entry, frozen=True, kw_only=True):
     """What kind of robot this is."""
@@ -142,6 +173,9 @@ class RobotEntry(_Entry, frozen=True, kw_only=True):
     """Which of the driver's vehicle tables holds, such as `arducopter`."""
     link_loss: Duration = Duration(5)
     """Silence after which the robot counts as not connected; wall seconds at least."""
+    values: Values = "typed"
+    """`text`: percepts and arguments are read and written as the paper's bridge did, by way of their text
+    (docs/manifests.md)."""
 
 
 class Manifest(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -150,12 +184,32 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     robot: RobotEntry
     percepts: dict[str, PerceptEntry] = {}
     actions: dict[str, ActionEntry] = {}
+    orders: dict[Order, str] = {}
+    """For a robot that knows no such modes itself: the action, with its arguments as a term, that carries out an order
+    from above the agents, such as `hold = "cmd_vel(0, 0, 0)"`."""
     file: str = ""
     lines: dict[tuple[str, ...], int] = {}
 
     def finding(self, message: str, *path: str) -> Finding:
         """Return a finding at the line of the table or key at `path`, such as `"actions", "takeoff", "confirm"`."""
         return Finding(self.file, line_of(self.lines, path), 0, message)
+
+    def driver_of(self, entry: PerceptEntry | ActionEntry) -> str:
+        """Return the name of the driver of an entry."""
+        return entry.driver or self.robot.driver
+
+    def drivers(self) -> list[str]:
+        """Return the drivers that the robot needs, its own first."""
+        entries: list[PerceptEntry | ActionEntry] = [*self.percepts.values(), *self.actions.values()]
+        return list(dict.fromkeys([self.robot.driver, *(self.driver_of(entry) for entry in entries)]))
+
+    def part(self, driver: str) -> Manifest:
+        """Return the manifest with the percepts and actions of one driver only."""
+        return msgspec.structs.replace(
+            self,
+            percepts={name: entry for name, entry in self.percepts.items() if self.driver_of(entry) == driver},
+            actions={name: entry for name, entry in self.actions.items() if self.driver_of(entry) == driver},
+        )
 
     def percept_arities(self) -> dict[str, int]:
         """Each percept's name and number of arguments."""

@@ -68,12 +68,34 @@ class Limits(FileModel, frozen=True, kw_only=True):
     """Metres around home."""
 
 
+class Ids(FileModel, frozen=True, kw_only=True):
+    """The MAVLink ids under which the bridge speaks to a vehicle; none = as its failsafe wants it."""
+
+    system: Annotated[int, msgspec.Meta(ge=1, le=255)] | None = None
+    component: Annotated[int, msgspec.Meta(ge=1, le=255)] | None = None
+
+
+class Signing(FileModel, frozen=True, kw_only=True):
+    """MAVLink 2 signing: packets are signed, and unsigned ones are not taken."""
+
+    passphrase_file: str
+    """Path of a file whose first line is the passphrase, relative to the mission file; readable by its owner only."""
+
+
+class Lease(FileModel, frozen=True, kw_only=True):
+    """Who has a robot that several agents share: one at a time."""
+
+    priority: tuple[str, ...] = ()
+    """Agents, the highest first: one of them takes the robot from any that stands later or not at all."""
+
+
 class Simulate(FileModel, frozen=True, kw_only=True):
     """The simulated counterpart of a robot."""
 
-    vehicle: Literal["copter"] = "copter"
-    home: tuple[Latitude, Longitude, float]
-    """Degrees, degrees, metres above mean sea level."""
+    vehicle: str = "copter"
+    """What `bridged simulate` can be: copter, turtle."""
+    home: tuple[Latitude, Longitude, float] | None = None
+    """Degrees, degrees, metres above mean sea level; for vehicles."""
 
 
 class Robot(FileModel, frozen=True, kw_only=True):
@@ -81,11 +103,18 @@ class Robot(FileModel, frozen=True, kw_only=True):
 
     manifest: str | tuple[str, str]
     """The name of a shipped manifest, a path relative to the mission file, or the paper's INI pair."""
-    link: str
-    """`udpin:HOST:PORT`, `udpout:`, `tcp:`, `tcpin:` or `serial:DEVICE:BAUD`."""
+    link: str = ""
+    """For MAVLink: `udpin:HOST:PORT`, `udpout:`, `tcp:`, `tcpin:` or `serial:DEVICE:BAUD`."""
+    prefix: str = ""
+    """For robots on Zenoh: what stands before each key that the manifest names."""
     board: str = THIS_MACHINE
     sysid: Annotated[int, msgspec.Meta(ge=1, le=255)] = 1
     """MAVLink system id of the vehicle."""
+    ids: Ids = Ids()
+    signing: Signing | None = None
+    forward: str | tuple[str, ...] = ()
+    """Links to ground stations that may watch the vehicle and speak to it, such as `udpout:127.0.0.1:14551`."""
+    lease: Lease = Lease()
     failsafe: Failsafe = Failsafe()
     limits: Limits = Limits()
     on_agent_loss: tuple[str, ...] = ("hold 5s", "rtl")
@@ -244,13 +273,12 @@ def _check(mission: Mission) -> list[Finding]:
         check_endpoint(mission.router.endpoint)
     except ValueError as error:
         wrong(("router", "endpoint"), f"router.endpoint: {str(error)[:1].lower()}{str(error)[1:]}")
-    links: dict[str, str] = {}
+    vehicles: dict[tuple[str, int], str] = {}
     for name, robot in mission.robots.items():
-        other = links.setdefault(robot.link, name)
+        other = vehicles.setdefault((robot.link, robot.sysid), name) if robot.link else name
         if other != name:
-            wrong(
-                ("robots", name, "link"), f"`{robot.link}` is the link of robot `{other}` already: one robot per link"
-            )
+            text = f"system {robot.sysid} on `{robot.link}` is robot `{other}` already: give each vehicle its own sysid"
+            wrong(("robots", name, "link"), text)
     for field, endings in (("done", mission.done), ("failed", mission.failed)):
         for index, ending in enumerate(endings):
             path = (field, index) if (field, index) in where.values else (field,)

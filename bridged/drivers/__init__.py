@@ -1,49 +1,88 @@
 """Drivers: how the bridge talks to robots.
 
-A driver is named by the manifest's `robot.driver`. This table is the one place that knows them all.
+A driver is a module with the functions of `bridged.drivers.robot.DriverKind`. Ours stand in the table below; others are
+found by the entry points of `argosy.drivers` (docs/drivers.md). Only those that a manifest names are imported.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from functools import cache
+from importlib import import_module
+from typing import cast
 
-from bridged.drivers.robot import Driver, OnReading
-from commd.clock import Clock
+from bridged.drivers.robot import DriverKind
 from schemas.findings import Finding
 from schemas.manifest import Manifest
 from schemas.mission import Robot
 
-DRIVERS = ("mavlink",)
+OURS = {
+    "mavlink": "bridged.drivers.mavlink.kind",
+    "zenoh": "bridged.drivers.zenoh.kind",
+    "python": "bridged.drivers.python.kind",
+}
+GROUP = "argosy.drivers"
+
+
+class NoDriver(ValueError):
+    """There is no driver of a name, or it cannot be loaded; in words."""
+
+
+@cache
+def find_driver(name: str) -> DriverKind:
+    """Import a driver. Raises NoDriver."""
+    if name in OURS:
+        return cast(DriverKind, import_module(OURS[name]))
+    from importlib.metadata import entry_points  # takes longer than most missions need to be read
+
+    found = entry_points(group=GROUP)
+    for entry in found.select(name=name):
+        origin = "" if entry.dist is None else f" of {entry.dist.name} {entry.dist.version}"
+        try:
+            kind = entry.load()
+        except Exception as error:  # whatever a package does when it is imported
+            raise NoDriver(f"driver `{name}`{origin} cannot be loaded: {type(error).__name__}: {error}") from None
+        lacking = [
+            one for one in ("check_manifest", "check_robot", "make_driver") if not callable(getattr(kind, one, 0))
+        ]
+        if lacking:
+            raise NoDriver(f"driver `{name}`{origin} has no {', '.join(lacking)}")
+        return cast(DriverKind, kind)
+    known = ", ".join([*OURS, *sorted({entry.name for entry in found})])
+    raise NoDriver(f"no driver `{name}`, there is {known}")
 
 
 def check_manifest(manifest: Manifest) -> list[Finding]:
-    """Say what the manifest's driver does not know in it, each at its line; no such driver is one finding."""
-    match manifest.robot.driver:
-        case "mavlink":
-            from bridged.drivers.mavlink.vocabulary import check_manifest as check
-
-            return check(manifest)
-        case unknown:
-            known = ", ".join(DRIVERS)
-            return [manifest.finding(f"robot.driver: no driver `{unknown}`, there is {known}", "robot", "driver")]
+    """Say what the drivers do not know in a manifest, each at its line; no such driver is one finding."""
+    return list(_problems(manifest))
 
 
-def check_link(manifest: Manifest, link: str) -> None:
-    """Raise ValueError, in words, for a link string that the manifest's driver cannot understand."""
-    if manifest.robot.driver == "mavlink":
-        from bridged.drivers.mavlink.address import LinkAddress
+def check_robot(manifest: Manifest, robot: Robot) -> list[tuple[str, str]]:
+    """Say what the drivers miss in what the mission says of a robot: the field and the problem."""
+    problems: list[tuple[str, str]] = []
+    for name in manifest.drivers():
+        try:
+            problems += find_driver(name).check_robot(robot)
+        except NoDriver:
+            continue  # told with the manifest
+    return problems
 
-        LinkAddress.parse(link)
+
+def _problems(manifest: Manifest) -> Iterator[Finding]:
+    for name in manifest.drivers():
+        try:
+            kind = find_driver(name)
+        except NoDriver as error:
+            yield manifest.finding(f"driver: {error}", *_where_named(manifest, name))
+            continue
+        yield from kind.check_manifest(manifest.part(name))
 
 
-def make_driver(
-    manifest: Manifest, robot: Robot, clock: Clock, on_reading: OnReading, on_step: Callable[[], None]
-) -> Driver:
-    """Make the driver of a manifest that `check_manifest` found nothing wrong with.
-
-    `on_reading` is called with what the robot says, `on_step` after the driver has looked at its executions. Raises
-    ValueError for a link string that cannot be understood.
-    """
-    from bridged.drivers.mavlink.driver import MavlinkDriver
-
-    return MavlinkDriver(manifest, robot, clock, on_reading, on_step)
+def _where_named(manifest: Manifest, driver: str) -> tuple[str, ...]:
+    if manifest.robot.driver == driver:
+        return ("robot", "driver")
+    for table, entries in (("percepts", manifest.percepts), ("actions", manifest.actions)):
+        for name, entry in entries.items():
+            if entry.driver == driver:
+                return (table, name, "driver")
+    return ()

@@ -2,18 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from pathlib import Path
+from typing import Any, Literal, Protocol
 
-from schemas.manifest import ActionEntry
+from commd.bus import Bus
+from commd.clock import Clock
+from schemas.findings import Finding
+from schemas.manifest import ActionEntry, Manifest, Order
+from schemas.mission import Robot
 
-Value = bool | int | float | str
-"""An argument of an action, after it was checked against the manifest."""
+Scalar = bool | int | float | str
+Value = Scalar | list[Any]
+"""An argument of an action, after it was checked against the manifest: lists are lists of values."""
 
 FinalState = Literal["succeeded", "failed", "refused", "cancelled", "timed_out"]
-Order = Literal["hold", "land", "rtl"]
-"""What the mission, the operator or a shutdown can order without any agent."""
+
+__all__ = [
+    "Driver",
+    "DriverKind",
+    "Execution",
+    "FinalState",
+    "OnReading",
+    "Order",
+    "Outcome",
+    "Reading",
+    "Scalar",
+    "Setup",
+    "Value",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +63,11 @@ class Execution:
     ended: Callable[[], None] | None = None
     """Called once when the outcome is known."""
 
+    @property
+    def over(self) -> bool:
+        """Whether the outcome is known."""
+        return self.outcome is not None
+
     def end(self, outcome: Outcome) -> None:
         """Set the outcome; the first one stands."""
         if self.outcome is None:
@@ -56,8 +79,51 @@ class Execution:
 OnReading = Callable[[Reading], None]
 
 
+@dataclass(frozen=True)
+class Setup:
+    """What a driver of one robot is given."""
+
+    name: str
+    """Of the robot."""
+    manifest: Manifest
+    """Only the percepts and actions of this driver."""
+    robot: Robot
+    """What the mission says of it."""
+    folder: Path
+    """Of the mission file: paths in `robot` are relative to it."""
+    clock: Clock
+    on_reading: OnReading
+    """To be called with what the robot says."""
+    on_step: Callable[[], None]
+    """To be called after the driver has looked at its executions."""
+    bus: Bus | None = None
+    """The board's bus; none in tests of drivers that do not need it."""
+    state: Path = Path()
+    """Folder for what must outlive this process."""
+    simulated: bool = False
+    """The robot is its simulated twin in this run."""
+    shared: dict[str, Any] = field(default_factory=dict)
+    """What the drivers of one process share, by the name of the driver: several robots on one link."""
+
+
+class DriverKind(Protocol):
+    """What a module offers that is a driver: one of ours, or one named by an entry point of `argosy.drivers`."""
+
+    def check_manifest(self, manifest: Manifest) -> Iterable[Finding]:
+        """Say what is wrong with this driver's percepts and actions, each at its line."""
+
+    def check_robot(self, robot: Robot) -> Iterable[tuple[str, str]]:
+        """Say what is wrong with what the mission says of the robot: the field, such as `link`, and the problem."""
+
+    def make_driver(self, setup: Setup) -> Driver:
+        """Make a driver of a manifest and a robot that nothing is wrong with. Raises OSError, ValueError in words."""
+
+
 class Driver(Protocol):
     """A robot's driver. It does its I/O in `run` and calls back from the event loop; everything else is immediate."""
+
+    orders: frozenset[Order]
+    """Those that it can carry out itself; others are actions of the manifest."""
 
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         """Begin an action whose arguments have been checked."""
@@ -69,7 +135,7 @@ class Driver(Protocol):
         """
 
     def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
-        """Begin an order that stands above every action; whatever runs fails with `reason`.
+        """Begin one of its `orders`, which stand above every action; whatever runs fails with `reason`.
 
         The operator's orders `insist`; the others end when a pilot, a ground station or a failsafe takes over.
         """
@@ -98,6 +164,9 @@ class Driver(Protocol):
 
     async def run(self) -> None:
         """Carry the robot's traffic until cancelled. Raises OSError if its link cannot be opened."""
+
+    def adopt(self, manifest: Manifest) -> None:
+        """Go on by another manifest, of which nothing is wrong; what runs goes on by the old one."""
 
     def counters(self) -> dict[str, float]:
         """Figures for health."""

@@ -43,7 +43,14 @@ class Airfield:
 
     def arguments(self) -> Namespace:
         """What the command line would say."""
-        return Namespace(robot="uav1", router=self.endpoint, speed=self.speed, state=self.state, link=self.link)
+        return Namespace(
+            robots=["uav1"],
+            router=self.endpoint,
+            speed=self.speed,
+            state=self.state,
+            link=self.link,
+            simulated=True,
+        )
 
     def start(self) -> asyncio.Task[int]:
         """Start the bridge daemon."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.body import Body
 from bridged.bridge import Bridge
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
@@ -109,8 +110,9 @@ class Sky:
             lambda agent, status: self.statuses.append(status),
             boot=f"b{id(self):x}",
         )
-        assert isinstance(self.bridge.driver, MavlinkDriver)
-        self.driver = self.bridge.driver
+        assert isinstance(self.bridge.driver, Body)
+        assert isinstance(self.bridge.driver.own, MavlinkDriver)
+        self.driver = self.bridge.driver.own
         self.ours = Encoder(self.driver.identity.system, self.driver.identity.component)
         self._theirs = Encoder(self.vehicle.system, 1)
         self._at_vehicle, self._at_bridge = Framer(WireCounters()), Framer(WireCounters())

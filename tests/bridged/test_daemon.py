@@ -277,7 +277,7 @@ def test_the_robot_of_an_agent_that_dies_after_its_bridge_restarted_returns_all_
         lives.append(Presence(agents))
         return lives[-1]
 
-    monkeypatch.setattr("bridged.daemon.Presence", watching)
+    monkeypatch.setattr("bridged.watch.Presence", watching)
 
     async def body(field: Airfield) -> None:
         async with field.router(), field.client("watcher") as watcher:

@@ -150,6 +150,12 @@ class Conversation:
         self._step()
         return task
 
+    def adopt(self, manifest: Manifest) -> None:
+        """Go on by another manifest: other sources, other rates."""
+        self._sources = {percept.source for percept in manifest.percepts.values()}
+        self._link_loss = self.flight.wait(manifest.robot.link_loss, manifest.robot.link_loss)
+        self.streams.adopt(manifest, self.flight.now)
+
     def order(self, order: Order, reason: str, *, insist: bool) -> Task:
         """Start an order from above the agents; whatever runs fails with `reason`.
 

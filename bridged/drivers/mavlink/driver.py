@@ -43,6 +43,8 @@ class Carrier(Protocol):
 class MavlinkDriver:
     """A `bridged.drivers.robot.Driver`."""
 
+    orders: frozenset[Order] = frozenset(("hold", "land", "rtl"))
+
     def __init__(
         self, manifest: Manifest, robot: Robot, clock: Clock, on_reading: OnReading, on_step: Callable[[], None]
     ) -> None:
@@ -171,6 +173,10 @@ class MavlinkDriver:
         """The mode of an armed vehicle in which others have set it; empty if nobody has."""
         talk = self._conversation
         return talk.vehicle.mode_name if talk.overridden and talk.vehicle.armed else ""
+
+    def adopt(self, manifest: Manifest) -> None:
+        """Go on by another manifest: other streams are asked for."""
+        self._conversation.adopt(manifest)
 
     def speak_for_agent(self, present: bool) -> None:
         """Without an agent, heartbeats that claim to be the ground station stop."""

@@ -73,6 +73,19 @@ class Streams:
         """Whether the full rates are asked for."""
         self._starved: list[str] = []
 
+    def adopt(self, manifest: Manifest, now: float) -> None:
+        """Want what another manifest needs, and ask for what has changed."""
+        old = self._streams
+        self._streams = {}
+        for stream in _wanted(manifest):
+            known = old.get(stream.name, stream)
+            known.rate = stream.rate
+            self._streams[stream.name] = known
+            if self._judge_at < math.inf and known.asked != self._rate(known):
+                self._ask(known, now)
+        if self._judge_at < math.inf:
+            self._open_window(now)
+
     def count(self, name: str) -> None:
         """A message of this name came."""
         if stream := self._streams.get(name):

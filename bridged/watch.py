@@ -1,0 +1,52 @@
+"""Watching the tokens of a robot's agents: when the agent that acted last is gone, its mission says what is done."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+
+from bridged.bridge import Bridge
+from bridged.orders import Step
+from bridged.presence import Presence
+from commd.bus import Bus
+from commd.clock import Clock
+from schemas import keys
+
+WATCH_EVERY = 0.5
+"""Wall seconds between two looks at who is there, while not everybody is."""
+log = logging.getLogger("bridged")
+
+
+async def watch_agents(bus: Bus, agents: list[str], bridge: Bridge, steps: tuple[Step, ...], clock: Clock) -> None:
+    """When the agent that acted last is gone, do what the mission declares; when it is back, leave it to the agent."""
+    presence, changed = Presence(agents), asyncio.Event()
+
+    def token(key: str, alive: bool) -> None:
+        if parsed := keys.parse(key):
+            presence.token(parsed[1], parsed[2][-1], alive, clock.wall())
+            changed.set()
+
+    def router(up: bool) -> None:
+        presence.router(up, clock.wall())
+        changed.set()
+
+    bus.on_router(router)
+    for agent in agents:
+        bus.watch(keys.alive(bus.fleet, agent, "agentd", "*"), token)
+    lost: set[str] = set()
+    while True:
+        now_lost = presence.lost(clock.wall())
+        for agent, why in now_lost.items():
+            if agent not in lost and agent == bridge.desk.holder:
+                bridge.orders.agent_lost(agent, why, steps)
+        for agent in lost - set(now_lost):
+            log.info("agent %s is back", agent)
+            bridge.orders.call_off()
+        lost = set(now_lost)
+        somebody = bool(presence.known() - lost) or not bridge.driver.active
+        bridge.driver.speak_for_agent(bridge.desk.holder not in lost and somebody)
+        changed.clear()
+        if presence.complete:
+            await changed.wait()
+        else:
+            await asyncio.sleep(WATCH_EVERY)
