@@ -73,7 +73,8 @@ def _problems(manifest: Manifest) -> Iterator[Finding]:
         try:
             kind = find_driver(name)
         except NoDriver as error:
-            yield manifest.finding(f"driver: {error}", *_where_named(manifest, name))
+            where = _where_named(manifest, name)
+            yield manifest.finding(f"{'.'.join(where)}: {error}", *where)
             continue
         yield from kind.check_manifest(manifest.part(name))
 

@@ -483,7 +483,7 @@ def test_sigterm_in_flight_leaves_the_vehicle_returning_and_says_so(endpoint: st
                 await field.take_off(bus)
                 daemon.signal(signal.SIGTERM)
                 assert await asyncio.to_thread(daemon.ends) == 0
-                assert "speed 10: for a simulated vehicle only" in daemon.text
+                assert "speed 10: for simulated vehicles only" in daemon.text
                 assert "leaving uav1: rtl: the vehicle is in RTL" in daemon.text
                 assert field.vehicle.copter.mode.name == "RTL"
             finally:

@@ -102,11 +102,13 @@ def test_all_mistakes_are_told_in_one_run() -> None:
     assert [line.split(": ", 1)[0] for line in findings(text)] == ["m.yaml:5:5", "m.yaml:12:10", "m.yaml:13:8"]
 
 
-def test_two_robots_on_one_link_are_refused() -> None:
+def test_robots_share_a_link_if_they_are_different_systems() -> None:
     robot = "  uav2:\n    manifest: arducopter\n    link: udpin:127.0.0.1:14550\n"
     assert findings(GOOD.replace("done:", robot + "done:")) == [
-        "m.yaml:13:11: error: `udpin:127.0.0.1:14550` is the link of robot `uav1` already: one robot per link"
+        "m.yaml:13:11: error: system 1 on `udpin:127.0.0.1:14550` is robot `uav1` already: "
+        "give each vehicle its own sysid"
     ]
+    assert findings(GOOD.replace("done:", robot + "    sysid: 2\ndone:")) == []
 
 
 @pytest.mark.parametrize("text", ["", "[]", "7", "- a", "mission: x", "agents: {}\nmission: x", "\x00", "&a [*a]"])
