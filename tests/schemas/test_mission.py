@@ -108,7 +108,8 @@ def test_robots_share_a_link_if_they_are_different_systems() -> None:
         "m.yaml:13:11: error: system 1 on `udpin:127.0.0.1:14550` is robot `uav1` already: "
         "give each vehicle its own sysid"
     ]
-    assert findings(GOOD.replace("done:", robot + "    sysid: 2\ndone:")) == []
+    shared = read_mission(GOOD.replace("done:", robot + "    sysid: 2\ndone:"), Path("m.yaml"))
+    assert [shared.robots[name].sysid for name in ("uav1", "uav2")] == [1, 2]
 
 
 @pytest.mark.parametrize("text", ["", "[]", "7", "- a", "mission: x", "agents: {}\nmission: x", "\x00", "&a [*a]"])
