@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
 
-.PHONY: fly test soak bench-reasoner lint types contracts format check-python byte-code clean
+.PHONY: fly test soak bench-reasoner bench-bridge lint types contracts format check-python byte-code clean
 
 fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
@@ -20,6 +20,9 @@ soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/soak.md
 
 bench-reasoner: $(VENV)/bench.stamp  ## the reasoner beside python-agentspeak, about 12 minutes; writes docs/reasoner.md
 	$(BIN)/python -m benchmarks.reasoner --out docs/reasoner.md $(ARGS)
+
+bench-bridge: $(VENV)/test.stamp  ## what a bridge of three vehicles costs, 90 s; writes docs/bridge.md
+	$(BIN)/python -m benchmarks.bridge --out docs/bridge.md $(ARGS)
 
 format: $(VENV)/lint.stamp  ## is every file formatted?
 	$(BIN)/ruff format --check .

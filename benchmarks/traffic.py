@@ -1,0 +1,141 @@
+"""Vehicles that only talk: the traffic of copters in flight, at a steady rate, each position with its own altitude."""
+
+from __future__ import annotations
+
+import select
+import socket
+import time
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+HOME: Final = (-276040330, -485183630, 21_000)
+"""degE7, degE7, mm above mean sea level."""
+POSITIONS: Final = 10
+"""Hz of GLOBAL_POSITION_INT, in which the altitude that is told apart travels."""
+_ARMED_GUIDED: Final = dialect.MAV_MODE_FLAG_SAFETY_ARMED | dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+_GUIDED: Final = 4
+_HEALTHY: Final = dialect.MAV_SYS_STATUS_PREARM_CHECK
+_POSITION_KNOWN: Final = 831
+"""EKF_STATUS_REPORT.flags of a copter that is ready, as recorded."""
+
+
+@dataclass
+class Talker:
+    """One vehicle's socket, its protocol and when it said what."""
+
+    system: int
+    remote: tuple[str, int]
+    armed: bool = True
+    sent: dict[int, float] = field(default_factory=dict)
+    """`time.monotonic` at which each altitude (whole metres) was handed to the socket."""
+    messages: int = 0
+
+    def __post_init__(self) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._protocol = dialect.MAVLink(None, srcSystem=self.system, srcComponent=1)
+        self._altitude = 0
+
+    def close(self) -> None:
+        """Free the socket."""
+        self._socket.close()
+
+    def fileno(self) -> int:
+        """For `select`."""
+        return self._socket.fileno()
+
+    def send(self, message: dialect.MAVLink_message) -> float:
+        """Send one message. Returns the moment just before."""
+        packet = message.pack(self._protocol)
+        self._protocol.seq = (self._protocol.seq + 1) % 256
+        now = time.monotonic()
+        self._socket.sendto(packet, self.remote)
+        self.messages += 1
+        return now
+
+    def tell(self, kind: str) -> None:
+        """Send a message of a kind, with the values of a copter that hovers."""
+        if kind == "GLOBAL_POSITION_INT":
+            self._altitude += 1
+            height = self._altitude * 1000
+            lat, lon, home = HOME
+            position = (0, lat, lon, home + height, height, 0, 0, 0, 0)
+            self.sent[self._altitude] = self.send(dialect.MAVLink_global_position_int_message(*position))
+        else:
+            self.send(self._made(kind))
+
+    def answer(self) -> None:
+        """Acknowledge the commands that came in, as a vehicle does that takes all of them."""
+        while True:
+            try:
+                data = self._socket.recv(4096)
+            except BlockingIOError:
+                return
+            for message in self._protocol.parse_buffer(bytearray(data)) or ():
+                if message.get_type() == "COMMAND_LONG" and message.target_system == self.system:
+                    sender = (message.get_srcSystem(), message.get_srcComponent())
+                    self.send(dialect.MAVLink_command_ack_message(message.command, 0, 0, 0, *sender))
+                    if message.param1 == dialect.MAVLINK_MSG_ID_HOME_POSITION:
+                        self.send(self._made("HOME_POSITION"))
+
+    def _made(self, kind: str) -> dialect.MAVLink_message:
+        make: dict[str, Any] = {
+            "HEARTBEAT": lambda: dialect.MAVLink_heartbeat_message(
+                2, 3, _ARMED_GUIDED if self.armed else dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, _GUIDED, 4, 3
+            ),
+            "ATTITUDE": lambda: dialect.MAVLink_attitude_message(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+            "SYS_STATUS": lambda: dialect.MAVLink_sys_status_message(
+                _HEALTHY, _HEALTHY, _HEALTHY, 0, 12600, 2800, 90, 0, 0, 0, 0, 0, 0
+            ),
+            "GPS_RAW_INT": lambda: dialect.MAVLink_gps_raw_int_message(0, 6, *HOME, 100, 100, 0, 0, 10),
+            "EKF_STATUS_REPORT": lambda: dialect.MAVLink_ekf_status_report_message(
+                _POSITION_KNOWN, 0.0, 0.0, 0.0, 0.0, 0.0
+            ),
+            "EXTENDED_SYS_STATE": lambda: dialect.MAVLink_extended_sys_state_message(0, 2 if self.armed else 1),
+            "POSITION_TARGET_GLOBAL_INT": lambda: dialect.MAVLink_position_target_global_int_message(
+                0, 0, 3576, HOME[0], HOME[1], 40.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            ),
+            "BATTERY_STATUS": lambda: dialect.MAVLink_battery_status_message(
+                0, 0, 0, 32767, [12600] + [65535] * 9, 2800, 100, -1, 90
+            ),
+            "HOME_POSITION": lambda: dialect.MAVLink_home_position_message(
+                *HOME, 0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0
+            ),
+        }
+        return make[kind]()
+
+
+RATES: Final = {
+    "HEARTBEAT": 1,
+    "GLOBAL_POSITION_INT": POSITIONS,
+    "ATTITUDE": 4,
+    "GPS_RAW_INT": 2,
+    "EKF_STATUS_REPORT": 2,
+    "EXTENDED_SYS_STATE": 2,
+    "POSITION_TARGET_GLOBAL_INT": 2,
+    "SYS_STATUS": 1,
+    "BATTERY_STATUS": 1,
+}
+"""Messages of each kind in a second: 25."""
+
+
+def talk(talkers: list[Talker], seconds: float) -> None:
+    """Let all of them talk at `RATES` for so long, spread evenly over time, and answer what they are told."""
+    begun = time.monotonic()
+    agenda = deque(
+        sorted(
+            ((index + 0.5 * number / len(talkers)) / rate + 0.013 * order, number, kind)
+            for number in range(len(talkers))
+            for order, (kind, rate) in enumerate(RATES.items())
+            for index in range(round(seconds * rate))
+        )
+    )
+    while agenda:
+        while (wait := begun + agenda[0][0] - time.monotonic()) > 0:
+            for talker in select.select(talkers, [], [], wait)[0]:
+                talker.answer()
+        _, number, kind = agenda.popleft()
+        talkers[number].tell(kind)
