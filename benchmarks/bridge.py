@@ -2,7 +2,7 @@
 
 A router, the bridge and the agents run as the processes that they are on a board; the vehicles are talkers in this one.
 The latency goes from the moment before a datagram is sent to the line that a plan prints for the event, so it holds the
-bridge, the bus, the mind's cycle and the way of the line back to here. `python -m benchmarks.bridge --out docs/bridge.md`
+bridge, the bus, the mind's cycle and the way of the line back to here.
 """
 
 from __future__ import annotations
@@ -202,10 +202,12 @@ def report(figures: Figures) -> str:
         f"| {what} | {value} | {goal} | {'' if met is None else 'met' if met else 'missed'} |"
         for what, value, goal, met in rows
     )
+    python = platform.python_version()
+    mean = f"{statistics.mean(figures.latencies):.2f} ms"
     return f"""# What a bridge costs
 
 Written by `make bench-bridge`: {VEHICLES} vehicles on one UDP link in one bridge, {sum(RATES.values())} messages a
-second each ({figures.messages:.0f} msg/s in all, measured), for {figures.seconds:.0f} s. Python {platform.python_version()},
+second each ({figures.messages:.0f} msg/s in all, measured), for {figures.seconds:.0f} s. Python {python},
 {os.cpu_count()} cores of {platform.machine()}; router, bridge, agents and the vehicles' traffic share them.
 
 | figure | measured | goal | |
@@ -213,10 +215,10 @@ second each ({figures.messages:.0f} msg/s in all, measured), for {figures.second
 {table}
 
 * The bare process has a Zenoh session, msgspec and asyncio, and does nothing; it ran beside the bridge.
-* The latency goes from the moment before a datagram is sent to the line that a plan prints for its `+altitude(A)`, read
-  by the sender: it holds the bridge, the router, the agent's cycle and the pipe. {len(figures.latencies)} positions were
+* The latency goes from the moment before a datagram is sent to the line that a plan prints for its `+altitude(A)`,
+  read by the sender: it holds the bridge, the router, the agent's cycle and the pipe. {len(figures.latencies)} positions were
   measured, {figures.lost} made no event; the slowest took {figures.latencies[-1]:.1f} ms, the mean
-  {statistics.mean(figures.latencies):.2f} ms.
+  {mean}.
 """
 
 
