@@ -202,6 +202,7 @@ def report(figures: Figures) -> str:
         f"| {what} | {value} | {goal} | {'' if met is None else 'met' if met else 'missed'} |"
         for what, value, goal, met in rows
     )
+    measured = len(figures.latencies)
     python = platform.python_version()
     mean = f"{statistics.mean(figures.latencies):.2f} ms"
     return f"""# What a bridge costs
@@ -216,9 +217,8 @@ second each ({figures.messages:.0f} msg/s in all, measured), for {figures.second
 
 * The bare process has a Zenoh session, msgspec and asyncio, and does nothing; it ran beside the bridge.
 * The latency goes from the moment before a datagram is sent to the line that a plan prints for its `+altitude(A)`,
-  read by the sender: it holds the bridge, the router, the agent's cycle and the pipe. {len(figures.latencies)} positions were
-  measured, {figures.lost} made no event; the slowest took {figures.latencies[-1]:.1f} ms, the mean
-  {mean}.
+  read by the sender: it holds the bridge, the router, the agent's cycle and the pipe. {measured} positions were
+  measured, {figures.lost} made no event; the slowest took {figures.latencies[-1]:.1f} ms, the mean {mean}.
 """
 
 
