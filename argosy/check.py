@@ -18,13 +18,15 @@ from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file, parse_literal
 from agentd.language.syntax import Formula, Program, Structure
 from agentd.paths import SourcePaths
+from argosy.links import check_links
 from argosy.mentions import beliefs_of, mentioned
 from argosy.outline import Outline, outline
-from argosy.processes import check_links, only_real
+from argosy.simulators import check_simulations, only_real
+from bridged.manifests import load_robot_manifest
 from bridged.preparation import prepare
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.findings import Finding, Findings
-from schemas.manifest import Manifest, load_manifest
+from schemas.manifest import Manifest
 from schemas.mission import Ending, Mission, load_mission
 from schemas.positions import Steps, did_you_mean
 
@@ -63,8 +65,10 @@ def run(args: Namespace) -> int:
 
 
 def _only_real(mission: Mission) -> list[Finding]:
-    text = "a serial line cannot be simulated: this robot can only be flown with --real {}"
-    findings = [mission.positions.finding(("robots", name, "link"), text.format(name)) for name in only_real(mission)]
+    findings = [
+        mission.positions.finding(("robots", name, "link"), f"{why}: this robot can only be flown with --real {name}")
+        for name, why in only_real(mission).items()
+    ]
     return [replace(finding, severity="warning") for finding in findings]
 
 
@@ -96,6 +100,8 @@ def check_mission(path: str | Path) -> tuple[Mission | None, list[Finding]]:
             text = "no `done`: the run will end only by ctrl-C or its timeout, and fail"
             findings.append(Finding(str(mission.path), 0, 0, text, "warning"))
     manifests = {robot: _manifest(named, robot, mission, findings) for robot in named.robots}
+    if mission is not None:
+        findings += check_simulations(mission, manifests)
     programs = {agent: _program(named, agent, mission, findings) for agent in named.agents}
     for agent, program in programs.items():
         robot = named.agents[agent].robot
@@ -117,13 +123,15 @@ def _manifest(named: Outline, robot: str, mission: Mission | None, findings: lis
     try:
         if mission is not None:
             return prepare(mission, robot, None, 1.0)[1]
-        return load_manifest(name, named.folder) if isinstance(name, str) else None
+        return load_robot_manifest(name, named.folder)
     except Findings as found:
         for finding in found.findings:
-            missing = finding.line == 0 and finding.file == name
-            findings.append(named.positions.finding(where, f"`{name}`: {finding.message}") if missing else finding)
+            missing = finding.line == 0 and finding.file in (name if isinstance(name, tuple) else (name,))
+            findings.append(
+                named.positions.finding(where, f"`{finding.file}`: {finding.message}") if missing else finding
+            )
     try:  # what else is wrong with the robot does not hide its manifest from the program
-        return load_manifest(name, named.folder) if isinstance(name, str) else None
+        return load_robot_manifest(name, named.folder)
     except Findings:
         return None
 

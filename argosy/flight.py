@@ -207,7 +207,7 @@ class Flight:
         """Stop everything in order: a bridge may need its simulator, and both are watched through commd."""
         self.status.phase, self.status.waiting_for = "ending", ""
         thinkers, bridges = self._supervisor.of_kind("agentd"), self._supervisor.of_kind("bridged")
-        widows = [bridge for bridge in bridges if self._simulator_is_dead(bridge.process.subject)]
+        widows = [bridge for bridge in bridges if all(map(self._simulator_is_dead, bridge.process.subject.split()))]
         others = [bridge for bridge in bridges if bridge not in widows]
         patience = LEAVE_REAL if self.status.setup.real else LEAVE_SIMULATED
         for robot in self._picture.robots.values():
@@ -215,7 +215,8 @@ class Flight:
                 self.status.frozen.add(robot.name)
                 self._journal.add(robot.name, f"what is known of it is {old:.0f} s old", "warning")
         for bridge in bridges:
-            self._tell_what_is_armed(bridge)
+            for name in bridge.process.subject.split():
+                self._tell_what_is_armed(name, bridge)
         if not self._picture.flying():
             await self._stop(thinkers, LEAVE)
         # A vehicle in flight does not wait for the agents: nobody else commands it while its bridge brings it home.
@@ -229,8 +230,7 @@ class Flight:
         simulators = self._supervisor.of_kind("simulator")
         return any(not child.alive for child in simulators if child.process.subject == robot)
 
-    def _tell_what_is_armed(self, bridge: Child) -> None:
-        robot = bridge.process.subject
+    def _tell_what_is_armed(self, robot: str, bridge: Child) -> None:
         seen = self._picture.robots[robot]
         if not seen.armed:
             return
@@ -247,7 +247,7 @@ class Flight:
         for late in await self._supervisor.leave(children, patience, self._hurry):
             self._journal.add(late.name, f"did not leave within {patience:g} s and was killed", "warning")
             if late.process.kind.name == "bridged":
-                self.status.killed.add(late.process.subject)
+                self.status.killed.update(late.process.subject.split())
 
     async def _draw(self, refresh: Callable[[], None]) -> None:
         while True:
@@ -280,27 +280,29 @@ class Flight:
         said = read_line(line)
         told = of_a_bridge(said) if child.process.kind.name == "bridged" else None
         if told is not None:
-            self._bridge_told(child.process.subject, told)
+            self._bridge_told(told)
         elif said.level == "detail" and self.finished is not None:
             self._journal.add(child.name, said.text, "output")
         else:
             self._journal.add(child.name, said.text, said.level)
 
-    def _bridge_told(self, robot: str, told: Left | Ordered | Released) -> None:
-        """Pass on what a bridge did with its vehicle above the agents: nothing else tells when no action ran."""
+    def _bridge_told(self, told: Left | Ordered | Released) -> None:
+        """Pass on what a bridge did with a vehicle above the agents: nothing else tells when no action ran."""
+        if told.robot not in self._picture.robots:
+            return
         match told:
-            case Left(how):
+            case Left(robot, how):
                 self.status.left[robot] = told
                 level: Level = "good" if told.confirmed else "info" if how == "not armed" else "error"
                 level = "warning" if told.to_pilot else level
                 self._journal.add(robot, f"its bridge left it: {how}", level)
-            case Ordered(order, True, reason):
+            case Ordered(robot, order, True, reason):
                 self._picture.ordered(robot, order)
                 self._journal.add(robot, f"{order} confirmed: {reason or 'the vehicle does it'}", "good")
-            case Ordered(order, _, reason):
+            case Ordered(robot, order, _, reason):
                 self._picture.ordered(robot, order)
                 self._journal.add(robot, f"{order} NOT confirmed: {reason}", "error")
-            case Released():
+            case Released(robot):
                 self._picture.released(robot)
 
     def _ended(self, child: Child) -> None:

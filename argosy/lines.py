@@ -11,8 +11,8 @@ _LOGGED = re.compile(r"(DEBUG|INFO|WARNING|ERROR|CRITICAL) \S+ \S+ (.*)")
 """The format of `commd.process`: level, daemon, logger, message."""
 _LEVELS: dict[str, Level] = {"WARNING": "warning", "ERROR": "error", "CRITICAL": "error"}
 _LEFT = re.compile(r"leaving (\S+): (.*)")
-_ORDERED = re.compile(r"(hold|land|rtl) \(operator: \1\): (\w+) ?(.*)")
-_RELEASED = "released: actions are taken again"
+_ORDERED = re.compile(r"(\S+): (hold|land|rtl) \(operator: \2\): (\w+) ?(.*)")
+_RELEASED = re.compile(r"(\S+): released: actions are taken again")
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,9 @@ class Line:
 
 @dataclass(frozen=True)
 class Left:
-    """A bridge left its vehicle; `how` is `not armed`, `rtl: ...` when confirmed, or why no order was."""
+    """A bridge left a vehicle; `how` is `not armed`, `rtl: ...` when confirmed, or why no order was."""
 
+    robot: str
     how: str
 
     @property
@@ -46,13 +47,17 @@ class Left:
 class Ordered:
     """An operator's order has an outcome."""
 
+    robot: str
     order: str
     confirmed: bool
     reason: str
 
 
+@dataclass(frozen=True)
 class Released:
-    """The operator lets the agents act again."""
+    """The operator lets the agents of a robot act again."""
+
+    robot: str
 
 
 def read_line(text: str) -> Line:
@@ -63,9 +68,11 @@ def read_line(text: str) -> Line:
 
 
 def of_a_bridge(line: Line) -> Left | Ordered | Released | None:
-    """Return what a bridge's line says of its vehicle, if it does."""
+    """Return what a bridge's line says of one of its vehicles, if it does."""
     if left := _LEFT.fullmatch(line.text):
-        return Left(left[2])
+        return Left(left[1], left[2])
     if ordered := _ORDERED.fullmatch(line.text):
-        return Ordered(ordered[1], ordered[2] == "succeeded", ordered[3])
-    return Released() if line.text == _RELEASED else None
+        return Ordered(ordered[1], ordered[2], ordered[3] == "succeeded", ordered[4])
+    if released := _RELEASED.fullmatch(line.text):
+        return Released(released[1])
+    return None

@@ -28,8 +28,8 @@ class Outline:
     """What a mission file names."""
 
     agents: dict[str, AgentOutline]
-    robots: dict[str, str | tuple[str, ...]]
-    """Each robot's manifest."""
+    robots: dict[str, str | tuple[str, str]]
+    """Each robot's manifest: a name, or the pair of INI files."""
     positions: Positions
     folder: Path
     """What paths in the mission are relative to."""
@@ -52,13 +52,13 @@ def outline(path: Path) -> Outline | None:
         for name, values in _mapping(raw.get("agents")).items()
         if isinstance(values, dict) and isinstance(values.get("program"), str)
     }
-    robots: dict[str, str | tuple[str, ...]] = {}
+    robots: dict[str, str | tuple[str, str]] = {}
     for name, values in _mapping(raw.get("robots")).items():
         manifest = values.get("manifest") if isinstance(values, dict) else None
         if isinstance(manifest, str):
             robots[name] = manifest
-        elif isinstance(manifest, list):
-            robots[name] = _texts(manifest)
+        elif len(pair := _texts(manifest)) == 2:
+            robots[name] = (pair[0], pair[1])
     return Outline(agents, robots, positions, path.parent)
 
 

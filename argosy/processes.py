@@ -11,16 +11,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from bridged.drivers.mavlink.address import LinkAddress, LinkAddressError
-from schemas.findings import Finding
+from argosy import simulators
+from argosy.links import sharers, together
 from schemas.mission import THIS_MACHINE, Mission
 
 ALL = "all"
 """`--real all`: no robot is simulated."""
-_PEERS = {"udpin": "udpout", "udpout": "udpin", "tcpin": "tcp", "tcp": "tcpin"}
-_ANYWHERE = "0.0.0.0"  # noqa: S104  to compare with, not to bind
-_LOOPBACK = {"localhost": "127.0.0.1", "::1": "127.0.0.1", "::": _ANYWHERE}
-_ANY_ADDRESS = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  we call there, we do not bind
 
 
 @dataclass(frozen=True)
@@ -43,9 +39,15 @@ class Setup:
         """The mission file, whatever the working directory of a daemon is."""
         return str(self.mission.path.resolve())
 
-    def simulated(self) -> list[str]:
-        """Return the robots whose simulator is started."""
-        return [name for name in self.mission.robots if name not in self.real]
+    def simulators(self) -> list[str]:
+        """Return the robots whose simulator is started; the driver of another simulated one is its own twin."""
+        robots = self.mission.robots.items()
+        return [name for name, robot in robots if name not in self.real and simulators.vehicle_of(robot)]
+
+    def mixed(self) -> tuple[str, str] | None:
+        """Return a real robot and a simulated one that share a link, if there are such."""
+        pairs = ((name, other) for name in sorted(self.real) for other in sharers(self.mission, name))
+        return next(((name, other) for name, other in pairs if other not in self.real), None)
 
     def agents_by_board(self) -> dict[str, list[str]]:
         """Return the agents of each board: those of one board share a daemon."""
@@ -61,7 +63,8 @@ class Kind:
 
     name: str
     subjects: Callable[[Setup], list[str]]
-    """For whom one is started: a board, a robot, or the agents of a board (separated by spaces)."""
+    """For whom one is started: a board, a simulated robot, the robots of a bridge or the agents of a board (separated
+    by spaces)."""
     command: Callable[[Setup, str], list[str]]
     """The module to run and its arguments."""
     orphaned: Callable[[Setup, str], signal.Signals] = lambda setup, subject: signal.SIGKILL
@@ -71,13 +74,18 @@ class Kind:
 
 
 def _simulator(setup: Setup, robot: str) -> list[str]:
-    declared = setup.mission.robots[robot]
-    assert declared.simulate is not None
-    assert declared.simulate.home is not None
-    home = ",".join(map(repr, declared.simulate.home))
-    link = str(peer_of(LinkAddress.parse(declared.link)))
-    where = ["--link", link, f"--home={home}", "--sysid", str(declared.sysid)]  # `=`: a latitude may be negative
-    return ["bridged", "simulate", declared.simulate.vehicle, *where, *_speed(setup)]
+    return [*simulators.command(robot, setup.mission.robots[robot], setup.router), *_speed(setup)]
+
+
+def _bridge(setup: Setup, robots: str) -> list[str]:
+    served = robots.split()
+    twins = [] if setup.real.intersection(served) else ["--simulated"]
+    where = ["--router", setup.router, *_speed(setup), "--state", str(setup.state)]
+    return ["bridged", "serve", setup.file, *served, *where, *twins]
+
+
+def _orphaned_bridge(setup: Setup, robots: str) -> signal.Signals:
+    return signal.SIGTERM if setup.real.intersection(robots.split()) else signal.SIGKILL  # a real one is brought home
 
 
 def _speed(setup: Setup) -> list[str]:
@@ -90,16 +98,8 @@ def _board(setup: Setup) -> list[str]:
 
 KINDS: tuple[Kind, ...] = (
     Kind("commd", _board, lambda s, board: ["commd", "serve", s.file, "--board", board, "--router", s.router]),
-    Kind("simulator", lambda s: s.simulated(), _simulator, measured=False),
-    Kind(
-        "bridged",
-        lambda s: list(s.mission.robots),
-        lambda s, robot: [
-            *("bridged", "serve", s.file, robot, "--router", s.router, *_speed(s)),
-            *("--state", str(s.state)),
-        ],
-        orphaned=lambda s, robot: signal.SIGTERM if robot in s.real else signal.SIGKILL,  # a real one is brought home
-    ),
+    Kind("simulator", lambda s: s.simulators(), _simulator, measured=False),
+    Kind("bridged", lambda s: [" ".join(robots) for robots in together(s.mission)], _bridge, _orphaned_bridge),
     Kind(
         "agentd",
         lambda s: [" ".join(agents) for agents in s.agents_by_board().values()],
@@ -133,15 +133,6 @@ def plan(setup: Setup) -> list[Process]:
     ]
 
 
-def peer_of(link: LinkAddress) -> LinkAddress:
-    """Return the other end of a link, on this machine. Raises LinkAddressError for a serial line."""
-    if link.kind == "serial":
-        raise LinkAddressError(str(link), "a simulated robot needs a udpin, udpout, tcp or tcpin link")
-    kind = _PEERS[link.kind]
-    host = _ANY_ADDRESS.get(link.host, link.host) if link.kind.endswith("in") else link.host
-    return LinkAddress.parse(f"{kind}:[{host}]:{link.port}" if ":" in host else f"{kind}:{host}:{link.port}")
-
-
 def real_robots(mission: Mission, named: list[str]) -> tuple[frozenset[str], list[str]]:
     """Return the robots that are real when `--real` names these, and the names that it does not know.
 
@@ -160,47 +151,3 @@ def real_robots(mission: Mission, named: list[str]) -> tuple[frozenset[str], lis
         else:
             unknown.append(name)
     return frozenset(real), unknown
-
-
-def check_links(mission: Mission) -> list[Finding]:
-    """Return what is wrong with the link strings, whoever is at their other end."""
-    findings: list[Finding] = []
-    taken: dict[str, LinkAddress] = {}
-    for name, robot in mission.robots.items():
-        where = ("robots", name, "link")
-        try:
-            link = LinkAddress.parse(robot.link)
-        except LinkAddressError as error:
-            findings.append(mission.positions.finding(where, str(error)))
-            continue
-        for other, its in taken.items():
-            if _collide(link, its) and mission.robots[other].link != robot.link:  # else `load_mission` has told
-                text = f"`{link}` is the port of robot `{other}` already: one robot per link"
-                findings.append(mission.positions.finding(where, text))
-        taken[name] = link
-    return findings
-
-
-def only_real(mission: Mission) -> list[str]:
-    """Return the robots that declare a simulation but whose link nobody can simulate."""
-    robots = mission.robots.items()
-    return [name for name, robot in robots if robot.simulate is not None and robot.link.startswith("serial:")]
-
-
-def bound_links(setup: Setup) -> dict[str, LinkAddress]:
-    """Return, by robot, the end of its link that a process of this run binds on this machine."""
-    bound: dict[str, LinkAddress] = {}
-    for name, robot in setup.mission.robots.items():
-        link = LinkAddress.parse(robot.link)
-        ends = [link] if name in setup.real else [link, peer_of(link)]
-        for end in ends:
-            if end.kind in ("udpin", "tcpin"):
-                bound[name] = end
-    return bound
-
-
-def _collide(link: LinkAddress, other: LinkAddress) -> bool:
-    """Whether two links, written differently, are one."""
-    hosts = {_LOOPBACK.get(one.host, one.host) for one in (link, other)}
-    same = len(hosts) == 1 or (_ANYWHERE in hosts and link.kind.endswith("in"))
-    return (link.kind, link.port) == (other.kind, other.port) and same

@@ -17,15 +17,17 @@ from argosy.endings import Ending
 from argosy.endpoint import endpoint, in_use, link_in_use
 from argosy.flight import Flight
 from argosy.journal import Entry, Journal
+from argosy.links import bound_links
 from argosy.measure import Meter
 from argosy.picture import Picture
-from argosy.processes import Setup, bound_links, only_real, real_robots
+from argosy.processes import Setup, real_robots
 from argosy.report import write_report
+from argosy.simulators import only_real
 from argosy.status import Status
 from argosy.summary import summary
+from bridged.manifests import load_robot_manifest
 from commd.clock import Clock
 from commd.process import EXIT_BAD_INPUT, EXIT_FAILED
-from schemas.manifest import load_manifest
 from schemas.mission import Mission
 
 
@@ -90,13 +92,21 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
     if unknown:
         known = ", ".join(mission.robots) or "none"
         raise Refused(f"--real {unknown[0]}: there is no such robot; the mission has {known}")
-    if serial := [name for name in only_real(mission) if name not in real]:
-        link = mission.robots[serial[0]].link
-        raise Refused(f"{serial[0]} on {link} cannot be simulated: fly the real one with --real {serial[0]}")
+    if alone := {name: why for name, why in only_real(mission).items() if name not in real}:
+        name, why = next(iter(alone.items()))
+        link = mission.robots[name].link
+        raise Refused(f"{name} on {link} cannot be simulated ({why}): fly the real one with --real {name}")
     speed = args.speed if args.speed is not None else 1.0 if real else mission.speed
     if real and speed != 1:
         raise Refused(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")
-    return Setup(mission, args.router or mission.router.endpoint, speed, real, state, _telling(mission))
+    setup = Setup(mission, args.router or mission.router.endpoint, speed, real, state, _telling(mission))
+    if mixed := setup.mixed():
+        name, other = mixed
+        link = mission.robots[name].link
+        raise Refused(
+            f"{name} is real and {other} on the same link {link} is simulated: name both, --real {name},{other}"
+        )
+    return setup
 
 
 def _check_ports(setup: Setup) -> None:
@@ -105,18 +115,16 @@ def _check_ports(setup: Setup) -> None:
     if mission.router.external is False and (why := in_use(setup.router)):
         other = "another one, such as --router tcp/127.0.0.1:7448, and give the robots other links"
         raise Refused(f"{setup.router} {why}: is another mission running? Name {other}", EXIT_FAILED)
-    for name, link in bound_links(setup).items():
+    for link, robots in bound_links(mission, setup.simulators()).items():
         if link.port and (why := link_in_use(link)):
-            line = mission.positions.of(("robots", name, "link"))[0]
-            advice = f"is another mission running? Give {name} another link"
+            line = mission.positions.of(("robots", robots[0], "link"))[0]
+            advice = f"is another mission running? Give {', '.join(robots)} another link"
             raise Refused(f"{mission.path}:{line}: {link} {why}: {advice}", EXIT_FAILED)
 
 
 def _telling(mission: Mission) -> frozenset[str]:
     manifests = {
-        name: load_manifest(robot.manifest, mission.path.parent)
-        for name, robot in mission.robots.items()
-        if isinstance(robot.manifest, str)
+        name: load_robot_manifest(robot.manifest, mission.path.parent) for name, robot in mission.robots.items()
     }
     return frozenset(name for name, manifest in manifests.items() if manifest.percept_arities().get("state") == 3)
 

@@ -67,7 +67,7 @@ class ActionDesk:
         """The agent whose action was taken last, until the robot disarms; its loss is the loss of the pilot."""
         self._manifest, self._driver, self._board, self._ledger = manifest, driver, board, ledger
         self._publish = publish
-        self._robot, self._boot, self._stamp, self._now = robot, boot, stamp, now
+        self.robot, self._boot, self._stamp, self._now = robot, boot, stamp, now
         self._feedback_every = FEEDBACK_EVERY * speed
         self._jobs: dict[str, _Job] = {}
         self._held = True
@@ -173,7 +173,7 @@ class ActionDesk:
         entry = self._manifest.actions.get(action.name)
         if entry is None:
             known = ", ".join(f"{name}/{one.arity}" for name, one in self._manifest.actions.items())
-            self._refuse(action, f"{self._robot} has no action {action.name}; it has {known}", follower)
+            self._refuse(action, f"{self.robot} has no action {action.name}; it has {known}", follower)
             return
         try:
             arguments = read_arguments(action.name, entry, action.parameters)
@@ -250,7 +250,7 @@ class ActionDesk:
     ) -> ActionStatus:
         self._seq += 1
         made = ActionStatus(
-            header=Header(seq=self._seq, stamp=self._stamp(), source=self._robot, boot=self._boot),
+            header=Header(seq=self._seq, stamp=self._stamp(), source=self.robot, boot=self._boot),
             id=action.id,
             state=state,
             reason=reason,

@@ -85,7 +85,8 @@ class Orders:
         outcome = execution.outcome or Outcome("timed_out", said)
         log.log(
             logging.INFO if outcome.state == "succeeded" else logging.ERROR,
-            "%s (%s): %s %s",
+            "%s: %s (%s): %s %s",
+            self._desk.robot,
             order,
             reason,
             outcome.state,
@@ -101,11 +102,11 @@ class Orders:
     def release(self) -> None:
         """The operator lets the agents act again."""
         self._desk.blocked = ""
-        log.info("released: actions are taken again")
+        log.info("%s: released: actions are taken again", self._desk.robot)
 
     def agent_lost(self, agent: str, why: str, steps: Sequence[Step]) -> None:
         """Do what the mission declares, step by step, until `call_off`."""
-        log.error("agent %s is lost (%s)", agent, why)
+        log.error("%s: agent %s is lost (%s)", self._desk.robot, agent, why)
         arming = self._desk.arming
         self._desk.end_all(agent, Outcome("failed", f"agent {agent} is lost: {why}"))
         if (self._driver.active or arming) and not self._desk.blocked:
@@ -131,12 +132,13 @@ class Orders:
         for order in _others(steps[-1].order) if steps else ():
             if outcome.state == "succeeded" or not self._driver.active or self._driver.overridden:
                 break
-            log.error("the vehicle did not do the last that was ordered, so %s is ordered instead", order)
+            said = "the vehicle did not do the last that was ordered, so"
+            log.error("%s: %s %s is ordered instead", self._desk.robot, said, order)
             outcome = await self._until_heard(order, agent)
         if mode := self._driver.overridden:
             others = "which others set (pilot, ground station or failsafe)"
             self._left = f"agent {agent} is lost; the vehicle is left in {mode}, {others}: nothing is ordered"
-            log.error("%s", self._left)
+            log.error("%s: %s", self._desk.robot, self._left)
 
     async def _until_heard(self, order: Order, agent: str) -> Outcome:
         """Give an order; a vehicle that is out of reach may come back, so it is told until it answers."""

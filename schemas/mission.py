@@ -90,12 +90,17 @@ class Lease(FileModel, frozen=True, kw_only=True):
 
 
 class Simulate(FileModel, frozen=True, kw_only=True):
-    """The simulated counterpart of a robot."""
+    """The simulated counterpart of a robot; without any field the robot's driver is its own twin."""
 
-    vehicle: str = "copter"
+    vehicle: str = ""
     """What `bridged simulate` can be: copter, turtle."""
     home: tuple[Latitude, Longitude, float] | None = None
     """Degrees, degrees, metres above mean sea level; for vehicles."""
+
+    @property
+    def process(self) -> str:
+        """What a process is to simulate, a copter if only its home is said; empty = none is needed."""
+        return self.vehicle or ("copter" if self.home is not None else "")
 
 
 class Robot(FileModel, frozen=True, kw_only=True):

@@ -33,7 +33,7 @@ def last_words(recording: Recording) -> str:
 
 def test_a_vehicle_that_flies_on_is_told_in_the_last_line_of_the_summary() -> None:
     recording = airborne()
-    recording.status.left["uav1"] = Left("rtl: the vehicle does it")
+    recording.status.left["uav1"] = Left("uav1", "rtl: the vehicle does it")
     assert last_words(recording) == "uav1 IS STILL IN THE AIR: RTL confirmed by its bridge; nobody watches it now"
 
 
@@ -41,7 +41,7 @@ def test_a_vehicle_that_flies_on_is_told_in_the_last_line_of_the_summary() -> No
     ("left", "killed", "how"),
     [
         (
-            Left("armed, and it has not confirmed rtl: no answer"),
+            Left("uav1", "armed, and it has not confirmed rtl: no answer"),
             False,
             "its bridge says: armed, and it has not confirmed rtl: no answer",
         ),
@@ -64,7 +64,7 @@ def test_a_vehicle_that_nobody_confirmed_to_come_home_is_told_to_be_taken_over(
 def test_a_lost_vehicle_that_was_armed_may_be_flying_and_the_summary_keeps_its_last_state() -> None:
     recording = airborne()
     recording.percept("state", "", False, False)
-    recording.status.left["uav1"] = Left("not armed")
+    recording.status.left["uav1"] = Left("uav1", "not armed")
     assert last_words(recording).startswith("uav1 MAY STILL BE IN THE AIR: last heard 12 s ago, armed, GUIDED, 39 m up")
     text = summary(recording.status, FAILED, [("startup", 1.0)])
     assert "  uav1       LOST, last heard 12 s ago: GUIDED, armed, 39.0 m above home" in text
@@ -72,13 +72,13 @@ def test_a_lost_vehicle_that_was_armed_may_be_flying_and_the_summary_keeps_its_l
 
 def test_a_vehicle_that_its_bridge_found_disarmed_is_not_called_flying() -> None:
     recording = airborne()
-    recording.status.left["uav1"] = Left("not armed")
+    recording.status.left["uav1"] = Left("uav1", "not armed")
     assert in_the_air(recording.status) == []
 
 
 def test_a_vehicle_that_a_pilot_flies_is_left_to_him() -> None:
     recording = airborne()
-    recording.status.left["uav1"] = Left("left to the pilot in LOITER, armed")
+    recording.status.left["uav1"] = Left("uav1", "left to the pilot in LOITER, armed")
     assert last_words(recording) == (
         "uav1 IS STILL IN THE AIR: left to the pilot in LOITER, armed; nobody else watches it now"
     )
@@ -86,7 +86,7 @@ def test_a_vehicle_that_a_pilot_flies_is_left_to_him() -> None:
 
 def test_a_simulated_vehicle_ends_with_the_run() -> None:
     recording = airborne(real=False)
-    recording.status.left["uav1"] = Left("rtl: the vehicle does it")
+    recording.status.left["uav1"] = Left("uav1", "rtl: the vehicle does it")
     assert last_words(recording) == (
         "uav1 WAS STILL IN THE AIR: RTL confirmed by its bridge; it is simulated and ended with the run"
     )
@@ -122,7 +122,7 @@ def test_a_daemons_line_is_shown_without_what_is_known_of_it(line: str, said: Li
 
 
 def test_what_a_bridge_says_of_its_vehicle_is_understood() -> None:
-    assert of_a_bridge(Line("leaving uav1: rtl: the vehicle does it")) == Left("rtl: the vehicle does it")
-    assert Left("armed, and it has not confirmed rtl: no answer").confirmed == ""
-    assert of_a_bridge(Line("land (operator: land): succeeded ")) == Ordered("land", True, "")
+    assert of_a_bridge(Line("leaving uav1: rtl: the vehicle does it")) == Left("uav1", "rtl: the vehicle does it")
+    assert Left("uav1", "armed, and it has not confirmed rtl: no answer").confirmed == ""
+    assert of_a_bridge(Line("uav1: land (operator: land): succeeded ")) == Ordered("uav1", "land", True, "")
     assert of_a_bridge(Line("land (the bridge stops: land): succeeded ")) is None

@@ -136,6 +136,21 @@ def test_a_mistake_in_a_program_is_told_where_it_stands(mission: Path, old: str,
             "surveyd(S)",
             "survey.yaml:12:7: error: done: no program ever believes `surveyd/1`, did you mean `surveyed/1`?",
         ),
+        (
+            "vehicle: copter",
+            "vehicle: coptre",
+            "survey.yaml:11:25: error: simulate.vehicle: there is no simulated `coptre`, did you mean `copter`?",
+        ),
+        (
+            "{vehicle: copter, home: [-27.6, -48.5, 21.0]}",
+            "{vehicle: copter}",
+            "survey.yaml:11:15: error: simulate: a copter needs the field `home`: [latitude, longitude, metres above",
+        ),
+        (
+            "{vehicle: copter, home: [-27.6, -48.5, 21.0]}",
+            "{}",
+            "survey.yaml:11:15: error: simulate: a vehicle on MAVLink needs a simulator: `{vehicle: copter, ",
+        ),
         ("surveyed(S)", "surveyed(S", "survey.yaml:12:7: error: `surveyed(S`: "),
         ("sector(2)", "Sector(2)", "survey.yaml:6:15: error: `Sector(2)`: "),
     ],
@@ -151,7 +166,8 @@ def test_two_robots_on_one_link_are_told_even_when_it_is_written_in_two_ways(mis
     other = "  uav2:\n    manifest: arducopter\n    link: udpin:0.0.0.0:14550\n"
     edit(mission, "done:", f"{other}done:")
     assert findings(mission) == [
-        "survey.yaml:14:11: error: `udpin:0.0.0.0:14550` is the port of robot `uav1` already: one robot per link"
+        "survey.yaml:14:11: error: `udpin:0.0.0.0:14550` is the port of robot `uav1` already: "
+        "robots that share a link write it alike, as `udpin:127.0.0.1:14550`"
     ]
 
 
@@ -181,6 +197,31 @@ def test_a_mission_without_done_is_warned_about(mission: Path) -> None:
         "survey.yaml: warning: no `done`: the run will end only by ctrl-C or its timeout, and fail"
     ]
     assert main(["check", str(mission)]) == 0
+
+
+def test_robots_that_share_a_link_are_right_where_they_can_meet(
+    mission: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot = MISSION.partition("robots:\n")[2].partition("done:")[0]
+    edit(mission, "done:", f"{robot.replace('uav1', 'uav2')}    sysid: 2\ndone:")
+    assert findings(mission) == []
+    assert main(["check", str(mission)]) == 0
+    edit(mission, "link: udpin", "link: udpout")
+    assert main(["check", str(mission)]) == 0
+    why = "it shares a udpout link, and simulated robots can share only a udpin or tcpin link"
+    assert (
+        f"{mission}:14:11: warning: {why}: this robot can only be flown with --real uav2\n" in capsys.readouterr().err
+    )
+
+
+def test_a_real_robot_on_the_link_of_a_simulated_one_is_warned_about(
+    mission: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = "  uav2: {manifest: arducopter, link: udpin:127.0.0.1:14550, sysid: 2}\n"
+    edit(mission, "done:", f"{other}done:")
+    assert main(["check", str(mission)]) == 0
+    told = "uav2 on the same link is not simulated: this robot can only be flown with --real uav1"
+    assert capsys.readouterr().err == f"{mission}:10:11: warning: {told}\n"
 
 
 def test_a_robot_that_cannot_be_simulated_is_warned_about(mission: Path, capsys: pytest.CaptureFixture[str]) -> None:

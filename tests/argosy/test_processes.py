@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from argosy.processes import Setup, bound_links, check_links, only_real, peer_of, plan, real_robots
+from argosy.links import bound_links, check_links, peer_of
+from argosy.processes import Setup, plan, real_robots
+from argosy.simulators import only_real
 from bridged.drivers.mavlink.address import LinkAddress, LinkAddressError
 from schemas.mission import Mission, read_mission
 
@@ -33,14 +35,30 @@ robots:
 """
 
 
+SHARED = TWO.replace("udpin:0.0.0.0:14550", "udpin:127.0.0.1:14550").replace(
+    "tcp:127.0.0.1:5760", "udpin:127.0.0.1:14550"
+)
+"""Both vehicles on one link."""
+TURTLE = """\
+mission: pond
+agents:
+  painter: {program: painter.asl, robot: turtle1}
+  helper: {program: helper.asl, robot: lamp1}
+robots:
+  turtle1: {manifest: turtle, prefix: turtle1, simulate: {vehicle: turtle}}
+  lamp1: {manifest: lamp.toml, link: "tcp:10.0.0.7:4000", simulate: {}}
+"""
+"""No vehicle on MAVLink: one has a simulator of its own, the driver of the other is its own twin."""
+
+
 def mission(text: str = TWO) -> Mission:
     """Read a mission that needs no files."""
     return read_mission(text, Path("/missions/two.yaml"))
 
 
-def commands(real: frozenset[str] = frozenset()) -> dict[str, str]:
+def commands(real: frozenset[str] = frozenset(), text: str = TWO) -> dict[str, str]:
     """Return the command of each process, by its name."""
-    setup = Setup(mission(), "tcp/127.0.0.1:9000", 5.0, real, Path("/state"))
+    setup = Setup(mission(text), "tcp/127.0.0.1:9000", 5.0, real, Path("/state"))
     return {process.name: " ".join(process.argv[3:]) for process in plan(setup)}
 
 
@@ -56,11 +74,44 @@ def test_every_process_has_its_command_in_the_order_of_the_start() -> None:
             "simulator uav2",
             f"bridged simulate copter --link tcpin:127.0.0.1:5760 --home=1.5,2.5,0.0 --sysid 2 {speed}",
         ),
-        ("bridged uav1", f"bridged serve {file} uav1 {router} {speed} --state /state"),
-        ("bridged uav2", f"bridged serve {file} uav2 {router} {speed} --state /state"),
+        ("bridged uav1", f"bridged serve {file} uav1 {router} {speed} --state /state --simulated"),
+        ("bridged uav2", f"bridged serve {file} uav2 {router} {speed} --state /state --simulated"),
         ("agentd scout ground", f"agentd serve {file} scout ground {router} {speed}"),
         ("agentd rescuer", f"agentd serve {file} rescuer {router} {speed}"),
     ]
+
+
+def test_robots_that_share_a_link_share_a_bridge_and_each_calls_it_by_its_own_simulator() -> None:
+    file, router, speed = "/missions/two.yaml", "--router tcp/127.0.0.1:9000", "--speed 5"
+    started = commands(text=SHARED)
+    assert started["bridged uav1 uav2"] == f"bridged serve {file} uav1 uav2 {router} {speed} --state /state --simulated"
+    links = [line.split()[4] for name, line in started.items() if name.startswith("simulator")]
+    assert links == ["udpout:127.0.0.1:14550"] * 2
+    assert sum(name.startswith("bridged") for name in started) == 1
+
+
+def test_a_bridge_is_told_that_its_robots_are_simulated_only_if_they_are() -> None:
+    told = {name: line.endswith("--simulated") for name, line in commands(frozenset({"uav1"})).items()}
+    assert (told["bridged uav1"], told["bridged uav2"]) == (False, True)
+
+
+def test_a_real_robot_and_a_simulated_one_on_one_link_are_found() -> None:
+    def mixed(*real: str) -> tuple[str, str] | None:
+        return Setup(mission(SHARED), "tcp/127.0.0.1:9000", 1.0, frozenset(real), Path("/state")).mixed()
+
+    assert mixed("uav2") == ("uav2", "uav1")
+    assert mixed() is None
+    assert mixed("uav1", "uav2") is None
+
+
+def test_robots_that_are_no_vehicles_have_the_simulator_that_they_declare_or_none() -> None:
+    started = commands(text=TURTLE)
+    turtle = "bridged simulate turtle --router tcp/127.0.0.1:9000 --name turtle1 --prefix turtle1 --speed 5"
+    assert started["simulator turtle1"] == turtle
+    assert "simulator lamp1" not in started
+    assert started["bridged lamp1"].endswith("--simulated")
+    setup = Setup(mission(TURTLE), "tcp/127.0.0.1:9000", 5.0, frozenset(), Path("/state"))
+    assert bound_links(setup.mission, setup.simulators()) == {}
 
 
 def test_a_real_robot_has_no_simulator() -> None:
@@ -86,16 +137,17 @@ def test_nobody_can_be_simulated_behind_a_serial_line() -> None:
         peer_of(LinkAddress.parse("serial:/dev/ttyAMA0:57600"))
     text = TWO.replace("udpin:0.0.0.0:14550", "serial:/dev/ttyAMA0:57600")
     assert check_links(mission(text)) == []
-    assert only_real(mission(text)) == ["uav1"]
+    assert list(only_real(mission(text))) == ["uav1"]
 
 
 def test_the_ends_of_links_that_this_machine_binds_are_known() -> None:
     def bound(*real: str) -> dict[str, str]:
         setup = Setup(mission(), "tcp/127.0.0.1:9000", 1.0, frozenset(real), Path("/state"))
-        return {name: str(link) for name, link in bound_links(setup).items()}
+        return {str(link): " ".join(names) for link, names in bound_links(setup.mission, setup.simulators()).items()}
 
-    assert bound() == {"uav1": "udpin:0.0.0.0:14550", "uav2": "tcpin:127.0.0.1:5760"}
-    assert bound("uav1", "uav2") == {"uav1": "udpin:0.0.0.0:14550"}
+    assert bound() == {"udpin:0.0.0.0:14550": "uav1", "tcpin:127.0.0.1:5760": "uav2"}
+    assert bound("uav1", "uav2") == {"udpin:0.0.0.0:14550": "uav1"}
+    assert bound_links(mission(SHARED), []) == {LinkAddress.parse("udpin:127.0.0.1:14550"): ["uav1", "uav2"]}
 
 
 @pytest.mark.parametrize(
@@ -137,3 +189,5 @@ def test_links_that_are_one_in_truth_are_found(one: str, other: str, collide: bo
 def test_when_argosy_is_killed_only_the_bridge_of_a_real_robot_lives_on_to_bring_it_home() -> None:
     setup = Setup(mission(), "tcp/127.0.0.1:9000", 1.0, frozenset({"uav1"}), Path("/state"))
     assert [process.name for process in plan(setup) if process.orphaned != signal.SIGKILL] == ["bridged uav1"]
+    setup = Setup(mission(SHARED), "tcp/127.0.0.1:9000", 1.0, frozenset({"uav1", "uav2"}), Path("/state"))
+    assert [process.name for process in plan(setup) if process.orphaned != signal.SIGKILL] == ["bridged uav1 uav2"]

@@ -76,7 +76,6 @@ def test_the_shipped_mission_reads() -> None:
         ),
         ("    program: uav.asl\n", "", "m.yaml:3:3: error: agents.uav: needs the field `program`"),
         ("  uav:\n", "  u/v:\n", "m.yaml:3:3: error: Expected a name of letters, digits"),
-        ("vehicle: copter", "vehicle: coptre", "m.yaml:10:25: error: robots.uav1.simulate.vehicle: invalid enum value"),
         ("[-27.604033", "[-97.604033", "m.yaml:10:40: error: robots.uav1.simulate.home.0: expected `float` >= -90.0"),
         ('done: "uav: mission_done"', "done: mission_done", "m.yaml:11:7: error: expected `agent: formula`"),
         ('done: "uav:', 'done: "uva:', "m.yaml:11:7: error: there is no agent `uva`, did you mean `uav`?"),

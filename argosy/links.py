@@ -1,0 +1,88 @@
+"""The links of a mission's MAVLink robots: who shares one, who stands at the other end, which ends this machine binds.
+
+A link that is not written in MAVLink's way belongs to another driver, which reads it itself.
+"""
+
+from __future__ import annotations
+
+from bridged.drivers.mavlink.address import LinkAddress, LinkAddressError
+from schemas.findings import Finding
+from schemas.mission import Mission, Robot
+
+MEETING = ("udpin", "tcpin")
+"""Kinds of links that any number of vehicles can call."""
+_PEERS = {"udpin": "udpout", "udpout": "udpin", "tcpin": "tcp", "tcp": "tcpin"}
+_ANYWHERE = "0.0.0.0"  # noqa: S104  to compare with, not to bind
+_LOOPBACK = {"localhost": "127.0.0.1", "::1": "127.0.0.1", "::": _ANYWHERE}
+_ANY_ADDRESS = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  we call there, we do not bind
+
+
+def address_of(robot: Robot) -> LinkAddress | None:
+    """Return a robot's link; none if it has none, or one that is its driver's to read or to refuse."""
+    try:
+        return LinkAddress.parse(robot.link)
+    except LinkAddressError:
+        return None
+
+
+def peer_of(link: LinkAddress) -> LinkAddress:
+    """Return the other end of a link, on this machine. Raises LinkAddressError for a serial line."""
+    if link.kind == "serial":
+        raise LinkAddressError(str(link), "a simulated robot needs a udpin, udpout, tcp or tcpin link")
+    kind = _PEERS[link.kind]
+    host = _ANY_ADDRESS.get(link.host, link.host) if link.kind.endswith("in") else link.host
+    return LinkAddress.parse(f"{kind}:[{host}]:{link.port}" if ":" in host else f"{kind}:{host}:{link.port}")
+
+
+def together(mission: Mission) -> list[list[str]]:
+    """Return the robots of each bridge: those that share a link have one, every other robot has its own."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for name, robot in mission.robots.items():
+        groups.setdefault(("link", robot.link) if robot.link else ("robot", name), []).append(name)
+    return list(groups.values())
+
+
+def sharers(mission: Mission, name: str) -> list[str]:
+    """Return the other robots on a robot's link."""
+    group = next(group for group in together(mission) if name in group)
+    return [other for other in group if other != name]
+
+
+def check_links(mission: Mission) -> list[Finding]:
+    """Return the links that are one in truth, although they are written differently."""
+    findings: list[Finding] = []
+    taken: dict[str, LinkAddress] = {}
+    for name, robot in mission.robots.items():
+        link = address_of(robot)
+        if link is None:
+            continue
+        for other, its in taken.items():
+            written = mission.robots[other].link
+            if _collide(link, its) and written != robot.link:
+                text = f"`{link}` is the port of robot `{other}` already: robots that share a link write it alike, as "
+                findings.append(mission.positions.finding(("robots", name, "link"), f"{text}`{written}`"))
+        taken[name] = link
+    return findings
+
+
+def bound_links(mission: Mission, simulators: list[str]) -> dict[LinkAddress, list[str]]:
+    """Return the ends of links that processes of a run bind on this machine, each with its robots.
+
+    `simulators` are the robots whose simulator is started.
+    """
+    bound: dict[LinkAddress, list[str]] = {}
+    for name, robot in mission.robots.items():
+        link = address_of(robot)
+        if link is None:
+            continue
+        for end in (link, peer_of(link)) if name in simulators else (link,):
+            if end.kind in MEETING:
+                bound.setdefault(end, []).append(name)
+    return bound
+
+
+def _collide(link: LinkAddress, other: LinkAddress) -> bool:
+    """Whether two links, written differently, are one."""
+    hosts = {_LOOPBACK.get(one.host, one.host) for one in (link, other)}
+    same = len(hosts) == 1 or (_ANYWHERE in hosts and link.kind.endswith("in"))
+    return (link.kind, link.port) == (other.kind, other.port) and same

@@ -1,0 +1,83 @@
+"""Simulated robots: which have a process of their own, by which command it is started, and what cannot be simulated.
+
+`simulate: {vehicle: copter, home: [...]}` and `simulate: {vehicle: turtle}` are processes, `bridged simulate`. With
+`simulate: {}` nothing is started: the robot's driver is its own twin, and is told so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from argosy.links import MEETING, address_of, peer_of, sharers
+from bridged.drivers.mavlink.address import LinkAddress
+from schemas.findings import Finding
+from schemas.manifest import Manifest
+from schemas.mission import Mission, Robot
+from schemas.positions import did_you_mean
+
+_NO_TWIN = "mavlink"
+"""The driver of ours that has nothing simulated in itself: its vehicles are processes."""
+
+
+def _copter(name: str, robot: Robot, router: str) -> list[str]:
+    assert robot.simulate is not None
+    home = ",".join(map(repr, robot.simulate.home or ()))
+    link = str(peer_of(LinkAddress.parse(robot.link)))
+    return ["--link", link, f"--home={home}", "--sysid", str(robot.sysid)]  # `=`: a latitude may be negative
+
+
+def _turtle(name: str, robot: Robot, router: str) -> list[str]:
+    return ["--router", router, "--name", name, "--prefix", robot.prefix]
+
+
+VEHICLES: dict[str, Callable[[str, Robot, str], list[str]]] = {"copter": _copter, "turtle": _turtle}
+"""What `bridged simulate` can be, and its arguments for a robot by name and the router's endpoint."""
+
+
+def vehicle_of(robot: Robot) -> str:
+    """Return what is started to simulate a robot; empty if nothing is."""
+    return robot.simulate.process if robot.simulate is not None else ""
+
+
+def command(name: str, robot: Robot, router: str) -> list[str]:
+    """Return the command of a robot's simulator, but for its speed."""
+    vehicle = vehicle_of(robot)
+    return ["bridged", "simulate", vehicle, *VEHICLES[vehicle](name, robot, router)]
+
+
+def check_simulations(mission: Mission, manifests: Mapping[str, Manifest | None]) -> list[Finding]:
+    """Return what is wrong with the robots' `simulate`."""
+    findings: list[Finding] = []
+    for name, robot in mission.robots.items():
+        where = ("robots", name, "simulate")
+        vehicle, manifest = vehicle_of(robot), manifests.get(name)
+        if robot.simulate is None:
+            continue
+        if vehicle and vehicle not in VEHICLES:
+            text = f"simulate.vehicle: there is no simulated `{vehicle}`{did_you_mean(vehicle, VEHICLES)}"
+            findings.append(mission.positions.finding((*where, "vehicle"), text))
+        elif vehicle == "copter" and robot.simulate.home is None:
+            text = "simulate: a copter needs the field `home`: [latitude, longitude, metres above mean sea level]"
+            findings.append(mission.positions.finding(where, text))
+        elif not vehicle and manifest is not None and manifest.robot.driver == _NO_TWIN:
+            text = "simulate: a vehicle on MAVLink needs a simulator: `{vehicle: copter, home: [...]}`"
+            findings.append(mission.positions.finding(where, text))
+    return findings
+
+
+def only_real(mission: Mission) -> dict[str, str]:
+    """Return the robots that declare a simulation but cannot be simulated on their link, and why."""
+    found: dict[str, str] = {}
+    for name, robot in mission.robots.items():
+        link = address_of(robot)
+        if link is None or not vehicle_of(robot):
+            continue
+        others = sharers(mission, name)
+        real = [other for other in others if mission.robots[other].simulate is None]
+        if link.kind == "serial":
+            found[name] = "a serial line cannot be simulated"
+        elif real:
+            found[name] = f"{real[0]} on the same link is not simulated"
+        elif others and link.kind not in MEETING:
+            found[name] = f"it shares a {link.kind} link, and simulated robots can share only a udpin or tcpin link"
+    return found
