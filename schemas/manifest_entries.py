@@ -188,11 +188,14 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """For a robot that knows no such modes itself: the action, with its arguments as a term, that carries out an order
     from above the agents, such as `hold = "cmd_vel(0, 0, 0)"`."""
     file: str = ""
+    percepts_file: str = ""
+    """The file of the percepts if it is another one, as in the paper's pair."""
     lines: dict[tuple[str, ...], int] = {}
 
     def finding(self, message: str, *path: str) -> Finding:
         """Return a finding at the line of the table or key at `path`, such as `"actions", "takeoff", "confirm"`."""
-        return Finding(self.file, line_of(self.lines, path), 0, message)
+        file = self.percepts_file if path[:1] == ("percepts",) and self.percepts_file else self.file
+        return Finding(file, line_of(self.lines, path), 0, message)
 
     def driver_of(self, entry: PerceptEntry | ActionEntry) -> str:
         """Return the name of the driver of an entry."""
