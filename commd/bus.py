@@ -18,6 +18,7 @@ from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 import zenoh
 
+from commd.raw import RawBus
 from commd.session import session_config
 from schemas import keys
 from schemas.codec import BadRecord, Wire, codec
@@ -107,6 +108,8 @@ class Bus:
         self._held: list[Token] = []
         self._seen_keys: set[str] = set()
         """Keys whose first record has been looked through for fields that this version does not know."""
+        self.raw = RawBus(session, self._loop, self.counters, lambda answer: self._hand_over(answer, _drop_query))
+        """Bytes on keys that are not Argosy's."""
         self._routers: set[str] = set()
         self._on_router: list[Callable[[bool], None]] = []
         if mode == "client":

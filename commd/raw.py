@@ -1,0 +1,292 @@
+"""What others say on the bus on keys of their own: bytes with their encoding instead of records.
+
+For robots that speak on Zenoh themselves. As everywhere on the bus, Zenoh's threads only hand over: what waits for the
+event loop is bounded in number and in size, and what does not fit is counted. What this process says itself is not
+heard back by it, and it neither listens nor answers to itself.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import Counter, deque
+from collections.abc import AsyncGenerator, Callable
+from dataclasses import dataclass
+from threading import Lock
+from typing import Any, Protocol
+
+import zenoh
+
+BACKLOG = 256
+"""Samples of one subscription that may wait for the event loop; of more the oldest goes: the newest is the present."""
+LARGEST = 65_536
+"""Bytes of the largest payload that is taken in."""
+BATCH = 64
+"""Samples that are handed over in one go before the event loop turns to others."""
+QUERY_AT_MOST = 3600.0
+"""Wall seconds after which Zenoh ends a query that nobody ended: a bound behind the asker's own."""
+REPLIES = 16
+"""Replies to one query that may wait to be taken."""
+log = logging.getLogger("bus")
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What was put, asked or answered on a key."""
+
+    key: str
+    payload: bytes
+    encoding: str
+    """Such as `application/json`; Zenoh's default is `zenoh/bytes`."""
+    deleted: bool = False
+    """The key was deleted: there is no payload."""
+    error: bool = False
+    """It is an error reply: the payload says which."""
+
+
+class _Declared(Protocol):
+    def undeclare(self) -> None: ...
+
+
+class _Handle:
+    """Something declared on the bus."""
+
+    def __init__(self, declared: _Declared) -> None:
+        self._declared = declared
+
+    def close(self) -> None:
+        """Take it back."""
+        try:
+            self._declared.undeclare()
+        except zenoh.ZError as error:  # the session is closed already
+            log.debug("not_withdrawn why=%s", error)
+
+
+class Subscription(_Handle):
+    """A subscriber; its figures count from its beginning."""
+
+    def __init__(self, queue: _Queue, declared: _Declared) -> None:
+        super().__init__(declared)
+        self._queue = queue
+
+    @property
+    def dropped(self) -> int:
+        """Samples that did not fit: too many waited for the event loop."""
+        return self._queue.dropped
+
+    @property
+    def too_large(self) -> int:
+        """Samples of more than `LARGEST` bytes, which were not taken in."""
+        return self._queue.too_large
+
+    def close(self) -> None:
+        """End it; what waits is not handed over any more."""
+        self._queue.closed = True
+        super().close()
+
+
+class Publisher(_Handle):
+    """Puts on one key."""
+
+    def __init__(self, publisher: zenoh.Publisher) -> None:
+        super().__init__(publisher)
+        self._publisher = publisher
+
+    @property
+    def matching(self) -> bool:
+        """Whether somebody outside this process subscribes to the key now."""
+        return _matching(self._publisher)
+
+    def put(self, payload: bytes, encoding: str) -> None:
+        """Send now, dropped if the way is congested. Raises OSError if the session is closed."""
+        try:
+            self._publisher.put(payload, encoding=encoding)
+        except zenoh.ZError as error:
+            raise OSError(f"cannot put: {error}") from None
+
+
+class Querier(_Handle):
+    """Asks on one key."""
+
+    def __init__(self, querier: zenoh.Querier, loop: asyncio.AbstractEventLoop) -> None:
+        super().__init__(querier)
+        self._querier, self._loop = querier, loop
+
+    @property
+    def matching(self) -> bool:
+        """Whether somebody outside this process serves the key now."""
+        return _matching(self._querier)
+
+    async def ask(self, payload: bytes, encoding: str) -> AsyncGenerator[Sample, None]:
+        """Ask everybody who serves the key and yield each reply as it is made, until all have ended.
+
+        Leaving the loop early cancels the query. Raises OSError if the session is closed.
+        """
+        replies: asyncio.Queue[Sample | None] = asyncio.Queue()
+        token = zenoh.CancellationToken()
+
+        def arrived(reply: Sample | None) -> None:
+            if reply is None or replies.qsize() < REPLIES:
+                replies.put_nowait(reply)
+
+        def callback(reply: zenoh.Reply) -> None:
+            self._soon(arrived, _read_reply(reply))
+
+        try:
+            self._querier.get(
+                zenoh.handlers.Callback(callback, lambda: self._soon(arrived, None), indirect=False),
+                payload=payload,
+                encoding=encoding,
+                cancellation_token=token,
+            )
+        except zenoh.ZError as error:
+            raise OSError(f"cannot ask: {error}") from None
+        try:
+            async with asyncio.timeout(QUERY_AT_MOST + 1):
+                while (reply := await replies.get()) is not None:
+                    yield reply
+        finally:
+            token.cancel()  # type: ignore[no-untyped-call]
+
+    def _soon(self, function: Callable[[Sample | None], None], item: Sample | None) -> None:
+        try:
+            self._loop.call_soon_threadsafe(function, item)
+        except RuntimeError:  # the loop has ended, and with it whoever asked
+            return
+
+
+class RawBus:
+    """The part of a session that carries bytes. Made by `commd.bus.Bus`."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        loop: asyncio.AbstractEventLoop,
+        counters: Counter[str],
+        hand_over: Callable[[Callable[[Any], None]], Any],
+    ) -> None:
+        """`hand_over` makes of a function for queries a callback of Zenoh's that is bounded as the bus's own are."""
+        self._session, self._loop, self._counters, self._hand_over = session, loop, counters, hand_over
+
+    def subscribe(self, key: str, handler: Callable[[Sample], None]) -> Subscription:
+        """Call `handler` on the event loop for each sample that others put on a matching key, in order."""
+        queue = _Queue(self._loop, handler, self._counters)
+        declared = self._session.declare_subscriber(
+            key, zenoh.handlers.Callback(queue.push, indirect=False), allowed_origin=zenoh.Locality.REMOTE
+        )
+        return Subscription(queue, declared)
+
+    def publisher(self, key: str) -> Publisher:
+        """Declare that this process puts on a key."""
+        return Publisher(
+            self._session.declare_publisher(
+                key,
+                congestion_control=zenoh.CongestionControl.DROP,
+                allowed_destination=zenoh.Locality.REMOTE,
+            )
+        )
+
+    def querier(self, key: str) -> Querier:
+        """Declare that this process asks on a key."""
+        querier = self._session.declare_querier(
+            key,
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=QUERY_AT_MOST,
+            allowed_destination=zenoh.Locality.REMOTE,
+        )
+        return Querier(querier, self._loop)
+
+    def serve(self, key: str, answer: Callable[[Sample], Sample | None]) -> _Handle:
+        """Answer queries of others on a key with what `answer` says on the event loop at once; None = no reply."""
+
+        def reply(query: zenoh.Query) -> None:
+            with query:
+                said = answer(_read_query(query))
+                try:
+                    if said is not None and said.error:
+                        query.reply_err(said.payload, encoding=said.encoding)
+                    elif said is not None:
+                        query.reply(said.key, said.payload, encoding=said.encoding)
+                except zenoh.ZError as error:
+                    self._counters["replies_lost"] += 1
+                    log.debug("reply_lost key=%s why=%s", key, error)
+
+        queryable = self._session.declare_queryable(key, self._hand_over(reply), allowed_origin=zenoh.Locality.REMOTE)
+        return _Handle(queryable)
+
+
+class _Queue:
+    """Samples on their way from Zenoh's threads to the event loop: one wake-up for as many as have come."""
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, handler: Callable[[Sample], None], counters: Counter[str]
+    ) -> None:
+        self._loop, self._handler, self._counters = loop, handler, counters
+        self._waiting: deque[Sample] = deque()
+        self._lock = Lock()
+        self._called = False
+        """The event loop has been told that something waits."""
+        self.closed = False
+        self.dropped = self.too_large = 0
+
+    def push(self, sample: zenoh.Sample) -> None:
+        """Take in a sample, on a thread of Zenoh's."""
+        if len(sample.payload) > LARGEST:
+            self.too_large += 1
+            self._counters["bad_input"] += 1
+            return
+        read = _read_sample(sample)
+        with self._lock:
+            if len(self._waiting) >= BACKLOG:
+                self._waiting.popleft()
+                self.dropped += 1
+                self._counters["dropped"] += 1
+            self._waiting.append(read)
+            called, self._called = self._called, True
+        if not called:
+            try:
+                self._loop.call_soon_threadsafe(self._drain)
+            except RuntimeError:  # the loop has ended
+                self.closed = True
+
+    def _drain(self) -> None:
+        for _ in range(BATCH):
+            with self._lock:
+                if self.closed or not self._waiting:
+                    self._called = False
+                    return
+                sample = self._waiting.popleft()
+            try:
+                self._handler(sample)
+            except Exception as error:  # one sample must not stop those after it
+                self._loop.call_exception_handler({"message": f"a sample on {sample.key}", "exception": error})
+        self._loop.call_soon(self._drain)
+
+
+def _matching(declared: zenoh.Publisher | zenoh.Querier) -> bool:
+    status: Any = declared.matching_status  # an object that is always true, whatever its stub says
+    try:
+        return bool(status.matching)
+    except zenoh.ZError:
+        return False
+
+
+def _read_sample(sample: zenoh.Sample) -> Sample:
+    deleted = sample.kind == zenoh.SampleKind.DELETE
+    return Sample(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding), deleted)
+
+
+def _read_query(query: zenoh.Query) -> Sample:
+    payload = b"" if query.payload is None or len(query.payload) > LARGEST else query.payload.to_bytes()
+    return Sample(str(query.key_expr), payload, str(query.encoding or ""))
+
+
+def _read_reply(reply: zenoh.Reply) -> Sample:
+    if reply.ok is not None and len(reply.ok.payload) > LARGEST:
+        said = f"a reply of {len(reply.ok.payload)} bytes, {LARGEST} at most are read"
+        return Sample("", said.encode(), "text/plain", error=True)
+    if reply.ok is not None:
+        return _read_sample(reply.ok)
+    payload = b"" if reply.err is None else reply.err.payload.to_bytes()
+    return Sample("", payload, "text/plain", error=True)
