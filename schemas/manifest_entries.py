@@ -176,6 +176,8 @@ class RobotEntry(_Entry, frozen=True, kw_only=True):
     values: Values = "typed"
     """`text`: percepts and arguments are read and written as the paper's bridge did, by way of their text
     (docs/manifests.md)."""
+    payload: str = ""
+    """What a robot on Zenoh speaks where its samples' Encoding does not say it: `json` or `msgpack`; none = JSON."""
 
 
 class Manifest(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
