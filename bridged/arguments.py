@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 
 from bridged.drivers.robot import Value
-from schemas.manifest import ActionEntry, Manifest, Parameter, ParameterType
+from bridged.paper_text import argument
+from schemas.manifest import ActionEntry, Manifest, Parameter, ParameterType, Values
 from schemas.terms import Atom, Structure, Term, to_float
 from schemas.text import read, write
 
@@ -20,13 +21,16 @@ def signature(name: str, entry: ActionEntry) -> str:
     return f"{name}({', '.join(map(str, entry.params))})"
 
 
-def read_arguments(name: str, entry: ActionEntry, parameters: Sequence[Term]) -> dict[str, Value]:
-    """Return the arguments by name. Raises BadArgument for the first that is wrong."""
+def read_arguments(
+    name: str, entry: ActionEntry, parameters: Sequence[Term], values: Values = "typed"
+) -> dict[str, Value]:
+    """Return the arguments by name, as the robot's `values` say. Raises BadArgument for the first that is wrong."""
     if len(parameters) != entry.arity:
         raise BadArgument(f"{signature(name, entry)} takes {entry.arity} arguments, got {len(parameters)}")
-    return {
-        parameter.name: _read(name, parameter, term) for parameter, term in zip(entry.params, parameters, strict=True)
-    }
+    given = list(zip(entry.params, parameters, strict=True))
+    if values == "text":
+        given = [(parameter, argument(parameter, term)) for parameter, term in given]
+    return {parameter.name: _read(name, parameter, term) for parameter, term in given}
 
 
 def read_call(manifest: Manifest, text: str) -> tuple[str, dict[str, Value]]:
@@ -36,7 +40,7 @@ def read_call(manifest: Manifest, text: str) -> tuple[str, dict[str, Value]]:
     entry = manifest.actions.get(name)
     if entry is None:
         raise ValueError(f"`{text}`: the manifest has no action `{name}`")
-    return name, read_arguments(name, entry, arguments)
+    return name, read_arguments(name, entry, arguments, manifest.robot.values)
 
 
 def _read(name: str, parameter: Parameter, term: Term) -> Value:

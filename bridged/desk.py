@@ -176,7 +176,7 @@ class ActionDesk:
             self._refuse(action, f"{self.robot} has no action {action.name}; it has {known}", follower)
             return
         try:
-            arguments = read_arguments(action.name, entry, action.parameters)
+            arguments = read_arguments(action.name, entry, action.parameters, self._manifest.robot.values)
         except BadArgument as error:
             self._refuse(action, str(error), follower)
             return

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from bridged.drivers.robot import Reading
+from bridged.paper_text import percept_value
 from schemas.manifest import Field, Manifest, PerceptEntry
 from schemas.terms import Term, number
 
@@ -28,6 +29,7 @@ class Translator:
     def __init__(self, manifest: Manifest) -> None:
         self.unreadable = 0
         """Readings so far that lacked a field which the manifest names."""
+        self._term = percept_value if manifest.robot.values == "text" else _term
         self._by_source: dict[str, list[tuple[str, PerceptEntry, tuple[Field, ...]]]] = {}
         for name, entry in manifest.percepts.items():
             self._by_source.setdefault(entry.source, []).append((name, entry, entry.fields()))
@@ -39,7 +41,7 @@ class Translator:
                 yield Belief(name, entry, None)
                 continue
             try:
-                parameters = tuple(_argument(field, reading.fields) for field in fields)
+                parameters = tuple(_argument(field, reading.fields, self._term) for field in fields)
             except _Absent:
                 continue
             except (KeyError, IndexError, ValueError, TypeError):
@@ -52,7 +54,7 @@ class _Absent(Exception):
     """The robot says that it does not know the value."""
 
 
-def _argument(field: Field, fields: Mapping[str, object]) -> Term:
+def _argument(field: Field, fields: Mapping[str, object], term: Callable[[object], Term]) -> Term:
     head, *rest = field.field.split(".")
     value = fields[head]
     for step in rest:
@@ -61,7 +63,7 @@ def _argument(field: Field, fields: Mapping[str, object]) -> Term:
         raise _Absent
     if isinstance(value, int | float) and not isinstance(value, bool) and (field.scale, field.offset) != (1.0, 0.0):
         value = float(f"{value * field.scale + field.offset:.{DIGITS}g}")
-    return _term(value)
+    return term(value)
 
 
 def _member(value: object, step: str) -> object:

@@ -26,6 +26,7 @@ from schemas.manifest_entries import (
     Retry,
     RobotEntry,
     Value,
+    Values,
 )
 from schemas.shipped import shipped, shipped_names
 from schemas.toml_lines import line_of, toml_lines
@@ -43,6 +44,7 @@ __all__ = [
     "Retry",
     "RobotEntry",
     "Value",
+    "Values",
     "find_manifest",
     "load_manifest",
     "read_manifest",
