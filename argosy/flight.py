@@ -152,7 +152,7 @@ class Flight:
     async def _heartbeats(self) -> None:
         for name, robot in self._mission.robots.items():
             if self._mission.agents_of(name) and name in self.status.setup.telling:
-                what = f"a heartbeat of the vehicle of {name} on {robot.link}"
+                what = f"a heartbeat of the vehicle of {name} on {robot.link or robot.prefix}"
                 await self._wait_for(what, lambda name=name: self._picture.robots[name].connected)  # type: ignore[misc]
 
     async def _wait_for(self, what: str, there: Callable[[], bool]) -> None:

@@ -102,9 +102,11 @@ class Screen:
         if not robots:
             return []
         table = Table.grid(padding=(0, 2), pad_edge=True)
+        others = [robot for robot in robots if robot.told and not robot.mode]
         for robot in robots:
-            table.add_row(*_robot(robot, width, self.status.now() - robot.heard, age(self.status, robot)))
-        return [table]
+            if robot not in others:
+                table.add_row(*_robot(robot, width, self.status.now() - robot.heard, age(self.status, robot)))
+        return [*([table] if table.row_count else []), *map(_no_vehicle, others)]
 
     def _agents(self, width: int) -> list[Table | Text]:
         return [*(self._agent(agent, width) for agent in self.status.picture.agents.values()), *self._done()]
@@ -224,6 +226,13 @@ def _robot(robot: RobotSeen, width: int, silent: float, old: float) -> list[Text
     if robot.battery is not None and width >= 90:
         cells.append(Text(f"{robot.battery:.0f} %", style="dim"))
     return cells
+
+
+def _no_vehicle(robot: RobotSeen) -> Text:
+    """Return the line of a robot that tells no vehicle's state: its percepts."""
+    text = Text.assemble(" ", (robot.name, "bold"), "  ", (printable("  ".join(robot.told.values())), "dim"))
+    text.no_wrap, text.overflow = True, "ellipsis"
+    return text
 
 
 def _feedback(action: ActionSeen, room: int) -> str:

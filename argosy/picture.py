@@ -15,6 +15,8 @@ from schemas.terms import Atom, Term, to_float
 from schemas.text import write
 
 KEPT_PRINTS = 50
+MAX_TOLD = 60
+"""Characters of a percept that are kept of a robot without a vehicle's state."""
 KEPT_ACTIONS = 2_000
 """Actions that are remembered for the summary; older ones are only counted."""
 
@@ -76,6 +78,8 @@ class RobotSeen:
     track: Track = field(default_factory=Track)
     operator: str = ""
     """The order of an operator that stands above the robot's agents now."""
+    told: dict[str, str] = field(default_factory=dict)
+    """Of a robot that tells no vehicle's state: the last percept of each name, as its agent would write it."""
     heard: float = 0.0
     """Mission time at which a percept last told something of the vehicle."""
 
@@ -154,7 +158,10 @@ class Picture:
             return
         robot = self.robots[agent.robot]
         if percept.update == "remove":
+            robot.told.pop(percept.name, None)
             return
+        if not robot.mode and (percept.name, len(percept.parameters)) != ("state", 3):
+            self._no_vehicle(robot, percept)
         match percept.name, percept.parameters:
             case "state", (mode, connected, armed):
                 self._state(robot, mode, _is_true(connected), _is_true(armed))
@@ -180,6 +187,11 @@ class Picture:
         if robot.connected:
             robot.heard = self._now()
 
+    def _no_vehicle(self, robot: RobotSeen, percept: Perception) -> None:
+        text = percept.name + (f"({','.join(map(write, percept.parameters))})" if percept.parameters else "")
+        robot.told[percept.name] = text if len(text) <= MAX_TOLD else f"{text[: MAX_TOLD - 1]}…"
+        robot.heard = self._now()
+
     def _state(self, robot: RobotSeen, mode: Term, connected: bool, armed: bool) -> None:
         name, now = _plain(mode), self._now()
         if not connected:  # it tells neither mode nor armed: what was known last is all that is known
@@ -193,6 +205,7 @@ class Picture:
             self.journal.add(robot.name, "vehicle heard again" if robot.mode else "vehicle connected")
         if name != robot.mode:
             robot.mode = name
+            robot.told.clear()
             if name:
                 robot.track.changed_mode(now, name)
                 self.journal.add(robot.name, f"mode {name}")

@@ -95,7 +95,7 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
     if alone := {name: why for name, why in only_real(mission).items() if name not in real}:
         name, why = next(iter(alone.items()))
         link = mission.robots[name].link
-        raise Refused(f"{name} on {link} cannot be simulated ({why}): fly the real one with --real {name}")
+        raise Refused(f"{name} on {link}: {why}; fly the real one with --real {name}")
     speed = args.speed if args.speed is not None else 1.0 if real else mission.speed
     if real and speed != 1:
         raise Refused(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")

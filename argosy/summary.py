@@ -55,7 +55,7 @@ def _action(action: ActionSeen, now: float, speed: float) -> Row:
 def _left(status: Status, robot: RobotSeen) -> str:
     """Return how a vehicle was left."""
     if not robot.mode:
-        return "never heard"
+        return ", ".join(robot.told.values()) or "never heard"
     old = f"{status.now() - status.picture.heard_of(robot):.0f} s ago: "
     marked = f"LOST, last heard {old}" if robot.lost else old if robot.name in status.frozen else ""
     told = [robot.mode, "armed" if robot.armed else "disarmed"]

@@ -67,6 +67,16 @@ def test_a_lost_vehicle_keeps_its_last_known_state_and_old_data_tells_its_age() 
     assert "uav1  LOST, last heard 40 s ago: armed, GUIDED, 38 m up at -27.603700, -48.518100" in text
 
 
+def test_a_robot_that_is_no_vehicle_shows_its_percepts() -> None:
+    recording = Recording()
+    recording.percept("pose", 5.5, 5.5, 0)
+    recording.percept("color", 1, 2, 3)
+    recording.percept("pose", 6.5, 5.5, 0)
+    text = "\n".join(screen(recording))
+    assert "uav1  pose(6.5,5.5,0)  color(1,2,3)" in text
+    assert max(map(len, screen(recording, 20))) <= 20
+
+
 def test_figures_of_an_action_are_left_out_rather_than_cut() -> None:
     recording = in_flight()
     feedback = {"distance": 12.5, "altitude": 38.2, "speed": 4.9}

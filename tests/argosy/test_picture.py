@@ -5,7 +5,11 @@ from __future__ import annotations
 import io
 from contextlib import suppress
 
+from argosy.endings import Ending
 from argosy.journal import MAX_LOGGED, Journal, printable
+from argosy.summary import summary
+from schemas import keys
+from schemas.records import Perception
 from tests.argosy.recorded import Recording, flight
 
 
@@ -68,6 +72,20 @@ def test_a_vehicle_that_falls_silent_in_flight_is_lost_in_its_last_known_state()
     assert recording.picture.flying()
     recording.percept("state", "RTL", True, False)
     assert recording.lines[4:] == ["uav1: vehicle heard again", "uav1: mode RTL", "uav1: disarmed"]
+
+
+def test_a_robot_that_is_no_vehicle_is_known_by_its_percepts() -> None:
+    recording = Recording()
+    recording.percept("state", "", False, False)
+    assert recording.picture.robots["uav1"].told == {}
+    recording.percept("pose", 5.5, 5.5, 0)
+    recording.percept("seen", "x" * 100)
+    assert list(recording.picture.robots["uav1"].told) == ["pose", "seen"]
+    gone = Perception(name="seen", parameters=(), update="remove")
+    recording.picture.percept(keys.percept("single-uav", "uav", "seen"), gone)
+    assert "uav1       pose(5.5,5.5,0)" in summary(recording.status, Ending(0, "done"), [("startup", 1.0)])
+    recording.percept("state", "GUIDED", True, False)
+    assert recording.picture.robots["uav1"].told == {}
 
 
 def test_a_warning_of_a_daemon_is_told_while_it_is_new() -> None:

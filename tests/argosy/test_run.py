@@ -253,7 +253,7 @@ def test_a_serial_link_is_flown_with_real_and_refused_without(start: Start, sing
     single_uav.write_text("".join(lines))
     code, out, err = ended(start(single_uav))
     assert (code, out) == (2, "")
-    told = "uav1 on serial:/dev/nowhere:57600 cannot be simulated: fly the real one with --real uav1"
+    told = "uav1 on serial:/dev/nowhere:57600: a serial line cannot be simulated; fly the real one with --real uav1"
     assert err == f"error: {told}\n"
     running = start(single_uav, "--real", "uav1", "--yes")
     running.until("bridged uav1: started")
@@ -326,10 +326,10 @@ def test_a_terminal_that_cannot_be_steered_gets_plain_lines(single_uav: Path, en
 
 
 @pytest.mark.parametrize("missing", ["rich", "psutil"])
-def test_a_missing_extra_is_one_line_that_says_what_to_install(single_uav: Path, missing: str) -> None:
+def test_a_missing_extra_is_one_line_that_says_what_to_install(single_uav: Path, endpoint: str, missing: str) -> None:
     code = f"import sys; sys.modules['{missing}'] = None; from argosy.__main__ import main; sys.exit(main())"
     terminal, inside = pty.openpty()  # the live view needs one
-    command = [sys.executable, "-c", code, "run", str(single_uav)]
+    command = [sys.executable, "-c", code, "run", str(single_uav), "--router", endpoint]
     environment = {**os.environ, "TERM": "xterm-256color"}
     done = subprocess.run(
         command, stdout=inside, stderr=subprocess.PIPE, env=environment, text=True, timeout=60, check=False
