@@ -18,6 +18,9 @@ from schemas.manifest import Manifest
 from schemas.mission import Mission
 from schemas.records import ActionStatus, Health
 
+UNREADABLE = ("bad_checksums", "unreadable_packets", "samples_unreadable")
+"""Counters of drivers that are bad input."""
+
 
 class Bridge:
     """One robot between its driver and its agents."""
@@ -98,7 +101,7 @@ class Bridge:
             notes.append(f"no action is taken: {self.desk.blocked}")
         return Health(
             drops=self.board.dropped + int(counters.get("link_dropped", 0)),
-            bad_input=int(counters.get("bad_checksums", 0) + counters.get("unreadable_packets", 0)),
+            bad_input=int(sum(counters.get(name, 0) for name in UNREADABLE)),
             counters=counters,
             percepts={agent: present.digest() for agent, present in self.board.sets.items()},
             notes=tuple(notes),
