@@ -5,13 +5,15 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink.signing import SIGNATURE_BYTES, Signing
+
 MAGIC_1 = 0xFE
 MAGIC_2 = 0xFD
 SIGNED = 0x01
 """The only incompatibility flag of MAVLink 2 that is defined; a packet with another one must be dropped."""
 
 _MAGIC = (MAGIC_1, MAGIC_2)
-_HEADER_1, _HEADER_2, _CHECKSUM, _SIGNATURE = 6, 10, 2, 13
+_HEADER_1, _HEADER_2, _CHECKSUM, _SIGNATURE = 6, 10, 2, SIGNATURE_BYTES
 
 
 @dataclass(slots=True)
@@ -22,7 +24,38 @@ class WireCounters:
     skipped_bytes: int = 0  # bytes that belong to no packet (console text, noise)
     bad_checksums: int = 0  # what looked like a packet of a known type, with a wrong checksum
     unknown_packets: int = 0  # message ids that the dialect does not know: cannot be checked
-    unreadable_packets: int = 0  # right checksum, but unknown flags, a wrong signature or an impossible payload
+    unreadable_packets: int = 0  # right checksum, but unknown flags or an impossible payload
+    unwanted: int = 0  # right checksum, but nobody here reads such messages
+    refused: int = 0  # right checksum, but unsigned, wrongly signed or replayed where signatures are needed
+
+
+class Gate:
+    """What a framer asks about packets before it reads them. This one lets all of them through."""
+
+    def wants(self, system: int, message_id: int) -> bool:
+        """Whether somebody reads such messages of this system."""
+        return True
+
+    def signing(self, system: int) -> Signing | None:
+        """By what the packets of this system are checked; None = they need no signature."""
+        return None
+
+    def refuse(self, system: int, objection: str) -> None:
+        """Be told of a packet that was not taken: `unsigned`, `wrongly signed` or `replayed`."""
+
+    def copy(self, packet: bytearray, system: int, message_id: int) -> None:
+        """Be told of every packet with a right checksum, wanted or not, as it came."""
+
+
+class SignedGate(Gate):
+    """Takes what is signed with one key, whoever sent it; with no key everything."""
+
+    def __init__(self, signing: Signing | None) -> None:
+        self.by = signing
+
+    def signing(self, system: int) -> Signing | None:
+        """The one key."""
+        return self.by
 
 
 class Framer:
@@ -31,8 +64,10 @@ class Framer:
     After a wrong checksum the search goes on at the next byte, so a false start inside noise loses no packet.
     """
 
-    def __init__(self, counters: WireCounters) -> None:
+    def __init__(self, counters: WireCounters, signing: Signing | None = None, *, gate: Gate | None = None) -> None:
+        """Give a `gate`, or the `signing` by which all packets are checked, or neither."""
         self.counters = counters
+        self._gate = gate or SignedGate(signing)
         self._decoder = dialect.MAVLink(None)
         self._pending = bytearray()
 
@@ -60,60 +95,97 @@ class Framer:
             if length is None or at + length > len(pending):
                 break
             packet = pending[at : at + length]
-            if _message_id(packet) in dialect.mavlink_map:
-                message, used = self._decode(packet)
-            elif at + length == len(pending) and not ends_here:
-                break
+            number = message_id(packet)
+            if number not in dialect.mavlink_map:
+                if at + length == len(pending) and not ends_here:
+                    break
+                at += self._pass_over(packet, pending[at + length : at + length + 1])
+            elif not _checksum_agrees(packet, number):
+                self.counters.bad_checksums += 1
+                self.counters.skipped_bytes += 1
+                at += 1
             else:
-                message, used = None, self._pass_over(length, pending[at + length : at + length + 1])
-            at += used
-            if message is not None:
-                messages.append(message)
+                at += length
+                if (message := self._read(packet, number)) is not None:
+                    messages.append(message)
         del pending[:at]
         return messages
 
-    def _pass_over(self, length: int, following: bytearray) -> int:
+    def _pass_over(self, packet: bytearray, following: bytearray) -> int:
         """How much to skip of what cannot be checked: it is one packet only if another one, or nothing, follows it."""
         if not following or following[0] in _MAGIC:
             self.counters.unknown_packets += 1
-            return length
+            return len(packet)
         self.counters.skipped_bytes += 1
         return 1
 
-    def _decode(self, packet: bytearray) -> tuple[dialect.MAVLink_message | None, int]:
-        """The message in `packet`, and how many bytes are done with."""
+    def _read(self, packet: bytearray, number: int) -> dialect.MAVLink_message | None:
+        """The message in a packet with a right checksum, None if it is not taken."""
+        system = source(packet)
+        if packet[0] == MAGIC_2 and packet[2] & ~SIGNED:
+            self.counters.unreadable_packets += 1
+            return None
+        self._gate.copy(packet, system, number)
+        if not self._gate.wants(system, number):
+            self.counters.unwanted += 1
+            return None
+        signing = self._gate.signing(system)
+        if signing is not None and (objection := signing.objection(packet)):
+            self.counters.refused += 1
+            self._gate.refuse(system, objection)
+            return None
         try:
             message = self._decoder.decode(packet)
         except (dialect.MAVError, ValueError):
-            if _checksum_agrees(packet):
-                self.counters.unreadable_packets += 1
-                return None, len(packet)
-            self.counters.bad_checksums += 1
-            self.counters.skipped_bytes += 1
-            return None, 1
-        if packet[0] == MAGIC_2 and packet[2] & ~SIGNED:
             self.counters.unreadable_packets += 1
-            return None, len(packet)
+            return None
         self.counters.packets += 1
-        return message, len(packet)
+        return message
 
 
 class Encoder:
     """Packs our messages for one peer as MAVLink 2, with our ids and that peer's sequence numbers."""
 
-    def __init__(self, system: int, component: int) -> None:
-        if not (1 <= system <= 255 and 1 <= component <= 255):
-            raise ValueError(f"system and component ids lie between 1 and 255, got {system}/{component}")
+    def __init__(self, system: int, component: int, signing: Signing | None = None) -> None:
+        """`signing` signs everything."""
+        check_ids(system, component)
         self._protocol = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._signing = signing
 
-    def pack(self, message: dialect.MAVLink_message) -> bytes:
-        """The bytes of one packet. Raises ValueError if a field does not fit into its type."""
+    def pack(self, message: dialect.MAVLink_message, signing: Signing | None = None) -> bytes:
+        """The bytes of one packet, signed with `signing` if it is given.
+
+        Raises ValueError if a field does not fit into its type.
+        """
+        signing = signing or self._signing
+        if signing is None:
+            self._protocol.signing.sign_outgoing = False
+        else:
+            signing.sign_with(self._protocol)
         try:
             packet: bytes = message.pack(self._protocol)
         except (struct.error, TypeError, OverflowError) as error:
             raise ValueError(f"{message.get_type()} cannot be packed: {error}") from error
         self._protocol.seq = (self._protocol.seq + 1) % 256
         return packet
+
+
+def check_ids(system: int, component: int) -> None:
+    """Raises ValueError for MAVLink ids that nobody can have."""
+    if not (1 <= system <= 255 and 1 <= component <= 255):
+        raise ValueError(f"system and component ids lie between 1 and 255, got {system}/{component}")
+
+
+def source(packet: bytes | bytearray) -> int:
+    """The system that sent a packet."""
+    return packet[3] if packet[0] == MAGIC_1 else packet[5]
+
+
+def message_id(packet: bytes | bytearray) -> int:
+    """What kind of message a packet holds."""
+    if packet[0] == MAGIC_1:
+        return packet[5]
+    return packet[7] | packet[8] << 8 | packet[9] << 16
 
 
 def _packet_length(data: bytearray, at: int) -> int | None:
@@ -126,17 +198,11 @@ def _packet_length(data: bytearray, at: int) -> int | None:
     return _HEADER_2 + payload + _CHECKSUM + (_SIGNATURE if data[at + 2] & SIGNED else 0)
 
 
-def _message_id(packet: bytearray) -> int:
-    if packet[0] == MAGIC_1:
-        return packet[5]
-    return packet[7] | packet[8] << 8 | packet[9] << 16
-
-
-def _checksum_agrees(packet: bytearray) -> bool:
-    signed = packet[0] == MAGIC_2 and bool(packet[2] & SIGNED)
+def _checksum_agrees(packet: bytearray, number: int) -> bool:
+    signed = packet[0] == MAGIC_2 and packet[2] & SIGNED
     end = len(packet) - _CHECKSUM - (_SIGNATURE if signed else 0)
     covered = packet[1:end]
-    covered.append(dialect.mavlink_map[_message_id(packet)].crc_extra)
+    covered.append(dialect.mavlink_map[number].crc_extra)
     return bool(dialect.x25crc(covered).crc == packet[end] | packet[end + 1] << 8)
 
 
@@ -148,4 +214,5 @@ def _starts_whole(data: bytes) -> bool:
     if length is None or length > len(packet):
         return False
     packet = packet[:length]
-    return _message_id(packet) in dialect.mavlink_map and _checksum_agrees(packet)
+    number = message_id(packet)
+    return number in dialect.mavlink_map and _checksum_agrees(packet, number)

@@ -1,0 +1,173 @@
+"""Signed packets: pymavlink takes ours and we take its, and nothing unsigned, forged or replayed gets through."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.signing import MINUTE, RESERVE, Signing, SigningError, Timestamps, key_of, read_key
+from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
+
+KEY = key_of(b"argo")
+BEAT = dialect.MAVLink_heartbeat_message(2, 3, 81, 4, 3, 3)
+
+
+class Hand:
+    """A clock that a test sets, in 10 us."""
+
+    def __init__(self, at: int = 10 * MINUTE) -> None:
+        self.at = at
+
+    def __call__(self) -> int:
+        return self.at
+
+
+def pymavlinks(key: bytes = KEY, system: int = 1) -> dialect.MAVLink:
+    """The other end, as pymavlink does it."""
+    protocol = dialect.MAVLink(None, srcSystem=system, srcComponent=1)
+    protocol.signing.secret_key = key
+    protocol.signing.sign_outgoing = True
+    protocol.signing.timestamp = 10 * MINUTE
+    return protocol
+
+
+def signing(clock: Hand | None = None, file: Path | None = None, key: bytes = KEY) -> Signing:
+    return Signing(key, Timestamps(file, clock or Hand()))
+
+
+def timestamp(packet: bytes) -> int:
+    return int.from_bytes(packet[-12:-6], "little")
+
+
+def test_pymavlink_verifies_what_we_sign() -> None:
+    vehicle, encoder = pymavlinks(), Encoder(255, 190, signing())
+    for _ in range(3):
+        assert vehicle.decode(bytearray(encoder.pack(BEAT))).get_signed()
+    assert (vehicle.signing.goodsig_count, vehicle.signing.badsig_count) == (3, 0)
+
+
+def test_we_verify_what_pymavlink_signs() -> None:
+    vehicle, counters = pymavlinks(), WireCounters()
+    framer = Framer(counters, signing())
+    for _ in range(3):
+        assert [one.get_type() for one in framer.feed_datagram(BEAT.pack(vehicle))] == ["HEARTBEAT"]
+    assert (counters.packets, counters.refused) == (3, 0)
+
+
+def test_unsigned_forged_and_replayed_packets_are_not_taken() -> None:
+    counters, vehicle = WireCounters(), pymavlinks()
+    framer = Framer(counters, signing())
+    good = BEAT.pack(vehicle)
+    assert framer.feed(good)
+    tampered = bytearray(BEAT.pack(vehicle))
+    tampered[-1] ^= 1
+    version_1 = BEAT.pack(dialect.MAVLink(None, srcSystem=1, srcComponent=1), force_mavlink1=True)
+    for packet in (good, Encoder(1, 1).pack(BEAT), version_1, BEAT.pack(pymavlinks(key_of(b"gold"))), bytes(tampered)):
+        assert not framer.feed(packet)
+    assert counters.refused == 5
+    assert framer.feed(BEAT.pack(vehicle)), "what comes after them is taken"
+
+
+def test_a_forged_timestamp_does_not_silence_the_true_sender() -> None:
+    vehicle, forger = pymavlinks(), pymavlinks(key_of(b"gold"))
+    forger.signing.timestamp = 2**47
+    framer = Framer(WireCounters(), signing())
+    assert not framer.feed(BEAT.pack(forger))
+    assert framer.feed(BEAT.pack(vehicle))
+
+
+def test_a_new_stream_may_be_a_minute_behind_and_not_more() -> None:
+    clock, vehicle = Hand(), pymavlinks()
+    vehicle.signing.timestamp = clock.at - MINUTE
+    assert Framer(WireCounters(), signing(clock)).feed(BEAT.pack(vehicle))
+    late = pymavlinks(system=2)
+    late.signing.timestamp = clock.at - MINUTE - 1
+    assert not Framer(WireCounters(), signing(clock)).feed(BEAT.pack(late))
+
+
+def test_streams_of_one_link_are_told_apart_and_shared_by_its_peers() -> None:
+    by = signing()
+    here, there = Framer(WireCounters(), by), Framer(WireCounters(), by)
+    one, two = pymavlinks(system=1), pymavlinks(system=2)
+    two.signing.timestamp += 1000
+    packet = BEAT.pack(two)
+    assert here.feed(packet)
+    assert there.feed(BEAT.pack(one)), "another system has its own timestamps"
+    assert not there.feed(packet), "a replay from another address is a replay"
+
+
+def test_our_timestamps_go_on_above_those_of_others() -> None:
+    by, vehicle = signing(), pymavlinks()
+    vehicle.signing.timestamp = ahead = 11 * MINUTE
+    assert Framer(WireCounters(), by).feed(BEAT.pack(vehicle))
+    assert timestamp(Encoder(255, 190, by).pack(BEAT)) > ahead
+
+
+def test_timestamps_rise_while_the_clock_stands_and_follow_it_when_it_goes() -> None:
+    clock = Hand()
+    encoder = Encoder(255, 190, signing(clock))
+    first, second = timestamp(encoder.pack(BEAT)), timestamp(encoder.pack(BEAT))
+    assert (first, second) == (clock.at, clock.at + 1)
+    clock.at += 5000
+    assert timestamp(encoder.pack(BEAT)) == clock.at
+
+
+@pytest.mark.parametrize("cleanly", [True, False])
+def test_no_life_of_the_bridge_signs_below_an_earlier_one(tmp_path: Path, cleanly: bool) -> None:
+    file, clock, last = tmp_path / "state" / "link.signing", Hand(), 0
+    for _ in range(5):
+        timestamps = Timestamps(file, clock)
+        for _ in range(3):
+            following = timestamps.next()
+            assert following > last
+            last = following
+        if cleanly:
+            timestamps.close()
+        clock.at -= MINUTE  # a board without a clock of its own starts in the past
+    assert last - 10 * MINUTE < (100 if cleanly else 5 * (RESERVE + 100))
+
+
+def test_the_file_is_written_once_a_minute_and_holds_more_than_what_was_used(tmp_path: Path) -> None:
+    file, clock, written = tmp_path / "link.signing", Hand(), set()
+    timestamps = Timestamps(file, clock)
+    for _ in range(60):
+        clock.at += MINUTE // 30
+        assert timestamps.next() < int(file.read_text())
+        written.add(file.read_text())
+    assert len(written) <= 3
+
+
+def test_a_file_that_can_no_longer_be_written_is_a_problem_and_no_silence(tmp_path: Path) -> None:
+    file, clock = tmp_path / "gone" / "link.signing", Hand()
+    timestamps = Timestamps(file, clock)
+    file.unlink()
+    file.parent.rmdir()
+    assert timestamps.next() == clock.at
+    assert timestamps.problem == f"{file}: no such file or directory"
+
+
+def test_a_file_with_something_else_in_it_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "link.signing"
+    file.write_text("soon\n")
+    with pytest.raises(SigningError, match="expected one number, the last timestamp, got 'soon'"):
+        Timestamps(file)
+
+
+def test_a_passphrase_is_the_first_line_of_a_file_that_only_its_owner_reads(tmp_path: Path) -> None:
+    file = tmp_path / "phrase"
+    file.write_text("argo\nnotes\n")
+    file.chmod(0o600)
+    assert read_key(file) == KEY
+    file.chmod(0o640)
+    with pytest.raises(SigningError) as caught:
+        read_key(file)
+    assert str(caught.value) == f"{file}: others than its owner may use this file: do `chmod 600 {file}`"
+    assert "argo" not in str(caught.value).replace(str(file), "")
+    file.chmod(0o600)
+    file.write_text("\n")
+    with pytest.raises(SigningError, match="expected the passphrase in the first line, it is empty"):
+        read_key(file)
+    with pytest.raises(SigningError, match="missing: no such file or directory"):
+        read_key(tmp_path / "missing")
