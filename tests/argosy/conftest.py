@@ -116,12 +116,22 @@ def start(tmp_path: Path, endpoint: str) -> Iterator[Start]:
         running.end()
 
 
+def copied(name: str, folder: Path, port: int) -> Path:
+    """Copy a shipped mission, with its programs where they are, to a link port of its own."""
+    text = (MISSIONS / f"{name}.yaml").read_text()
+    text = text.replace("udpin:127.0.0.1:14550", f"udpin:127.0.0.1:{port}")
+    path = folder / f"{name}.yaml"
+    path.write_text(text.replace(f"program: {name}/", f"program: {MISSIONS / name}/"))
+    return path
+
+
 @pytest.fixture
 def single_uav(tmp_path: Path, free_port: Callable[[], int]) -> Path:
     """Return a copy of the first mission whose vehicle has a link port of its own."""
-    text = (MISSIONS / "single_uav.yaml").read_text()
-    text = text.replace("udpin:127.0.0.1:14550", f"udpin:127.0.0.1:{free_port()}")
-    text = text.replace("single_uav/uav.asl", str(MISSIONS / "single_uav" / "uav.asl"))
-    path = tmp_path / "single_uav.yaml"
-    path.write_text(text)
-    return path
+    return copied("single_uav", tmp_path, free_port())
+
+
+@pytest.fixture
+def three_uavs(tmp_path: Path, free_port: Callable[[], int]) -> Path:
+    """Return a copy of the mission of three copters, on a link port of their own."""
+    return copied("three_uavs", tmp_path, free_port())

@@ -50,6 +50,23 @@ def test_the_mission_is_flown_to_its_end(start: Start, single_uav: Path, tmp_pat
     assert "uav: mission done" in (report / "mission.log").read_text()
 
 
+def test_three_copters_on_one_link_are_flown_by_one_bridge(start: Start, three_uavs: Path) -> None:
+    running = start(three_uavs, "--speed", "20", real_daemons=True)
+    running.until("uav_c: home again")
+    assert sum("bridged serve" in line for line in running.family) == 2  # by its kind and by its command line: one
+    code, out, err = flown(running, 60)
+    assert code == 0, out + err
+    assert "bridged uav1 uav2 uav3: up" in out
+    for agent, height in (("uav_a", 10), ("uav_b", 15), ("uav_c", 20)):
+        assert re.search(rf"{agent}: takeoff\({height}\) succeeded after", out)
+        assert re.search(rf"{agent}: return_to_launch succeeded after", out)
+    for robot, height in (("uav1", 10), ("uav2", 15), ("uav3", 20)):
+        left = re.search(rf"{robot} +RTL, disarmed, (-?[\d.]+) m above home; flew (\d+) m, ([\d.]+) m high", out)
+        assert left is not None, out
+        assert 70 < float(left[2]) < 100  # there and back over 40 m
+        assert abs(float(left[3]) - height) < 2
+
+
 @pytest.mark.parametrize("victim", ["commd serve", "bridged simulate", "bridged serve", "agentd serve"])
 def test_any_process_killed_in_flight_ends_the_run_within_5_s_and_is_named(
     start: Start, single_uav: Path, victim: str
