@@ -15,6 +15,8 @@ MAX_QUEUED_BYTES = 65536
 
 BACKOFF_S = (0.2, 5.0)
 """First and longest pause between two attempts to open a link again, in wall seconds."""
+STEADY_S = 5.0
+"""Wall seconds that a link must have been open for the next attempt to come soon again."""
 
 
 class Switchboard(Protocol):
@@ -72,7 +74,7 @@ class Supervised(Endpoint):
         self._task = asyncio.create_task(self._keep_open(), name=f"link {link.address}")
 
     async def _keep_open(self) -> None:
-        pauses = _backoff()
+        loop, pauses = asyncio.get_running_loop(), _backoff()
         while True:
             try:
                 connection = self._present = self._present or await self._connect()
@@ -81,10 +83,12 @@ class Supervised(Endpoint):
             except OSError as error:
                 self._link.set_state(False, in_words(error) if error.errno else str(error))
             else:
-                pauses = _backoff()
+                opened_at = loop.time()
                 self._link.set_state(True, "open")
                 why = await connection.lost
                 self._present = None
+                if loop.time() - opened_at > STEADY_S:
+                    pauses = _backoff()
                 self._link.counters.reopened += 1
                 self._link.set_state(False, why)
             await asyncio.sleep(next(pauses))

@@ -6,21 +6,24 @@ not fit is dropped and counted: late telemetry is worth less than fresh telemetr
 """
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.address import LinkAddress
 from bridged.drivers.mavlink.endpoint import Endpoint, Supervised
-from bridged.drivers.mavlink.peer import LinkCounters, LinkError, Peer
+from bridged.drivers.mavlink.peer import Ids, LinkCounters, LinkError, Peer
 from bridged.drivers.mavlink.serial_line import open_serial
-from bridged.drivers.mavlink.sockets import TcpListener, UdpEndpoint, call_tcp
-from bridged.drivers.mavlink.wire import Encoder, Framer
+from bridged.drivers.mavlink.signing import Signing
+from bridged.drivers.mavlink.sockets import TcpListener, call_tcp, open_udp
+from bridged.drivers.mavlink.wire import Framer, Gate, check_ids
 
-__all__ = ["Link", "LinkAddress", "LinkCounters", "LinkError", "OnPacket", "OnState", "Peer", "open_link"]
+__all__ = ["Ids", "Link", "LinkAddress", "LinkCounters", "LinkError", "OnPacket", "OnState", "Peer", "open_link"]
 
 MAX_PEERS = 64
 """Addresses that a listening link remembers; the one silent longest goes first."""
+STILL_THERE = 5.0
+"""Wall seconds within which a system that spoke from an address is taken to be there."""
 
 OnPacket = Callable[[dialect.MAVLink_message, Peer], None]
 """Called with every valid packet and the peer that sent it."""
@@ -28,24 +31,36 @@ OnPacket = Callable[[dialect.MAVLink_message, Peer], None]
 OnState = Callable[[bool, str], None]
 """Called with True when packets can pass and False when they cannot, and why in words."""
 
+MakeGate = Callable[[str], Gate]
+"""Makes what is asked about the packets of one peer, of which it is given the address in words."""
+
 
 class Link:
     """An open link. Made by `open_link`; closed by `close`."""
 
     def __init__(
-        self, address: LinkAddress, on_packet: OnPacket, system: int, component: int, on_state: OnState | None
+        self,
+        address: LinkAddress,
+        on_packet: OnPacket,
+        ids: Ids,
+        on_state: OnState | None,
+        signing: Signing | None,
+        make_gate: MakeGate | None,
     ) -> None:
+        check_ids(*ids)
         self.address = address
         self.counters = LinkCounters()
         self.up = False
         self.why = "not open yet"
-        self._system, self._component = system, component
+        self.signing = signing
+        """By what packets are signed and checked; may be changed at any time."""
+        self._ids = ids
         self._on_packet = on_packet
         self._on_state = on_state
+        self._make_gate = make_gate or (lambda label: _OpenGate(self))
         self._peers: dict[object, Peer] = {}
         self._routes: dict[int, Peer] = {}
         self._endpoint: Endpoint | None = None
-        Encoder(system, component)  # ids that cannot be are an error now, not at the first peer
 
     @property
     def peers(self) -> list[Peer]:
@@ -56,26 +71,57 @@ class Link:
         """Where the system was heard last."""
         return self._routes.get(sysid)
 
-    def send(self, message: dialect.MAVLink_message, sysid: int | None = None) -> bool:
+    def send(
+        self,
+        message: dialect.MAVLink_message,
+        sysid: int | None = None,
+        *,
+        ids: Ids | None = None,
+        signing: Signing | None = None,
+    ) -> bool:
         """Sends to where `sysid` was heard last, or to every peer if it is None or 0.
 
-        True if the packet is on its way to at least one peer. A link with one other end (udpout, tcp, serial) sends
-        there in any case. Raises ValueError if a field of the message does not fit into its type.
+        `ids` and `signing` are the link's own if they are not given. True if the packet is on its way to at least one
+        peer. A link with one other end (udpout, tcp, serial) sends there in any case. Raises ValueError if a field of
+        the message does not fit into its type.
         """
+        return self.send_to(self._targets(sysid), message, ids=ids, signing=signing)
+
+    def send_to(
+        self,
+        peers: Iterable[Peer],
+        message: dialect.MAVLink_message,
+        *,
+        ids: Ids | None = None,
+        signing: Signing | None = None,
+    ) -> bool:
+        """Sends to some peers, False if it was dropped for all of them."""
+        packed = [(peer, peer.encoder(ids or self._ids).pack(message, signing or self.signing)) for peer in peers]
+        return sum(self._write(peer, packet) for peer, packet in packed) > 0
+
+    def pass_on(self, packet: bytes, sysid: int) -> bool:
+        """Sends somebody else's packet as it is to where `sysid` was heard last, False if it was dropped."""
+        return sum(self._write(peer, packet) for peer in self._targets(sysid)) > 0
+
+    def peers_of(self, sysid: int) -> list[Peer]:
+        """Every address from which the system has spoken lately: more than one if two vehicles have one id."""
+        since = asyncio.get_running_loop().time() - STILL_THERE
+        return [peer for peer in self.peers if peer.systems.get(sysid, since) > since]
+
+    def _targets(self, sysid: int | None) -> list[Peer]:
         targets = self.peers
         if sysid and self.address.kind in ("udpin", "tcpin"):
             route = self._routes.get(sysid)
             if route is None:
                 self.counters.unroutable += 1
-                return False
-            targets = [route]
-        elif not targets:
+                return []
+            return [route]
+        if not targets:
             self.counters.dropped += 1
-        return sum(self.send_to(peer, message) for peer in targets) > 0
+        return targets
 
-    def send_to(self, peer: Peer, message: dialect.MAVLink_message) -> bool:
-        """Sends to one peer, False if it was dropped."""
-        if peer.write(peer.encoder.pack(message)):
+    def _write(self, peer: Peer, packet: bytes) -> bool:
+        if peer.write(packet):
             self.counters.sent += 1
             return True
         self.counters.dropped += 1
@@ -98,7 +144,7 @@ class Link:
         """For endpoints: another end came up, or its first bytes came in."""
         while len(self._peers) >= MAX_PEERS:
             self.drop_peer(min(self._peers, key=lambda other: self._peers[other].heard_at))
-        peer = Peer(label, write, Encoder(self._system, self._component), Framer(self.counters))
+        peer = Peer(label, write, Framer(self.counters, gate=self._make_gate(label)))
         self._peers[key] = peer
         return peer
 
@@ -116,8 +162,9 @@ class Link:
         """For endpoints: bytes came in. An error of the callback is reported to the event loop; the link goes on."""
         loop = asyncio.get_running_loop()
         for message in peer.framer.feed_datagram(data) if datagram else peer.framer.feed(data):
-            peer.heard, peer.heard_at = True, loop.time()
             sysid = message.get_srcSystem()
+            peer.heard, peer.heard_at = True, loop.time()
+            peer.systems[sysid] = peer.heard_at
             route = self._routes.get(sysid)
             if route is not peer:
                 if route is not None:
@@ -139,6 +186,16 @@ class Link:
                 self._on_state(up, why)
 
 
+class _OpenGate(Gate):
+    """Everything is wanted; what is not signed as the link needs it is not taken."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+
+    def signing(self, system: int) -> Signing | None:
+        return self._link.signing
+
+
 async def open_link(
     address: LinkAddress,
     on_packet: OnPacket,
@@ -146,14 +203,17 @@ async def open_link(
     system: int,
     component: int,
     on_state: OnState | None = None,
+    signing: Signing | None = None,
+    make_gate: MakeGate | None = None,
 ) -> Link:
     """Opens a link and keeps it open.
 
-    `system` and `component` are our own MAVLink ids. Raises LinkError if a port cannot be bound or a device cannot be
-    opened. A TCP peer that does not answer yet, and a TCP or serial link that is lost later, are tried again with
-    backoff until `close`; `on_state` tells.
+    `system` and `component` are our own MAVLink ids. `signing` signs what is sent and checks what comes; `make_gate`
+    chooses and checks what comes instead. Raises LinkError if a port cannot be bound or a device cannot be opened. A
+    TCP peer that does not answer yet, and a link that is lost later, are tried again with backoff until `close`;
+    `on_state` tells.
     """
-    link = Link(address, on_packet, system, component, on_state)
+    link = Link(address, on_packet, Ids(system, component), on_state, signing, make_gate)
     link.attach(await _open_endpoint(link))
     return link
 
@@ -161,7 +221,7 @@ async def open_link(
 async def _open_endpoint(link: Link) -> Endpoint:
     match link.address.kind:
         case "udpin" | "udpout":
-            return await UdpEndpoint.open(link)
+            return Supervised(link, lambda: open_udp(link), opened=await open_udp(link))
         case "tcpin":
             return await TcpListener.open(link)
         case "tcp":

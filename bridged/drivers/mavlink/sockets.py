@@ -1,6 +1,7 @@
 """UDP and TCP under a MAVLink link."""
 
 import asyncio
+import errno
 import socket
 from collections.abc import Callable
 from contextlib import suppress
@@ -12,46 +13,68 @@ from bridged.drivers.mavlink.peer import LinkError, Peer
 CONNECT_TIMEOUT_S = 5.0
 """How long a TCP peer may take to answer a call."""
 
+MAX_REMEMBERED = 256
+"""Addresses that a socket remembers before it forgets those that the link has forgotten."""
+
 UNANSWERED_TIMEOUT_MS = 10_000
 """How long TCP data may stay unacknowledged before the connection counts as lost (Linux TCP_USER_TIMEOUT)."""
 
 
-class UdpEndpoint(Endpoint, asyncio.DatagramProtocol):
+NOBODY_THERE = frozenset({errno.ECONNREFUSED, errno.EMSGSIZE, errno.ENOBUFS, errno.EAGAIN, errno.EPERM})
+"""Errors that a new socket would meet as well: nobody listens yet, a buffer is full, a rule forbids it."""
+NO_WAY = frozenset({errno.ENETUNREACH, errno.EHOSTUNREACH, errno.EHOSTDOWN})
+"""Errors of one way out: the other addresses of a listening socket may be reached all the same."""
+
+
+class UdpSocket(asyncio.DatagramProtocol):
+    """One UDP socket, listening or connected to one address."""
+
     def __init__(self, link: Switchboard) -> None:
         self._link = link
+        self._listens = link.address.kind == "udpin"
         self._transport: asyncio.DatagramTransport | None = None
         self._queued: Callable[[], int] = lambda: 0
-
-    @classmethod
-    async def open(cls, link: Switchboard) -> "UdpEndpoint":
-        where = (link.address.host, link.address.port)
-        ends = {"local_addr": where} if link.address.kind == "udpin" else {"remote_addr": where}
-        loop = asyncio.get_running_loop()
-        try:
-            _, endpoint = await loop.create_datagram_endpoint(lambda: cls(link), **ends)  # type: ignore[arg-type]
-        except OSError as error:
-            raise LinkError(f"link {link.address} cannot be opened: {in_words(error)}") from error
-        link.set_state(True, "open")
-        return endpoint
+        self._peers: set[object] = set()
+        self.lost: asyncio.Future[str] = asyncio.get_running_loop().create_future()
 
     def connection_made(self, transport: asyncio.DatagramTransport) -> None:  # type: ignore[override]
         self._transport = transport
         self._queued = cast(asyncio.WriteTransport, transport).get_write_buffer_size
-        if self._link.address.kind == "udpout":
+        if not self._listens:
             # The socket is connected: the kernel passes only what comes from there.
-            self._link.add_peer("remote", str(self._link.address), lambda data: self._write(data, None))
+            self._add_peer("remote", str(self._link.address), None)
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        key: object = "remote" if self._link.address.kind == "udpout" else addr
-        peer = self._link.find_peer(key)
-        if peer is None:
-            label = f"udp:{addr[0]}:{addr[1]}"
-            peer = self._link.add_peer(key, label, lambda data: self._write(data, addr))
+        key: object = addr if self._listens else "remote"
+        peer = self._link.find_peer(key) or self._add_peer(key, f"udp:{addr[0]}:{addr[1]}", addr)
         self._link.received(peer, data, datagram=True)
 
     def error_received(self, exc: Exception) -> None:
-        # Nobody listens at the other end yet, or no longer: it may come back.
         self._link.counters.errors += 1
+        number = exc.errno if isinstance(exc, OSError) else None
+        if number not in NOBODY_THERE and not (self._listens and number in NO_WAY):
+            self._lose(exc)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._lose(exc)
+
+    def close(self) -> None:
+        if self._transport is not None:
+            self._transport.abort()
+            self._transport = None
+            for key in self._peers:
+                self._link.drop_peer(key)
+
+    def _lose(self, exc: Exception | None) -> None:
+        self.close()
+        if not self.lost.done():
+            self.lost.set_result(in_words(exc) if isinstance(exc, OSError) else "closed")
+
+    def _add_peer(self, key: object, label: str, addr: tuple[str, int] | None) -> Peer:
+        if len(self._peers) > MAX_REMEMBERED:
+            self._peers = {key for key in self._peers if self._link.find_peer(key) is not None}
+        self._peers.add(key)
+        return self._link.add_peer(key, label, lambda data: self._write(data, addr))
 
     def _write(self, data: bytes, addr: tuple[str, int] | None) -> bool:
         transport = self._transport
@@ -60,10 +83,18 @@ class UdpEndpoint(Endpoint, asyncio.DatagramProtocol):
         transport.sendto(data, addr)
         return True
 
-    async def close(self) -> None:
-        if self._transport is not None:
-            self._transport.abort()
-            self._transport = None
+
+async def open_udp(link: Switchboard) -> Connection:
+    """Binds or connects a socket as the link's address says. Raises LinkError."""
+    where = (link.address.host, link.address.port)
+    ends = {"local_addr": where} if link.address.kind == "udpin" else {"remote_addr": where}
+    loop = asyncio.get_running_loop()
+    try:
+        _, opened = await loop.create_datagram_endpoint(lambda: UdpSocket(link), **ends)  # type: ignore[arg-type]
+    except OSError as error:
+        raise LinkError(f"link {link.address} cannot be opened: {in_words(error)}") from error
+    link.set_state(True, "open")
+    return Connection(opened.lost, opened.close)
 
 
 class _TcpConnection(asyncio.Protocol):
