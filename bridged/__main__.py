@@ -17,7 +17,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv[:1] == ["simulate"]:
         import bridged.simulation.command as simulation
 
-        simulation.add_arguments(simulate)
+        simulation.add_arguments(simulate, argv)
         return simulation.run(parser.parse_args(argv))
     from bridged import daemon
 
