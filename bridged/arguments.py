@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
-from bridged.drivers.robot import Value
 from bridged.paper_text import argument
-from schemas.manifest import ActionEntry, Manifest, Parameter, ParameterType, Values
+from schemas.findings import Finding
+from schemas.manifest import ActionEntry, Argument, Manifest, Parameter, ParameterType, Values
 from schemas.terms import Atom, Structure, Term, to_float
-from schemas.text import read, write
+from schemas.text import BadTerm, read, write
+
+MAX_SHOWN = 80
+"""Characters of an argument that an error shows."""
 
 
 class BadArgument(ValueError):
@@ -23,43 +27,102 @@ def signature(name: str, entry: ActionEntry) -> str:
 
 def read_arguments(
     name: str, entry: ActionEntry, parameters: Sequence[Term], values: Values = "typed"
-) -> dict[str, Value]:
-    """Return the arguments by name, as the robot's `values` say. Raises BadArgument for the first that is wrong."""
+) -> dict[str, Argument]:
+    """Return the arguments by name, as the robot's `values` say: lists of structures as lists of `dict`.
+
+    Raises BadArgument for the first that is wrong.
+    """
     if len(parameters) != entry.arity:
         raise BadArgument(f"{signature(name, entry)} takes {entry.arity} arguments, got {len(parameters)}")
-    given = list(zip(entry.params, parameters, strict=True))
-    if values == "text":
-        given = [(parameter, argument(parameter, term)) for parameter, term in given]
-    return {parameter.name: _read(name, parameter, term) for parameter, term in given}
+    reader = _Reader(name, values)
+    return {
+        parameter.name: reader.read(parameter.name, parameter, term)
+        for parameter, term in zip(entry.params, parameters, strict=True)
+    }
 
 
-def read_call(manifest: Manifest, text: str) -> tuple[str, dict[str, Value]]:
+def read_call(manifest: Manifest, text: str) -> tuple[str, dict[str, Argument]]:
     """Return the action and the arguments that a text such as `cmd_vel(0, 0, 0)` says. Raises ValueError."""
     term = read(text)
     name, arguments = (term.functor, term.args) if isinstance(term, Structure) else (write(term), ())
     entry = manifest.actions.get(name)
     if entry is None:
-        raise ValueError(f"`{text}`: the manifest has no action `{name}`")
+        known = ", ".join(f"{one}/{action.arity}" for one, action in manifest.actions.items())
+        raise BadArgument(f"`{text}`: the manifest has no action `{name}`; it has {known or 'none'}")
     return name, read_arguments(name, entry, arguments, manifest.robot.values)
 
 
-def _read(name: str, parameter: Parameter, term: Term) -> Value:
-    for kind in parameter.types:
-        value = _as(kind, term)
-        if value is None:
-            continue
-        if isinstance(value, int | float) and not isinstance(value, bool) and not _in_range(parameter, value):
-            break
-        return value
-    raise BadArgument(f"{name}: expected {parameter}, got {write(term)}")
+def order_problems(manifest: Manifest) -> Iterator[Finding]:
+    """Say which of the manifest's orders no action carries out as they say it, each at its line."""
+    for order, text in manifest.orders.items():
+        try:
+            read_call(manifest, text)
+        except BadTerm as error:
+            said = f"expected an action with its arguments, such as `cmd_vel(0, 0)`, got `{text}`: {error}"
+            yield manifest.finding(f"orders.{order}: {said}", "orders", order)
+        except BadArgument as error:
+            yield manifest.finding(f"orders.{order}: {error}", "orders", order)
 
 
-def _as(kind: ParameterType, term: Term) -> Value | None:
+@dataclass(frozen=True)
+class _Reader:
+    """Reads the arguments of one call."""
+
+    name: str
+    values: Values
+
+    def read(self, place: str, parameter: Parameter, term: Term) -> Argument:
+        """Read one argument, or one value within it; `place` says which, such as `points[1].lat`."""
+        if self.values == "text":
+            term = argument(parameter, term)
+        for kind in parameter.types:
+            if kind == "list" and isinstance(term, list):
+                return [self.element(f"{place}[{index}]", parameter, item) for index, item in enumerate(term)]
+            value = _as(kind, term)
+            if value is None:
+                continue
+            if isinstance(value, int | float) and not isinstance(value, bool) and not _in_range(parameter, value):
+                break
+            return value
+        raise self.unfit(place, parameter.expected(), term)
+
+    def element(self, place: str, parameter: Parameter, term: Term) -> Argument | dict[str, Argument]:
+        """Read one element of a list: a structure by the names in `each`, or whatever it is."""
+        if not parameter.each:
+            return self.plain(place, term)
+        if len(parameter.each) == 1 and not isinstance(term, list):
+            term = [term]
+        if not isinstance(term, list) or len(term) != len(parameter.each):
+            raise self.unfit(place, f"[{', '.join(map(str, parameter.each))}]", term)
+        return {
+            one.name: self.read(f"{place}.{one.name}", one, item)
+            for one, item in zip(parameter.each, term, strict=True)
+        }
+
+    def plain(self, place: str, term: Term) -> Argument:
+        """Read a value of which the manifest says nothing."""
+        if isinstance(term, list):
+            return [self.plain(f"{place}[{index}]", item) for index, item in enumerate(term)]
+        if isinstance(term, bool | int | float | str):
+            return term
+        if isinstance(term, Atom):
+            return term.name.strip("'")
+        raise self.unfit(place, "a number, text, boolean or list", term)
+
+    def unfit(self, place: str, expected: str, term: Term) -> BadArgument:
+        text = write(term)
+        shown = text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}..."
+        return BadArgument(f"{self.name}: expected {place}: {expected}, got {shown}")
+
+
+def _as(kind: ParameterType, term: Term) -> Argument | None:
     match kind:
         case "boolean":
             return term if isinstance(term, bool) else None
         case "string":
             return term.name.strip("'") if isinstance(term, Atom) else term if isinstance(term, str) else None
+        case "list":
+            return None
     number = to_float(term)
     if number is None or not math.isfinite(number):
         return None

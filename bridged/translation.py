@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from bridged.drivers.robot import Reading
 from bridged.paper_text import percept_value
 from schemas.manifest import Field, Manifest, PerceptEntry
-from schemas.terms import Term, number
+from schemas.terms import Atom, Term, number
 
 DIGITS = 12
 """Significant digits kept after a conversion: -276036830 * 1e-7 is -27.603683 and nothing beyond."""
@@ -26,8 +26,8 @@ class Belief:
 class Translator:
     """The percepts of a manifest by their source."""
 
-    def __init__(self, manifest: Manifest) -> None:
-        self.unreadable = 0
+    def __init__(self, manifest: Manifest, unreadable: int = 0) -> None:
+        self.unreadable = unreadable
         """Readings so far that lacked a field which the manifest names."""
         self._term = percept_value if manifest.robot.values == "text" else _term
         self._by_source: dict[str, list[tuple[str, PerceptEntry, tuple[Field, ...]]]] = {}
@@ -50,17 +50,50 @@ class Translator:
             yield Belief(name, entry, parameters)
 
 
+ToTerm = Callable[[object], Term]
+"""What makes a term of a plain value, by the robot's `values`."""
+
+
 class _Absent(Exception):
     """The robot says that it does not know the value."""
 
 
-def _argument(field: Field, fields: Mapping[str, object], term: Callable[[object], Term]) -> Term:
-    head, *rest = field.field.split(".")
-    value = fields[head]
-    for step in rest:
+def _argument(field: Field, message: object, term: ToTerm) -> Term:
+    value = message
+    for step in field.field.split("."):
         value = value[int(step)] if isinstance(value, list | tuple) else _member(value, step)
-    if field.absent is not None and value == field.absent:
+    if field.each:
+        return _elements(field, value, term)
+    if isinstance(value, list | tuple):
+        return [_value(field, item, term) for item in value if not _is_absent(field, item)]
+    if _is_absent(field, value):
         raise _Absent
+    return _value(field, value, term)
+
+
+def _elements(field: Field, value: object, term: ToTerm) -> list[Term]:
+    """What is taken of each structure in a list; one that lacks a value that it may lack is left out."""
+    if not isinstance(value, list | tuple):
+        raise TypeError(f"a list was expected, not a {type(value).__name__}")
+    parts = field.parts()
+    found: list[Term] = []
+    for element in value:
+        try:
+            taken = [_argument(part, element, term) for part in parts]
+        except _Absent:
+            continue
+        found.append(taken[0] if len(parts) == 1 else taken)
+    return found
+
+
+def _is_absent(field: Field, value: object) -> bool:
+    return field.absent is not None and value == field.absent
+
+
+def _value(field: Field, value: object, term: ToTerm) -> Term:
+    """Convert a value, or every number in a list of lists."""
+    if isinstance(value, list | tuple):
+        return [_value(field, item, term) for item in value]
     if isinstance(value, int | float) and not isinstance(value, bool) and (field.scale, field.offset) != (1.0, 0.0):
         value = float(f"{value * field.scale + field.offset:.{DIGITS}g}")
     return term(value)
@@ -74,10 +107,10 @@ def _member(value: object, step: str) -> object:
 
 def _term(value: object) -> Term:
     match value:
-        case bool() | int() | str():
+        case bool() | int() | str() | Atom():
             return value
         case float():
             return number(value)
-        case bytes() | bytearray() | list() | tuple():
-            return [_term(item) for item in value]
+        case bytes() | bytearray():
+            return list(value)
     raise TypeError(f"no term for a {type(value).__name__}")

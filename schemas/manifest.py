@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import re
 import tomllib
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import msgspec
 
@@ -16,6 +16,7 @@ from schemas.findings import Finding, Findings
 from schemas.manifest_entries import (
     ActionDescription,
     ActionEntry,
+    Argument,
     Field,
     FieldValue,
     Manifest,
@@ -28,12 +29,16 @@ from schemas.manifest_entries import (
     Value,
     Values,
 )
+from schemas.manifest_rules import RULES, name_problems
+from schemas.positions import did_you_mean
+from schemas.shapes import misfits
 from schemas.shipped import shipped, shipped_names
 from schemas.toml_lines import line_of, toml_lines
 
 __all__ = [
     "ActionDescription",
     "ActionEntry",
+    "Argument",
     "Field",
     "FieldValue",
     "Manifest",
@@ -47,13 +52,14 @@ __all__ = [
     "Values",
     "find_manifest",
     "load_manifest",
+    "read_document",
     "read_manifest",
 ]
 
 S = TypeVar("S", bound=msgspec.Struct)
-_FUNCTOR = re.compile(r"[a-z][A-Za-z0-9_]*")
-_WRONG_FIELD = re.compile(r"at `\$\.([A-Za-z0-9_]+)")
-_NAMED_FIELD = re.compile(r"field `([^`]+)`")
+Check = Callable[[Manifest], Iterable[Finding]]
+"""What the drivers say of a manifest: `bridged.drivers.check_manifest`."""
+TABLES = ("robot", "percepts", "actions", "orders")
 _SYNTAX_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
 
@@ -65,24 +71,37 @@ def find_manifest(name: str, relative_to: Path | None = None) -> Path | None:
     return shipped("manifests", f"{name}.toml")
 
 
-def load_manifest(name: str | Path, relative_to: Path | None = None) -> Manifest:
-    """Read and check a manifest. Raises Findings with every problem, each at its line."""
+def load_manifest(name: str | Path, relative_to: Path | None = None, check: Check | None = None) -> Manifest:
+    """Read and check a manifest. Raises Findings with every problem, each at its line.
+
+    `check` is asked for its findings too, of what is right where something else is wrong.
+    """
     path = find_manifest(str(name), relative_to)
     if path is None:
         known = ", ".join(shipped_names("manifests", ".toml"))
         raise Findings([Finding(str(name), 0, 0, f"no such manifest; expected a file or one of: {known}")])
-    return read_manifest(read_text(path), str(path))
+    return read_manifest(read_text(path), str(path), check)
 
 
-def read_manifest(text: str, file: str) -> Manifest:
+def read_manifest(text: str, file: str, check: Check | None = None) -> Manifest:
     """Check the text of a manifest; `file` is what findings name. Raises Findings with every problem."""
     try:
         document = tomllib.loads(text)
+        lines = toml_lines(text)
     except tomllib.TOMLDecodeError as error:
         raise Findings([_syntax_finding(str(error), text, file)]) from None
     except RecursionError:
         raise Findings([Finding(file, 0, 0, "nested too deeply")]) from None
-    return _Reader(file, toml_lines(text)).manifest(document)
+    except ValueError as error:  # a date that there is not, an integer of 5000 digits
+        raise Findings([Finding(file, 0, 0, str(error).partition(";")[0])]) from None
+    return read_document(document, file, lines, check)
+
+
+def read_document(
+    document: dict[str, Any], file: str, lines: dict[tuple[str, ...], int] | None = None, check: Check | None = None
+) -> Manifest:
+    """Check a manifest as the plain data that its TOML says. Raises Findings with every problem."""
+    return _Reader(file, {} if lines is None else lines).manifest(document, check)
 
 
 def _syntax_finding(said: str, text: str, file: str) -> Finding:
@@ -101,9 +120,10 @@ class _Reader:
         self.lines = lines
         self.problems: list[Finding] = []
 
-    def manifest(self, document: dict[str, Any]) -> Manifest:
-        for key in sorted(set(document) - {"robot", "percepts", "actions", "orders"}):
-            self.problem(f"unknown table or key `{key}`, expected `robot`, `percepts`, `actions` or `orders`", key)
+    def manifest(self, document: dict[str, Any], check: Check | None) -> Manifest:
+        for key in document:
+            if key not in TABLES:
+                self.problem(f"there is no such table{did_you_mean(key, TABLES)}", key)
         robot = None
         if "robot" not in document:
             self.problem("a `[robot]` table with its `driver` is missing")
@@ -111,16 +131,20 @@ class _Reader:
             robot = self.entry(RobotEntry, document["robot"], "robot")
         percepts = self.entries(PerceptEntry, document, "percepts")
         actions = self.entries(ActionEntry, document, "actions")
-        for name, percept in percepts.items():
-            self.check_percept(name, percept)
-        for name, action in actions.items():
-            self.check_action(name, action)
-        if self.problems or robot is None:
-            raise Findings(self.problems)
-        return Manifest(robot=robot, percepts=percepts, actions=actions, file=self.file, lines=self.lines)
+        orders = self.orders(document.get("orders", {}))
+        if robot is not None:
+            manifest = Manifest(
+                robot=robot, percepts=percepts, actions=actions, orders=orders, file=self.file, lines=self.lines
+            )
+            if self.problems and check is not None:
+                self.problems += check(manifest)
+            if not self.problems:
+                return manifest
+        raise Findings(self.problems)
 
     def problem(self, message: str, *path: str) -> None:
-        self.problems.append(Finding(self.file, line_of(self.lines, path), 0, message))
+        said = f"{place(path)}: {message}" if path else message
+        self.problems.append(Finding(self.file, line_of(self.lines, path), 0, said))
 
     def entries(self, kind: type[S], document: dict[str, Any], table: str) -> dict[str, S]:
         found = document.get(table, {})
@@ -129,76 +153,48 @@ class _Reader:
             return {}
         read: dict[str, S] = {}
         for name, content in found.items():
-            if not _FUNCTOR.fullmatch(name):
-                self.problem(f"`{name}`: expected the name of a belief or action, such as `battery`", table, name)
+            before = len(self.problems)
+            for problem in name_problems(table, name):
+                self.problem(problem, table, name)
             entry = self.entry(kind, content, table, name)
-            if entry is not None:
+            if entry is not None and len(self.problems) == before:
                 read[name] = entry
         return read
 
     def entry(self, kind: type[S], content: object, *path: str) -> S | None:
-        """Read one table, and go on after a wrong field so that the next ones are found too."""
+        """Read one table; None if something is wrong with it."""
         if not isinstance(content, dict):
             self.problem(f"expected a table `[{'.'.join(path)}]`", *path)
             return None
-        left, wrong = dict(content), set[str]()
-        while True:
-            try:
-                entry = msgspec.convert(left, kind, dec_hook=decode_hook)
-            except msgspec.ValidationError as error:
-                said = str(error)
-                at = _WRONG_FIELD.search(said)
-                named = at or _NAMED_FIELD.search(said)
-                field = named[1] if named else ""
-                if field not in left:
-                    if field not in wrong:
-                        self.problem(f"{'.'.join(path)}: {_plain(said)}", *path)
-                    return None
-                self.problem(f"{'.'.join((*path, field) if at else path)}: {_plain(said)}", *path, field)
-                del left[field]
-                wrong.add(field)
-            else:
-                return None if wrong else entry
-
-    def check_percept(self, name: str, entry: PerceptEntry) -> None:
-        where = ("percepts", name)
-        for position in entry.key:
-            if position >= entry.arity:
-                self.problem(f"percepts.{name}.key: position {position} of {entry.arity} arguments", *where, "key")
-        if entry.ttl is not None and entry.ttl <= 0:
-            self.problem(f"percepts.{name}.ttl: expected more than 0 s", *where, "ttl")
-        for field in entry.fields():
-            if not all(field.field.split(".")):
-                self.problem(f"percepts.{name}.args: `{field.field}` is not a field path", *where, "args")
-
-    def check_action(self, name: str, entry: ActionEntry) -> None:
-        where = ("actions", name)
-        named = [parameter.name for parameter in entry.params]
-        for repeated in sorted({one for one in named if named.count(one) > 1}):
-            self.problem(f"actions.{name}.params: `{repeated}` stands there twice", *where, "params")
-        for parameter in entry.params:
-            low, high = parameter.min, parameter.max
-            if any(bound is not None and not math.isfinite(bound) for bound in (low, high)):
-                self.problem(f"actions.{name}.params: the range of `{parameter.name}` is not finite", *where, "params")
-            if low is not None and high is not None and low > high:
-                self.problem(f"actions.{name}.params: `{parameter.name}` has min above max", *where, "params")
-        for field, value in entry.fields.items():
-            refers = value.param if isinstance(value, FieldValue) and value.value is None else value
-            if isinstance(refers, str) and refers not in named:
-                known = ", ".join(named) or "none"
-                self.problem(
-                    f"actions.{name}.fields.{field}: no parameter `{refers}`; there is {known}", *where, "fields"
-                )
-        if entry.deadline <= 0:
-            self.problem(f"actions.{name}.deadline: expected more than 0 s", *where, "deadline")
-        if len(entry.ways()) != 1:
-            self.problem(
-                f"actions.{name}: expected one of `command`, `message`, `topic`, `service` and `call`, "
-                f"got {' and '.join(f'`{way}`' for way in entry.ways()) or 'none of them'}",
-                *where,
+        wrong = list(misfits(content, kind, decode_hook))
+        bad = {where[0] for where, _ in wrong if where}
+        try:
+            entry = msgspec.convert(
+                {field: value for field, value in content.items() if field not in bad}, kind, dec_hook=decode_hook
             )
+        except msgspec.ValidationError:  # a field is missing, or is needed and wrong
+            entry = None
+        if entry is not None:
+            for fields, rule in RULES[kind]:
+                if not fields & bad:
+                    wrong += rule(entry)
+        for where, message in wrong:
+            self.problem(message, *path, *where)
+        return None if wrong else entry
+
+    def orders(self, content: object) -> dict[Order, str]:
+        if not isinstance(content, dict):
+            self.problem("expected a table `[orders]`", "orders")
+            return {}
+        known: tuple[Order, ...] = get_args(Order)
+        for name, said in content.items():
+            if name not in known:
+                self.problem(f"there is no such order{did_you_mean(name, known)}", "orders", name)
+            elif not isinstance(said, str) or not said.strip():
+                self.problem('expected an action with its arguments, such as `"cmd_vel(0, 0)"`', "orders", name)
+        return {name: content[name] for name in known if isinstance(content.get(name), str)}
 
 
-def _plain(said: str) -> str:
-    """msgspec's sentence without its path, which the finding already gives."""
-    return said.partition(" - at `")[0].replace("Object ", "")
+def place(path: Iterable[str]) -> str:
+    """Return a path for people: `actions.goto.params[0].min`."""
+    return "".join(f"[{step}]" if step.isdigit() else f".{step}" for step in path).removeprefix(".")

@@ -6,7 +6,7 @@ executed. Which sources, commands and confirmations exist is the driver's to say
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -20,6 +20,8 @@ Positive = Annotated[float, Meta(gt=0, le=1e6)]
 Factor = Annotated[float, Meta(ge=-1e15, le=1e15)]
 ParameterType = Literal["float", "int", "boolean", "string", "list"]
 Value = bool | int | float | str
+Argument = Value | list[Any]
+"""An argument of an action after it was checked: lists hold values, lists, or structures (`dict` by name)."""
 Values = Literal["typed", "text"]
 Order = Literal["hold", "land", "rtl"]
 
@@ -35,11 +37,16 @@ class Field(_Entry, frozen=True, kw_only=True):
     """Path in the message, such as `voltages.0`."""
     scale: Factor = 1.0
     offset: Factor = 0.0
-    absent: float | None = None
-    """The raw value by which the robot says that it does not know (65535, -1): then there is no percept."""
+    absent: Factor | None = None
+    """The raw value by which the robot says that it does not know (65535, -1): then there is no percept, or this
+    element of a list is left out."""
     each: tuple[str | Field, ...] = ()
     """The field is a list of structures: of each element these fields, as a list; the paper's `status[](key, value)`.
     A single one is not wrapped into a list of its own."""
+
+    def parts(self) -> tuple[Field, ...]:
+        """What is taken of each element, in the long form."""
+        return _long(self.each)
 
 
 class PerceptEntry(_Entry, frozen=True, kw_only=True):
@@ -58,8 +65,8 @@ class PerceptEntry(_Entry, frozen=True, kw_only=True):
     """At most so many changes a second are told; also what a stream of the source is asked for."""
     ttl: Duration | None = None
     """The belief goes when its source has been silent for so long; none = it stays."""
-    deadband: Annotated[float, Meta(ge=0)] = 0.0
-    """Numbers that moved by no more than this, in the unit of the percept, are not a change."""
+    deadband: Annotated[float, Meta(ge=0, le=1e15)] = 0.0
+    """Numbers that moved by no more than this, in the unit of the percept, are not a change; those in lists too."""
 
     @property
     def arity(self) -> int:
@@ -68,7 +75,11 @@ class PerceptEntry(_Entry, frozen=True, kw_only=True):
 
     def fields(self) -> tuple[Field, ...]:
         """The arguments in their long form."""
-        return tuple(Field(field=arg) if isinstance(arg, str) else arg for arg in self.args)
+        return _long(self.args)
+
+
+def _long(fields: tuple[str | Field, ...]) -> tuple[Field, ...]:
+    return tuple(Field(field=one) if isinstance(one, str) else one for one in fields)
 
 
 class Parameter(_Entry, frozen=True, kw_only=True):
@@ -80,8 +91,8 @@ class Parameter(_Entry, frozen=True, kw_only=True):
     min: float | None = None
     max: float | None = None
     each: tuple[Parameter, ...] = ()
-    """A list of structures: what each element holds, in this order; the paper's `Type[](a, b)`. None of them, and the
-    type `list`: any list."""
+    """Of type `list`: what each element holds, in this order; the paper's `Type[](a, b)`. An element is a list itself,
+    or the bare value where it holds a single one. None of them: any list."""
 
     @property
     def types(self) -> tuple[ParameterType, ...]:
@@ -89,7 +100,13 @@ class Parameter(_Entry, frozen=True, kw_only=True):
         return (self.type,) if isinstance(self.type, str) else self.type
 
     def __str__(self) -> str:
-        text = f"{self.name}: {' or '.join(self.types)}"
+        return f"{self.name}: {self.expected()}"
+
+    def expected(self) -> str:
+        """What the argument must be, for people: `float 1..120 m`, `list of [x: float, y: float]`."""
+        text = " or ".join(self.types)
+        if self.each:
+            text += f" of [{', '.join(map(str, self.each))}]"
         if self.min is not None or self.max is not None:
             low = "" if self.min is None else f"{self.min:g}"
             high = "" if self.max is None else f"{self.max:g}"

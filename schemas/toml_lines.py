@@ -1,43 +1,37 @@
-"""Finds the lines on which the tables and keys of a TOML document stand, which `tomllib` does not tell."""
+"""Finds the lines on which the tables, keys and values of a TOML document stand, which `tomllib` does not tell."""
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 
-_PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
-_PATH = rf"{_PART}(?:\s*\.\s*{_PART})*"
-_HEADER = re.compile(rf"\s*\[\[?\s*({_PATH})\s*\]")
-_KEY = re.compile(rf"\s*({_PATH})\s*=")
+_PART = r"""(?:[A-Za-z0-9_-]+|"(?:\\.|[^"\\\n])*"|'[^'\n]*')"""
+_KEY = re.compile(rf"{_PART}(?:[ \t]*\.[ \t]*{_PART})*")
 _PARTS = re.compile(_PART)
-_TOKEN = re.compile(r'"""|\'\'\'|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'|#[^\n]*|[\[\]{}]')
+_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+_STRING = re.compile(
+    r'"""(?:\\.|[^\\])*?"{3,5}|\'\'\'.*?\'{3,5}|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'',
+    re.DOTALL,
+)
+_BARE = re.compile(r"[^\n#,\[\]{}]*")
 
 Path = tuple[str, ...]
+"""Steps to a value: keys, and positions in arrays as text, such as `("actions", "goto", "params", "0", "min")`."""
 
 
 def toml_lines(text: str) -> dict[Path, int]:
-    """Return the line (from 1) of each table and each key of `text`, by its path; the first one where it repeats.
+    """Return the line (from 1) of each table, key and element of an array, by its path; the first where it repeats.
 
-    Keys inside inline tables stand on the line of the key that holds them, so they are not listed.
+    `text` is one that `tomllib` reads; what stands in any other is found as far as it can be. Raises RecursionError
+    for values that are nested too deeply.
     """
-    found: dict[Path, int] = {}
-    table: Path = ()
-    depth, quote = 0, ""
-    for number, line in enumerate(text.splitlines(), start=1):
-        value = line
-        if not depth and not quote:
-            if header := _HEADER.match(line):
-                table = _parts(header[1])
-                found.setdefault(table, number)
-                continue
-            if key := _KEY.match(line):
-                found.setdefault(table + _parts(key[1]), number)
-                value = line[key.end() :]
-        depth, quote = _scan(value, depth, quote)
-    return found
+    scan = _Scan(text)
+    scan.document()
+    return scan.found
 
 
 def line_of(lines: dict[Path, int], path: Path) -> int:
-    """Return the line of the innermost table or key on `path` that is known, 0 if none is.
+    """Return the line of the innermost table, key or element on `path` that is known, 0 if none is.
 
     `[a.b]` declares `a` too: a table without a line of its own stands where its first part does.
     """
@@ -48,29 +42,118 @@ def line_of(lines: dict[Path, int], path: Path) -> int:
     return 0
 
 
-def _parts(path: str) -> Path:
-    return tuple(part.strip("\"'") for part in _PARTS.findall(path))
+class _Scan:
+    """Goes once through the text."""
 
+    def __init__(self, text: str) -> None:
+        self.text, self.at = text, 0
+        self.found: dict[Path, int] = {}
+        self.line, self.counted = 1, 0
+        self.arrays: Counter[Path] = Counter()
 
-def _scan(value: str, depth: int, quote: str) -> tuple[int, str]:
-    """How deep in brackets, and in which multi-line string, the text is after `value`."""
-    at = 0
-    while at < len(value):
-        if quote:
-            end = value.find(quote, at)
-            if end < 0:
-                return depth, quote
-            at, quote = end + 3, ""
-            continue
-        token = _TOKEN.search(value, at)
-        if token is None:
-            break
-        at = token.end()
-        match token[0]:
-            case '"""' | "'''":
-                quote = token[0]
-            case "[" | "{":
-                depth += 1
-            case "]" | "}":
-                depth = max(0, depth - 1)
-    return depth, quote
+    def here(self, path: Path) -> None:
+        """The value at `path` stands where the scan is."""
+        self.line += self.text.count("\n", self.counted, self.at)
+        self.counted = self.at
+        self.found.setdefault(path, self.line)
+
+    def document(self) -> None:
+        table: Path = ()
+        while self.blank():
+            if self.text[self.at] == "[":
+                table = self.header()
+            else:
+                self.pair(table)
+            end = self.text.find("\n", self.at)
+            self.at = len(self.text) if end < 0 else end
+
+    def header(self) -> Path:
+        """`[table]` or `[[array of tables]]`."""
+        array = self.text.startswith("[[", self.at)
+        start, self.at = self.at, self.at + 1 + array
+        self.blank()
+        path = self.inside(self.key())
+        self.at, end = start, self.at
+        self.here(path)
+        if array:
+            path = (*path, str(self.arrays[path]))
+            self.arrays[path[:-1]] += 1
+            self.here(path)
+        self.at = end
+        return path
+
+    def inside(self, path: Path) -> Path:
+        """The same path through the last elements of the arrays of tables on it."""
+        whole: Path = ()
+        for step in path[:-1]:
+            whole = (*whole, step)
+            if count := self.arrays[whole]:
+                whole = (*whole, str(count - 1))
+        return (*whole, *path[-1:])
+
+    def pair(self, table: Path) -> None:
+        """`key = value`."""
+        start = self.at
+        parts = self.key()
+        if not parts:
+            self.at = start + 1
+            return
+        end, self.at = self.at, start
+        self.here((*table, *parts))
+        self.at = end
+        self.blank()
+        if self.text.startswith("=", self.at):
+            self.at += 1
+            self.blank()
+            self.value((*table, *parts))
+
+    def value(self, path: Path) -> None:
+        match self.text[self.at : self.at + 1]:
+            case "[":
+                self.array(path)
+            case "{":
+                self.inline_table(path)
+            case '"' | "'":
+                found = _STRING.match(self.text, self.at)
+                self.at = found.end() if found else len(self.text)
+            case _:
+                found = _BARE.match(self.text, self.at)
+                self.at = found.end() if found else len(self.text)
+
+    def array(self, path: Path) -> None:
+        self.at += 1
+        index = 0
+        while self.blank() and self.text[self.at] != "]":
+            before = self.at
+            self.here((*path, str(index)))
+            self.value((*path, str(index)))
+            index += 1
+            self.comma(before)
+        self.at += 1
+
+    def inline_table(self, path: Path) -> None:
+        self.at += 1
+        while self.blank() and self.text[self.at] != "}":
+            before = self.at
+            self.pair(path)
+            self.comma(before)
+        self.at += 1
+
+    def comma(self, before: int) -> None:
+        """Pass the comma, if there is one, and go on in any case."""
+        if self.blank() and self.text[self.at] == ",":
+            self.at += 1
+        self.at = max(self.at, before + 1)
+
+    def key(self) -> Path:
+        found = _KEY.match(self.text, self.at)
+        if found is None:
+            return ()
+        self.at = found.end()
+        return tuple(part.strip("\"'") for part in _PARTS.findall(found[0]))
+
+    def blank(self) -> bool:
+        """Pass blanks, comments and line ends; returns whether something follows."""
+        found = _BLANK.match(self.text, self.at)
+        self.at = found.end() if found else self.at
+        return self.at < len(self.text)

@@ -11,6 +11,7 @@ from functools import cache
 from importlib import import_module
 from typing import cast
 
+from bridged.arguments import order_problems
 from bridged.drivers.robot import DriverKind
 from schemas.findings import Finding
 from schemas.manifest import Manifest
@@ -53,8 +54,8 @@ def find_driver(name: str) -> DriverKind:
 
 
 def check_manifest(manifest: Manifest) -> list[Finding]:
-    """Say what the drivers do not know in a manifest, each at its line; no such driver is one finding."""
-    return list(_problems(manifest))
+    """Say what the drivers do not know in a manifest, and which orders it has no action for, each at its line."""
+    return [*order_problems(manifest), *_problems(manifest)]
 
 
 def check_robot(manifest: Manifest, robot: Robot) -> list[tuple[str, str]]:
