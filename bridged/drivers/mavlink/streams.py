@@ -24,7 +24,7 @@ OWN_NEEDS = {
     "POSITION_TARGET_GLOBAL_INT": 2.0,
 }
 """Hz at least of what readiness and the confirmations look at."""
-UNASKED = frozenset({"HEARTBEAT", "STATUSTEXT", "HOME_POSITION", "COMMAND_ACK", "OVERRIDE"})
+UNASKED = frozenset({"HEARTBEAT", "STATUSTEXT", "HOME_POSITION", "COMMAND_ACK", "OVERRIDE", "LINK"})
 """Come by themselves, on request, or are the driver's own."""
 SPORADIC = frozenset({"POSITION_TARGET_GLOBAL_INT"})
 """Sent only in some states of the vehicle: their silence proves nothing."""

@@ -18,8 +18,8 @@ from schemas.manifest import ActionEntry, FieldValue, Manifest, PerceptEntry
 COMMAND_FIELDS = tuple(f"param{index}" for index in range(1, 8))
 TARGET = "SET_POSITION_TARGET_GLOBAL_INT"
 TARGET_FIELDS = ("lat_int", "lon_int", "alt")
-OWN_FIELDS = {"HEARTBEAT": ("mode", "connected", "armed"), "OVERRIDE": ("mode",)}
-"""Sources that the driver reads itself: the mode's name and the state of the link, a mode set by others."""
+OWN_FIELDS = {"HEARTBEAT": ("mode", "connected", "armed"), "OVERRIDE": ("mode",), "LINK": ("state",)}
+"""Sources that the driver reads itself: the mode's name, a mode set by others, and the link as the atom up or down."""
 TABLES = ("modes",)
 BY_MESSAGE = frozenset({"target", "arrival"})
 """Confirmations of actions that send a position target; the others confirm commands."""
