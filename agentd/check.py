@@ -28,13 +28,13 @@ from agentd.analysis.plans import (
     unused_plans,
 )
 from agentd.analysis.subjects import Surveyed, read_subjects, read_survey
-from agentd.analysis.variables import singletons, unbound_variables
+from agentd.analysis.variables import named_variables, singletons, unbound_variables
 from agentd.language.syntax import Program
 from agentd.paths import SourcePaths, read_folders
 from agentd.run import add_path_argument
 from agentd.stdlib.registry import find_action
 from schemas.findings import Finding, Findings
-from schemas.manifest_entries import Parameter
+from schemas.manifest_entries import Parameter, Values
 
 EXIT_DONE = 0
 EXIT_FOUND = 1
@@ -52,6 +52,8 @@ class Robot:
     percepts: Arities | None = None
     parameters: Mapping[str, Sequence[Parameter]] = field(default_factory=dict)
     """The arguments of actions, where their types are known."""
+    values: Values = "typed"
+    """`text`: arguments go out as their text, and a variable without a value as its name."""
 
 
 def check_program(
@@ -100,7 +102,7 @@ def findings_of(
     findings += internal_actions(found, internal, known_functions if functions is None else functions, unusable)
     if robot.actions is not None:
         findings += external_actions(found, robot.actions, internal)
-        findings += action_types(found, robot.parameters)
+        findings += action_types(found, robot.parameters, robot.values)
     else:
         findings += undotted_internal_actions(found, internal)
     if robot.percepts is not None:
@@ -113,7 +115,8 @@ def findings_of(
     findings += unused_plans(found, elsewhere)
     for look in _LOOKS:
         findings += look(found)
-    return sorted(set(findings))
+    said = named_variables(found, robot.actions or ()) if robot.values == "text" else frozenset()
+    return sorted(one for one in set(findings) if one not in said)
 
 
 _LOOKS = (
@@ -181,7 +184,8 @@ def _robot(name: str | None) -> Robot:
 
     manifest = load_manifest(name, Path.cwd())
     parameters = {action: entry.params for action, entry in manifest.actions.items()}
-    return Robot(manifest.action_arities(), {**manifest.percept_arities(), **OF_THE_DAEMONS}, parameters)
+    percepts = {**manifest.percept_arities(), **OF_THE_DAEMONS}
+    return Robot(manifest.action_arities(), percepts, parameters, manifest.robot.values)
 
 
 def _check(files: Sequence[str], robot: Robot, paths: SourcePaths) -> dict[Finding, str]:

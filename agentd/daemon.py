@@ -19,7 +19,6 @@ from commd.bus import open_bus
 from commd.clock import Clock
 from commd.process import EXIT_DONE, add_router_argument, run_daemon
 from schemas.findings import Finding, Findings
-from schemas.manifest import load_manifest
 from schemas.mission import Mission, load_mission
 
 DEEPEST_CALLS = 9000
@@ -87,12 +86,14 @@ def prepare(mission: Mission, agent: str, seed: int, decisions: int = DECISIONS)
     """Read and compile what an agent is made of. Raises Findings with everything that is wrong with it."""
     robot = mission.agents[agent].robot
     deadlines: dict[str, float] = {}
+    as_text = robot is not None and not isinstance(mission.robots[robot].manifest, str)
     if robot is not None and isinstance(named := mission.robots[robot].manifest, str):
         manifest = load_manifest(named, mission.path.parent)
         deadlines = {name: float(entry.deadline) for name, entry in manifest.actions.items()}
+        as_text = manifest.robot.values == "text"
     program = compiled(compose(mission, agent))
     done, failed = endings(mission, agent, "done"), endings(mission, agent, "failed")
-    return Part(agent, program, robot, deadlines, done, failed, seed, decisions)
+    return Part(agent, program, robot, done, failed, seed, decisions, as_text)
 
 
 def compiled(program: Program) -> CompiledProgram:

@@ -52,8 +52,6 @@ ASK_TIMEOUT = 30.0
 LAST_PRINTS = 20
 DECISIONS = 200
 """Decisions and failures that an agent remembers if nobody says otherwise."""
-DEFAULT_DEADLINE = 60.0
-"""Mission seconds for an action that the manifest does not know: its bridge says so at once."""
 LEAVE = 2.0
 """Wall seconds that mail and cancellations have to leave when the agent ends."""
 
@@ -65,13 +63,13 @@ class Part:
     name: str
     program: CompiledProgram
     robot: str | None
-    deadlines: dict[str, float]
-    """Mission seconds per action of the robot's manifest."""
     done: dict[str, Formula]
     failed: dict[str, Formula]
     seed: int = 0
     decisions: int = DECISIONS
     """How many of its last decisions the agent remembers; 0: none."""
+    names_variables: bool = False
+    """The robot takes a free variable in an action by its name (`values = "text"` in its manifest)."""
 
 
 class Host:
@@ -90,6 +88,7 @@ class Host:
             part.program,
             seed=part.seed,
             start=clock.now(),
+            names_variables=part.names_variables,
             clock=clock.now,
             agents=lambda: roster.names,
             has_team=True,
@@ -107,7 +106,7 @@ class Host:
         if part.robot is not None:
             self._perceiving = Perceiving(bus, part.name, part.robot, self._perceive)
             watch = BridgeWatch(bus, part.robot, self._bridge_up, self._bridge_gone)
-            self._acting = Acting(bus, part.name, self._perceiving, watch)
+            self._acting = Acting(bus, part.name, self._perceiving, watch, clock.to_wall)
             self._spawn(self._perceiving.run())
         self._hide = bus.serve(keys.mind(bus.fleet, part.name), MindView, self._show)
 
@@ -224,9 +223,8 @@ class Host:
         except BadTerm as bad:
             self._feed(ActionDone(effect.id, False, f"{effect.name}: {bad}", "refused"))
             return
-        deadline = self._clock.to_wall(self.part.deadlines.get(effect.name, DEFAULT_DEADLINE))
         try:
-            status = await self._acting.perform(self._identity(effect.id), effect.name, parameters, deadline)
+            status = await self._acting.perform(self._identity(effect.id), effect.name, parameters)
         except Exception as error:  # the intention must not wait for ever for an answer that cannot come
             reason = f"defect in agentd: {type(error).__name__}: {error}"
             self._feed(ActionDone(effect.id, False, reason, "failed"))

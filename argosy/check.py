@@ -180,7 +180,8 @@ def _against(program: Program, manifest: Manifest | None, told: set[tuple[str, i
     actions = manifest.action_arities() if manifest is not None else {}
     percepts = manifest.percept_arities() if manifest is not None else {}
     parameters = {name: entry.params for name, entry in manifest.actions.items()} if manifest is not None else {}
-    robot = Robot(actions, {**percepts, **OF_THE_DAEMONS}, parameters)
+    values = manifest.robot.values if manifest is not None else "typed"
+    robot = Robot(actions, {**percepts, **OF_THE_DAEMONS}, parameters, values)
     return findings_of(read_survey(program, SourcePaths()), robot, Elsewhere(beliefs=frozenset(told)))
 
 

@@ -12,7 +12,7 @@ from agentd.language.printer import source_text
 from agentd.language.spelling import near
 from agentd.language.syntax import Arithmetic, ListTerm, Number, String, Structure, Term
 from schemas.findings import Finding
-from schemas.manifest_entries import Parameter
+from schemas.manifest_entries import Parameter, Values
 
 
 def external_actions(survey: Survey, known: Arities, internal: Arities) -> Iterator[Finding]:
@@ -33,16 +33,22 @@ def external_actions(survey: Survey, known: Arities, internal: Arities) -> Itera
             yield finding(Kind.ACTION_ARITY, action.position, text)
 
 
-def action_types(survey: Survey, parameters: Mapping[str, Sequence[Parameter]]) -> Iterator[Finding]:
-    """Arguments written out in the program that the bridge would refuse."""
+def action_types(
+    survey: Survey, parameters: Mapping[str, Sequence[Parameter]], values: Values = "typed"
+) -> Iterator[Finding]:
+    """Arguments written out in the program that the bridge would refuse; of those that go as texts, only numbers."""
     for action in survey.actions:
         expected = parameters.get(action.name, ())
         if len(expected) == action.arity:
-            yield from _wrong_arguments(action, expected)
+            yield from _wrong_arguments(action, expected, values)
 
 
-def _wrong_arguments(action: Mention, expected: Sequence[Parameter]) -> Iterator[Finding]:
+def _wrong_arguments(action: Mention, expected: Sequence[Parameter], values: Values) -> Iterator[Finding]:
     for parameter, term in zip(expected, action.literal.args, strict=True):
+        if values == "text" and not (
+            isinstance(term, Number | Arithmetic) and {"float", "int"}.issuperset(parameter.types)
+        ):
+            continue
         if not any(_may_be(kind, term, parameter) for kind in parameter.types):
             text = f"the action {action.name} takes {parameter}, not {source_text(term)}"
             place = action.position if term.position.line == 0 else term.position

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import NamedTuple, TypeAlias
 
 from agentd.analysis.kinds import Kind, warning
@@ -72,8 +72,23 @@ def _in_scope(scope: _Node) -> Iterator[Finding]:
         pending.extend(_children(node))
     for name, variable in first.items():
         if counts[name] == 1 and not variable.anonymous:
-            message = f"the variable {name} stands only once; is it misspelt? if not, write _ or _{name}"
-            yield warning(Kind.SINGLETON_VARIABLE, variable.position, message)
+            yield _only_once(variable)
+
+
+def _only_once(variable: Variable) -> Finding:
+    name = variable.name
+    message = f"the variable {name} stands only once; is it misspelt? if not, write _ or _{name}"
+    return warning(Kind.SINGLETON_VARIABLE, variable.position, message)
+
+
+def named_variables(survey: Survey, actions: Collection[str]) -> frozenset[Finding]:
+    """The warnings of `singletons` about variables whose name an action is meant to tell: ``arm_motors(True)``."""
+    return frozenset(
+        _only_once(term)
+        for mention in survey.actions
+        for term in mention.literal.args
+        if mention.name in actions and isinstance(term, Variable)
+    )
 
 
 class _Use(NamedTuple):

@@ -105,11 +105,12 @@ def perform(mind: Any, intention: Intention, action: Any) -> bool:
         action = literal_of(action)
     name, args = action.sig.name, action.args
     if args or action.annots:
-        if not is_ground(action):
-            if "." in name:
-                raise Failed("action_failed", f"there is no internal action {action.sig.indicator}")
+        open_ = not is_ground(action)
+        if open_ and "." in name:
+            raise Failed("action_failed", f"there is no internal action {action.sig.indicator}")
+        if open_ and not mind.names_variables:
             raise Failed("action_failed", f"the action {text(action)} has a variable without a value")
-        args = resolve_all(args)
+        args = detach(args) if open_ else resolve_all(args)
     if mind.actions is not None and name not in mind.actions:
         raise Failed("action_failed", f"nobody can perform the action {action.sig.indicator}")
     mind.action_count += 1

@@ -63,7 +63,8 @@ class Mind:
     """One agent's beliefs, plans, intentions and cycle, with nothing of the world but what is fed in.
 
     ``name`` is the agent's; ``seed`` starts its random numbers; ``start`` is the mission time in seconds at its birth.
-    ``actions`` are the names of the external actions that somebody can perform, None for any. ``clock`` gives the
+    ``actions`` are the names of the external actions that somebody can perform, None for any; ``names_variables`` says
+    that a variable without a value goes out in them, as in the paper's ``arm_motors(True)``. ``clock`` gives the
     mission time when the program asks for it within a cycle; each reading is an input (`TimeRead`). Without a clock
     time stands still within a call of `step`. ``on_input`` is told each input with the number of the cycle that took
     it: fed again in the same cycles they lead to the same effects. ``agents`` tells who can be sent to (None: nobody
@@ -83,6 +84,7 @@ class Mind:
         seed: int = 0,
         start: float = 0.0,
         actions: Iterable[str] | None = None,
+        names_variables: bool = False,
         clock: Callable[[], float] | None = None,
         on_input: Callable[[int, Input], None] | None = None,
         agents: Callable[[], Iterable[str]] | None = None,
@@ -99,6 +101,7 @@ class Mind:
     ) -> None:
         self.name, self.program = name, program
         self.actions = None if actions is None else frozenset(actions)
+        self.names_variables = names_variables
         self.random = random.Random(seed)
         self.now = self.start = start
         self._clock, self.on_input = clock, on_input

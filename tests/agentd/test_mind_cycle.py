@@ -6,6 +6,8 @@ import pytest
 
 from agentd.mind.effects import CancelAction, PerformAction, Print
 from agentd.mind.inputs import ActionDone, BeliefAdded, GoalAdded
+from agentd.wire import to_wire
+from schemas.terms import Variable
 from tests.agentd.minds import mind_of, run, term
 
 
@@ -61,6 +63,14 @@ def test_an_action_with_a_free_variable_fails_the_plan_and_does_not_go_out() -> 
     world = run("!g. +!g <- takeoff(X). -!g[error(E)] <- .print(E).")
     assert world.prints == ["action_failed"]
     assert world.of(PerformAction) == []
+
+
+def test_a_free_variable_goes_out_by_its_name_to_a_robot_that_takes_names() -> None:
+    world = run("!g. +!g <- arm_motors(True); .print(True).", names_variables=True)
+    [action] = world.of(PerformAction)
+    assert [to_wire(term) for term in action.parameters] == [Variable("True")]
+    world.feed(ActionDone(1, True))
+    assert len(world.prints) == 1, "the action has not given it a value"
 
 
 def test_dropping_an_intention_cancels_its_action() -> None:

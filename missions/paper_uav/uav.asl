@@ -1,0 +1,52 @@
+/* The paper's first mission (section 5.1) as an agent of the paper's bridge would be written: it polls its beliefs.
+
+   The robot's manifest is the pair of INI files beside this program, so percepts have the text semantics of the paper:
+   state(Mode, Connected, Armed) is told as state("GUIDED","True","False"), altitudes and positions are numbers, and
+   True in arm_motors(True) is a free variable of which the bridge takes the name. What is new is that an action fails
+   if the vehicle's state does not show its effect; so the goals below are tried again instead of trusted. */
+
+!mission.
+
++!mission : takeoff_altitude(Alt) & waypoint(Lat, Long, AMSL)
+  <- .wait(state(_,"True",_));
+     .print("the vehicle is connected");
+     !mode("GUIDED");
+     !armed;
+     !airborne(Alt);
+     !at(Lat, Long, AMSL);
+     !home_again;
+     .print("mission done");
+     +mission_done.
+
+-!mission[error_msg(Why)]
+  <- .print("mission failed: ", Why);
+     set_mode("RTL");
+     +mission_failed(Why).
+
++!mode(Mode) : state(Mode,_,_).
++!mode(Mode)
+  <- set_mode(Mode);
+     .wait(state(Mode,_,_), 3000).
+-!mode(Mode) : state(_,"True",_) <- .wait(500); !mode(Mode).
+
++!armed : state(_,_,"True").
++!armed
+  <- arm_motors(True);
+     .wait(state(_,_,"True"), 3000).
+-!armed : state("GUIDED","True",_) <- .wait(500); !armed.
+
++!airborne(Alt)
+  <- .print("taking off to ", Alt, " m");
+     takeoff(Alt);
+     .wait(altitude(A) & math.abs(A - Alt) <= 0.5, 60000).
+
++!at(Lat, Long, AMSL)
+  <- .print("flying to ", Lat, ", ", Long, " at ", AMSL, " m above the sea");
+     setpoint(Lat, Long, AMSL);
+     .wait(global_pos(X, Y) & math.abs(X - Lat) <= 0.00001 & math.abs(Y - Long) <= 0.00001, 120000).
+
++!home_again
+  <- .print("returning to home");
+     !mode("RTL");
+     .wait(global_pos(X, Y) & home_pos(HX, HY) & math.abs(X - HX) <= 0.00001 & math.abs(Y - HY) <= 0.00001
+           & altitude(A) & math.abs(A) <= 0.1 & state(_,_,"False"), 300000).
