@@ -74,7 +74,7 @@ class Kind:
 
 
 def _simulator(setup: Setup, robot: str) -> list[str]:
-    return [*simulators.command(robot, setup.mission.robots[robot], setup.router), *_speed(setup)]
+    return [*simulators.command(setup.mission.robots[robot], setup.router), *_speed(setup)]
 
 
 def _bridge(setup: Setup, robots: str) -> list[str]:

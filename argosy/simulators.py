@@ -19,19 +19,19 @@ _NO_TWIN = "mavlink"
 """The driver of ours that has nothing simulated in itself: its vehicles are processes."""
 
 
-def _copter(name: str, robot: Robot, router: str) -> list[str]:
+def _copter(robot: Robot, router: str) -> list[str]:
     assert robot.simulate is not None
     home = ",".join(map(repr, robot.simulate.home or ()))
     link = str(peer_of(LinkAddress.parse(robot.link)))
     return ["--link", link, f"--home={home}", "--sysid", str(robot.sysid)]  # `=`: a latitude may be negative
 
 
-def _turtle(name: str, robot: Robot, router: str) -> list[str]:
-    return ["--router", router, "--name", name, "--prefix", robot.prefix]
+def _turtle(robot: Robot, router: str) -> list[str]:
+    return ["--router", router, *(["--prefix", robot.prefix] if robot.prefix else [])]  # its manifest names it
 
 
-VEHICLES: dict[str, Callable[[str, Robot, str], list[str]]] = {"copter": _copter, "turtle": _turtle}
-"""What `bridged simulate` can be, and its arguments for a robot by name and the router's endpoint."""
+VEHICLES: dict[str, Callable[[Robot, str], list[str]]] = {"copter": _copter, "turtle": _turtle}
+"""What `bridged simulate` can be, and its arguments for a robot and the router's endpoint."""
 
 
 def vehicle_of(robot: Robot) -> str:
@@ -39,10 +39,10 @@ def vehicle_of(robot: Robot) -> str:
     return robot.simulate.process if robot.simulate is not None else ""
 
 
-def command(name: str, robot: Robot, router: str) -> list[str]:
+def command(robot: Robot, router: str) -> list[str]:
     """Return the command of a robot's simulator, but for its speed."""
     vehicle = vehicle_of(robot)
-    return ["bridged", "simulate", vehicle, *VEHICLES[vehicle](name, robot, router)]
+    return ["bridged", "simulate", vehicle, *VEHICLES[vehicle](robot, router)]
 
 
 def check_simulations(mission: Mission, manifests: Mapping[str, Manifest | None]) -> list[Finding]:

@@ -11,6 +11,8 @@ from argosy.status import Status
 from commd.process import EXIT_DONE
 
 TOGETHER = "commd + bridged + agentd together:"
+MOST_ACTIONS = 40
+"""Actions that are listed, the last ones; a robot that is steered by velocities has hundreds."""
 Row = tuple[str, str, str, str]
 
 
@@ -31,13 +33,14 @@ def _times(status: Status, phases: list[tuple[str, float]]) -> list[str]:
     speed = status.setup.speed
     first, *rest = phases
     rows = [_row(first[0], "", first[1], speed)]
-    rows += [_action(action, status.now(), speed) for action in status.picture.actions.values()]
+    actions = list(status.picture.actions.values())
+    rows += [_action(action, status.now(), speed) for action in actions[-MOST_ACTIONS:]]
     rows += [_row(name, "", seconds, speed) for name, seconds in rest]
     widths = [max(len(row[column]) for row in [*rows, ("", "", "mission", "wall")]) for column in range(4)]
     lines = [f"  {'':{widths[0]}}  {'mission':>{widths[2]}}  {'wall':>{widths[3]}}"]
     for name, state, mission, wall in rows:
         lines.append(f"  {name:{widths[0]}}  {mission:>{widths[2]}}  {wall:>{widths[3]}}  {state}".rstrip())
-    forgotten = status.picture.counts["actions_forgotten"]
+    forgotten = status.picture.counts["actions_forgotten"] + len(actions[:-MOST_ACTIONS])
     return [*lines, *([f"  and {forgotten} earlier actions"] if forgotten else []), ""]
 
 

@@ -45,7 +45,7 @@ agents:
   painter: {program: painter.asl, robot: turtle1}
   helper: {program: helper.asl, robot: lamp1}
 robots:
-  turtle1: {manifest: turtle, prefix: turtle1, simulate: {vehicle: turtle}}
+  turtle1: {manifest: turtle, prefix: pond, simulate: {vehicle: turtle}}
   lamp1: {manifest: lamp.toml, link: "tcp:10.0.0.7:4000", simulate: {}}
 """
 """No vehicle on MAVLink: one has a simulator of its own, the driver of the other is its own twin."""
@@ -106,7 +106,7 @@ def test_a_real_robot_and_a_simulated_one_on_one_link_are_found() -> None:
 
 def test_robots_that_are_no_vehicles_have_the_simulator_that_they_declare_or_none() -> None:
     started = commands(text=TURTLE)
-    turtle = "bridged simulate turtle --router tcp/127.0.0.1:9000 --name turtle1 --prefix turtle1 --speed 5"
+    turtle = "bridged simulate turtle --router tcp/127.0.0.1:9000 --prefix pond --speed 5"
     assert started["simulator turtle1"] == turtle
     assert "simulator lamp1" not in started
     assert started["bridged lamp1"].endswith("--simulated")
