@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from bridged.drivers.robot import OnReading, Reading
-from bridged.drivers.zenoh.payloads import BadPayload, codec_for
+from bridged.drivers.zenoh.payloads import DEFAULT, BadPayload, codec_for
 from commd.clock import Clock
 from commd.raw import LARGEST, RawBus, Sample, Subscription
 from schemas.manifest import Manifest
@@ -66,14 +66,14 @@ class Sources:
         """`key_of` puts the robot's prefix before a key of the manifest."""
         self._raw, self._clock, self._key_of = raw, clock, key_of
         self._on_reading, self._on_step = on_reading, on_step
-        self._payload = ""
+        self._payload = DEFAULT
         self.by_name: dict[str, Source] = {}
         """By the key as the manifest names it."""
         self._past_drops = 0
 
     def adopt(self, manifest: Manifest) -> None:
         """Listen to what a manifest names, and to nothing else; what is named again is not interrupted."""
-        self._payload = manifest.robot.payload
+        self._payload = manifest.robot.payload or DEFAULT
         wanted: dict[str, float | None] = {}
         for percept in manifest.percepts.values():
             shortest = [float(one) for one in (percept.ttl, wanted.get(percept.source)) if one is not None]
