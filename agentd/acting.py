@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
+from collections.abc import Callable
 from contextlib import aclosing, suppress
 
 from agentd.bridge import BridgeWatch
@@ -19,8 +20,12 @@ log = logging.getLogger("actions")
 
 BUS_GRACE = 5.0
 """Wall seconds without a word from the bridge before an action is given up: a router restart must not fail a flight."""
+ACCEPT_PATIENCE = 15.0
+"""Wall seconds until a bridge has taken an action or refused it; only then its deadline is known."""
 ASKERS_MARGIN = 5.0
-"""Wall seconds beyond the deadline that the query stays open: the bridge ends the action, not we."""
+"""Wall seconds beyond the deadline that an outcome is waited for: the bridge ends the action, not we."""
+QUERY_TIMEOUT = 3600.0
+"""Wall seconds after which the query of an action that still runs is asked again, with the same id."""
 AFTER_PATIENCE = 0.5
 """Wall seconds that a status waits for the percepts which it follows."""
 RETRY = 0.2
@@ -29,21 +34,32 @@ RETRY = 0.2
 class Acting:
     """The actions of one agent on the bus."""
 
-    def __init__(self, bus: Bus, agent: str, perceiving: Perceiving, bridge: BridgeWatch) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        agent: str,
+        perceiving: Perceiving,
+        bridge: BridgeWatch,
+        to_wall: Callable[[float], float] = float,
+    ) -> None:
+        """`to_wall` gives the wall seconds of a time in mission seconds."""
+        self._to_wall = to_wall
         self.counters: Counter[str] = Counter()
         self._bus, self._agent, self._perceiving, self._bridge = bus, agent, perceiving, bridge
         self._wanted: dict[str, bool] = {}
         """The actions that are under way, and whether the agent still wants them."""
 
-    async def perform(self, identity: str, name: str, parameters: tuple[Term, ...], seconds: float) -> ActionStatus:
-        """Ask for an action and return its final status; `seconds` is its deadline in wall time.
+    async def perform(
+        self, identity: str, name: str, parameters: tuple[Term, ...], patience: float = ACCEPT_PATIENCE
+    ) -> ActionStatus:
+        """Ask for an action and return its final status; the bridge has `patience` wall seconds to take it.
 
-        Never raises and never waits for ever: without a word from the bridge for `BUS_GRACE` it has failed.
+        Never raises and never waits for ever: without a word from the bridge for `BUS_GRACE` it has failed, and when
+        the deadline that the bridge has told is over.
         """
-        until = asyncio.get_running_loop().time() + seconds + ASKERS_MARGIN
         self._wanted[identity] = True
         try:
-            status = await self._follow(identity, name, parameters, until)
+            status = await self._follow(identity, name, parameters, patience)
         finally:
             del self._wanted[identity]
         if status.after is not None:
@@ -51,9 +67,10 @@ class Acting:
         self.counters[status.state] += 1
         return status
 
-    async def _follow(self, identity: str, name: str, parameters: tuple[Term, ...], until: float) -> ActionStatus:
+    async def _follow(self, identity: str, name: str, parameters: tuple[Term, ...], patience: float) -> ActionStatus:
         loop, attempt, reason = asyncio.get_running_loop(), 1, "bridge_lost: nobody serves this action"
         heard = loop.time()
+        until, late = heard + patience, f"the bridge has not taken it within {patience:g} s"
 
         def ended(state: State, why: str) -> ActionStatus:
             return ActionStatus(id=identity, state=state, result=False, reason=why, name=name)
@@ -73,14 +90,11 @@ class Acting:
                 attempt=attempt,
             )
             try:
-                async with aclosing(
-                    self._bus.query(
-                        keys.action(self._bus.fleet, self._agent, name),
-                        action,
-                        ActionStatus,
-                        max(1.0, until - loop.time()),
-                    )
-                ) as replies:
+                key = keys.action(self._bus.fleet, self._agent, name)
+                async with (
+                    asyncio.timeout_at(until) as timer,
+                    aclosing(self._bus.query(key, action, ActionStatus, QUERY_TIMEOUT)) as replies,
+                ):
                     taken = False
                     async for reply in replies:
                         if reply.record is None:
@@ -89,18 +103,24 @@ class Acting:
                         if reply.record.final:
                             return reply.record
                         heard, taken = loop.time(), True
+                        if reply.record.deadline is not None:
+                            until = heard + self._to_wall(reply.record.deadline) + ASKERS_MARGIN
+                            late = "no outcome within its deadline"
+                            timer.reschedule(until)
                         reason = "bridge_lost: its answers ended without an outcome"
                     attempt += taken  # what nobody has answered has reached nobody
             except BadRecord as bad:
                 return failed(f"cannot be sent: {bad}")
             except BusClosed as closed:
                 reason = f"bridge_lost: {closed}"
+            except TimeoutError:
+                return failed(late)
             if self._bridge.gone:
                 return failed("bridge_lost: the bridge of this robot is not running")
             if loop.time() - heard > BUS_GRACE:
                 return failed(reason)
             if loop.time() > until:
-                return failed("no outcome within its deadline")
+                return failed(late)
             self.counters["asked_again"] += 1
             await asyncio.sleep(RETRY)
 

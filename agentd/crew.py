@@ -179,7 +179,7 @@ class Crew:
             if name in self.roster.names or name in taken or name in self._made:
                 continue
             self._made[name] = None  # before anything is waited for: nobody else gets this name or the last place
-            part = Part(name, program, None, {}, {}, {}, self._seed + len(self.hosts))
+            part = Part(name, program, None, {}, {}, self._seed + len(self.hosts))
             try:
                 made = await self.add(part)
             except AlreadyRunning:

@@ -19,6 +19,7 @@ from commd.bus import open_bus
 from commd.clock import Clock
 from commd.process import EXIT_DONE, add_router_argument, run_daemon
 from schemas.findings import Finding, Findings
+from schemas.manifest import load_manifest
 from schemas.mission import Mission, load_mission
 
 DEEPEST_CALLS = 9000
@@ -85,12 +86,9 @@ def chosen(mission: Mission, args: Namespace) -> list[str]:
 def prepare(mission: Mission, agent: str, seed: int, decisions: int = DECISIONS) -> Part:
     """Read and compile what an agent is made of. Raises Findings with everything that is wrong with it."""
     robot = mission.agents[agent].robot
-    deadlines: dict[str, float] = {}
     as_text = robot is not None and not isinstance(mission.robots[robot].manifest, str)
     if robot is not None and isinstance(named := mission.robots[robot].manifest, str):
-        manifest = load_manifest(named, mission.path.parent)
-        deadlines = {name: float(entry.deadline) for name, entry in manifest.actions.items()}
-        as_text = manifest.robot.values == "text"
+        as_text = load_manifest(named, mission.path.parent).robot.values == "text"
     program = compiled(compose(mission, agent))
     done, failed = endings(mission, agent, "done"), endings(mission, agent, "failed")
     return Part(agent, program, robot, done, failed, seed, decisions, as_text)

@@ -141,7 +141,8 @@ class ActionDesk:
                 self._end(job, outcome, hold=job.entry.cancel == "hold")
             elif now - job.told_at >= self._feedback_every:
                 job.told_at = now
-                self._tell(job, self._status(job.action, "running", job.execution.waits_for, job.execution.feedback))
+                running = self._status(job.action, "running", job.execution.waits_for, job.execution.feedback)
+                self._tell(job, replace(running, deadline=max(0.0, job.deadline_at - now)))
         self._release_holder()
 
     def _release_holder(self) -> None:
@@ -195,7 +196,7 @@ class ActionDesk:
         self.holder = action.agent
         now = self._now()
         deadline = float(entry.deadline) if action.deadline is None else action.deadline
-        accepted = self._status(action, "accepted")
+        accepted = replace(self._status(action, "accepted"), deadline=deadline)
         log.info("action %s %s%s", action.id, action.name, list(arguments.values()))
         follower(accepted)
         self._publish(action.agent, accepted)

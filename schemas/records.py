@@ -72,6 +72,8 @@ class ActionStatus(Record, frozen=True, kw_only=True):
     """Progress of a long action, such as `{"distance": 12.5}`, in the units of the manifest."""
     after: int | None = None
     """Seq of the last percept that was published before this status."""
+    deadline: float | None = None
+    """Mission seconds from this status until the action will have ended; none = it has."""
     name: str = ""
     parameters: tuple[Term, ...] = ()
 
