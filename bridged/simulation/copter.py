@@ -19,9 +19,9 @@ from bridged.simulation.geo import FlatMap, Place
 from bridged.simulation.guards import Fence, StationLink, StationWatch
 from bridged.simulation.mission import NAMES, Item, Mission, task_of
 from bridged.simulation.modes import Mode
-from bridged.simulation.motion import Motion, Vector
+from bridged.simulation.motion import Axis, Motion, Vector
 from bridged.simulation.parameters import Parameters
-from bridged.simulation.tasks import Drift, GoTo, Land, Return, Stop, TakeOff, Task
+from bridged.simulation.tasks import Drift, GoTo, Land, Landed, Return, Stop, TakeOff, Task
 
 _GUARD_PERIOD_S = 0.2
 _YAW_ALIGNMENT_HEIGHT = 1.9
@@ -182,6 +182,10 @@ class Copter:
         else:
             self.flight.begin(task)
         return True
+
+    def fall_from(self, up: Axis) -> None:
+        """The autopilot was switched on in the air: the motors are off."""
+        self.motion.up, self.flight.airborne, self.flight.landed = up, True, Landed.IN_AIR
 
     def step(self, dt: float) -> None:
         """Lets `dt` seconds pass (0.05 at most for exact motion)."""

@@ -5,6 +5,8 @@ time, look at what comes back.
 """
 
 import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -13,10 +15,13 @@ from bridged.simulation.boot import BootKind, Milestone
 from bridged.simulation.commands import Command, Desk
 from bridged.simulation.copter import Copter
 from bridged.simulation.events import Event, HomeChanged, ItemReached, ModeChanged, ParameterChanged, Text
+from bridged.simulation.faults import Character, Faults
 from bridged.simulation.geo import Place
 from bridged.simulation.mission import Mission
 from bridged.simulation.mission_protocol import MissionProtocol
+from bridged.simulation.motion import Vector
 from bridged.simulation.parameters import Parameter, Parameters
+from bridged.simulation.seal import Seal
 from bridged.simulation.streams import Streams
 
 COMPONENT = 1
@@ -52,8 +57,23 @@ _MISSION_MESSAGES = frozenset(
 Messages = list[dialect.MAVLink_message]
 
 
+@dataclass(slots=True)
+class Channel:
+    """One link of the vehicle: what was asked for on it, and what waits to be sent there."""
+
+    streams: Streams = field(default_factory=Streams)
+    heard: bool = False
+    list_at: int | None = None  # the parameter that comes next in a list that was asked for
+    outbox: Messages = field(default_factory=list)
+
+    def take(self) -> Messages:
+        """What waits."""
+        waiting, self.outbox = self.outbox, []
+        return waiting
+
+
 class Vehicle:
-    """One simulated ArduCopter on one link."""
+    """One simulated ArduCopter on one link or several."""
 
     def __init__(
         self,
@@ -62,107 +82,158 @@ class Vehicle:
         system: int = 1,
         heading: float = 0.0,
         boot: BootKind = "quick",
+        channels: int = 1,
+        faults: Faults | None = None,
+        key: bytes | None = None,
+        parameters: Iterable[tuple[str, float]] = (),
     ) -> None:
-        """`start` is where it is switched on, `heading` in radians; `boot` how long it takes until it can fly."""
+        """`start` is where it is switched on, `heading` in radians; `boot` how long it takes until it can fly.
+
+        With a `key` it signs what it sends and takes only what is signed. `parameters` are set before it is switched
+        on; raises ValueError for a name that it does not have.
+        """
         if not 1 <= system <= 255:
             raise ValueError(f"a system id lies between 1 and 255, got {system}")
         self.system = system
+        self.seal = Seal(key)
+        self.age = 0.0
+        """Vehicle seconds since it was switched on the first time."""
         self.reboots = 0
         self._boot: BootKind = boot
-        self._power_on(start, heading, Parameters(system), Mission())
+        self._character = Character(faults or Faults())
+        self._channel_count = channels
+        stored = Parameters(system)
+        for name, value in parameters:
+            if stored.set(name, value) is None:
+                raise ValueError(f"the simulated copter has no parameter {name!r}")
+        self._power_on(start, heading, stored, Mission())
 
     def _power_on(self, place: Place, heading: float, parameters: Parameters, mission: Mission) -> None:
         self.copter = Copter(place, heading=heading, boot=self._boot, parameters=parameters, mission=mission)
-        self._streams = Streams()
+        self.channels = [Channel() for _ in range(self._channel_count)]
         self._mission = MissionProtocol(self.copter)
-        self._heard = False
-        self._list_at: int | None = None
         self._next_timesync = TIMESYNC_PERIOD_S
         self._reboot_in: float | None = None
         self._lag = 0.0
 
-    def receive(self, message: dialect.MAVLink_message) -> Messages:
-        """Takes in one message of another system; returns what the vehicle answers at once."""
+    def receive(self, message: dialect.MAVLink_message, channel: int = 0) -> Messages:
+        """Takes in one message of another system; returns what the vehicle sends at once on the same channel."""
         if self._reboot_in is not None or not self._is_for_us(message):
             return []
-        self._heard = True
-        replies = self._answer(message)
-        return replies + self._told()
+        here = self.channels[channel]
+        here.heard = True
+        replies = self._character.pretends(message)
+        here.outbox += self._answer(message, here) if replies is None else replies
+        self._tell()
+        return self._character.says(here.take())
 
     def advance(self, seconds: float) -> Messages:
-        """Lets vehicle time pass; returns what the vehicle sends meanwhile."""
-        outgoing: Messages = []
+        """Lets vehicle time pass; returns what the vehicle sends meanwhile on its first channel."""
         self._lag += seconds
         while self._lag >= STEP_S - 1e-9:
             self._lag -= STEP_S
-            outgoing += self._step()
-        return outgoing
+            self.age += STEP_S
+            self._step()
+        return self.waiting()
+
+    def waiting(self, channel: int = 0) -> Messages:
+        """What the vehicle has to send on a channel since it was asked last."""
+        return self._character.says(self.channels[channel].take())
 
     def seconds_until_due(self) -> float:
         """How much vehicle time may pass before there is something to send for sure; motion may bring more."""
         if self._reboot_in is not None:
             return self._reboot_in
-        if self._list_at is not None:
+        if any(channel.list_at is not None for channel in self.channels):
             return STEP_S
-        return max(0.0, self._streams.next_due() - self.copter.now)
+        return max(0.0, min(channel.streams.next_due() for channel in self.channels) - self.copter.now)
 
     def _is_for_us(self, message: dialect.MAVLink_message) -> bool:
         target = getattr(message, "target_system", 0)
         return target in (0, self.system)
 
-    def _step(self) -> Messages:
+    def _step(self) -> None:
+        copter = self.copter
         if self._reboot_in is not None:
-            self._reboot_in -= STEP_S
-            if self._reboot_in <= 0:
-                copter = self.copter
-                copter.mission.rewind()
-                self.reboots += 1
-                self._power_on(copter.place, copter.motion.heading, copter.parameters, copter.mission)
-            return []
-        self.copter.step(STEP_S)
-        outgoing = self._told()
-        outgoing += self._mission.advance()
-        outgoing += self._told()
-        for message in self._streams.due(self.copter.now):
+            self._wait_for_power()
+            return
+        if self._character.restarts(self.age):
+            self._reboot_in = REBOOT_SILENCE_S
+            copter.flight.disarm()
+            return
+        copter.step(STEP_S)
+        self._tell()
+        for message in self._mission.advance():
+            for channel in self.channels:
+                channel.outbox.append(message)
+        self._tell()
+        timesync = copter.now >= self._next_timesync
+        if timesync:
+            self._next_timesync += TIMESYNC_PERIOD_S
+        for channel in self.channels:
+            self._stream(channel)
+            if timesync:
+                channel.outbox.append(dialect.MAVLink_timesync_message(0, self._nanoseconds()))
+            if channel.list_at is not None:
+                self._list(channel)
+
+    def _wait_for_power(self) -> None:
+        """The autopilot restarts; a copter that was in the air falls meanwhile and goes on falling."""
+        assert self._reboot_in is not None
+        copter = self.copter
+        if copter.flight.airborne:
+            copter.flight.step(STEP_S)
+        self._reboot_in -= STEP_S
+        if self._reboot_in > 0:
+            return
+        copter.mission.rewind()
+        self.reboots += 1
+        at, up = copter.motion.position, copter.motion.up
+        lag = self._lag
+        ground = copter.chart.place(Vector(at.north, at.east, 0.0))
+        self._power_on(ground, copter.motion.heading, copter.parameters, copter.mission)
+        self._lag = lag
+        if copter.flight.airborne:
+            self.copter.fall_from(up)
+
+    def _stream(self, channel: Channel) -> None:
+        for message in channel.streams.due(self.copter.now):
             if message != HEARTBEAT and not self.copter.passed(Milestone.READY):
                 continue
             built = telemetry.BUILDERS[message](self.copter)
             if built is not None:
-                outgoing.append(built)
-        if self.copter.now >= self._next_timesync:
-            self._next_timesync += TIMESYNC_PERIOD_S
-            outgoing.append(dialect.MAVLink_timesync_message(0, self._nanoseconds()))
-        outgoing += self._listed()
-        return outgoing
+                channel.outbox.append(built)
 
     def _nanoseconds(self) -> int:
         return round(self.copter.now * 1e9)
 
-    def _listed(self) -> Messages:
-        outgoing: Messages = []
-        while self._list_at is not None and len(outgoing) < PARAMETERS_PER_STEP:
-            parameter = self.copter.parameters.at(self._list_at)
+    def _list(self, channel: Channel) -> None:
+        for _ in range(PARAMETERS_PER_STEP):
+            parameter = self.copter.parameters.at(channel.list_at or 0)
             if parameter is None:
-                self._list_at = None
-                break
-            outgoing.append(self._value_of(parameter, parameter.index))
-            self._list_at += 1
-        return outgoing
+                channel.list_at = None
+                return
+            channel.outbox.append(self._value_of(parameter, parameter.index))
+            channel.list_at = parameter.index + 1
 
     def _value_of(self, parameter: Parameter, index: int = _NO_INDEX) -> dialect.MAVLink_message:
         return dialect.MAVLink_param_value_message(
             parameter.name.encode(), parameter.value, parameter.kind, len(self.copter.parameters), index
         )
 
-    def _told(self) -> Messages:
+    def _tell(self) -> None:
+        """What happened is told on every channel; texts for people only where somebody listens (recorded)."""
         events, self.copter.events = self.copter.events, []
-        return [message for event in events for message in self._messages_of(event)]
+        for event in events:
+            messages = self._messages_of(event)
+            for channel in self.channels:
+                if channel.heard or not isinstance(event, Text):
+                    channel.outbox += messages
 
     def _messages_of(self, event: Event) -> Messages:
         match event:
             case Text(severity, text):
-                # A vehicle talks to people only on links on which somebody listens (recorded).
-                return [dialect.MAVLink_statustext_message(severity, text.encode()[:50])] if self._heard else []
+                return [dialect.MAVLink_statustext_message(severity, text.encode()[:50])]
             case ModeChanged():
                 return [telemetry.heartbeat(self.copter)]
             case HomeChanged():
@@ -174,15 +245,15 @@ class Vehicle:
             case ItemReached(seq):
                 return [dialect.MAVLink_mission_item_reached_message(seq)]
 
-    def _answer(self, message: dialect.MAVLink_message) -> Messages:
+    def _answer(self, message: dialect.MAVLink_message, channel: Channel) -> Messages:
         kind = message.get_type()
         match kind:
             case "HEARTBEAT":
                 self.copter.station.heartbeat(message.get_srcSystem(), self.copter.now)
             case "COMMAND_LONG":
-                return self._command(message, Command.of_long(message))
+                return self._command(message, Command.of_long(message), channel)
             case "COMMAND_INT":
-                return self._command(message, Command.of_int(message))
+                return self._command(message, Command.of_int(message), channel)
             case "SET_MODE":
                 if message.base_mode & 1:  # never acknowledged (recorded)
                     self.copter.set_mode(message.custom_mode)
@@ -191,19 +262,21 @@ class Vehicle:
             case "SET_POSITION_TARGET_LOCAL_NED":
                 setpoints.local_setpoint(self.copter, message)
             case "REQUEST_DATA_STREAM":
-                self._streams.request(
+                channel.streams.request(
                     message.req_stream_id, message.req_message_rate, self.copter.now, on=bool(message.start_stop)
                 )
             case "TIMESYNC" if message.tc1 == 0:
                 return [dialect.MAVLink_timesync_message(self._nanoseconds(), message.ts1)]
             case "PARAM_REQUEST_READ" | "PARAM_REQUEST_LIST" | "PARAM_SET":
-                return self._parameter(message, kind)
+                return self._parameter(message, kind, channel)
+            case "SETUP_SIGNING":
+                self.seal.set_up(message, self.copter)
             case _ if kind in _MISSION_MESSAGES:
                 return self._mission.receive(message)
         return []
 
-    def _command(self, message: dialect.MAVLink_message, command: Command) -> Messages:
-        desk = Desk(self.copter, self._streams)
+    def _command(self, message: dialect.MAVLink_message, command: Command, channel: Channel) -> Messages:
+        desk = Desk(self.copter, channel.streams)
         result = desk.carry_out(command)
         sender = (message.get_srcSystem(), message.get_srcComponent())
         ack = dialect.MAVLink_command_ack_message(command.number, int(result), 0, 0, *sender)
@@ -211,10 +284,10 @@ class Vehicle:
             self._reboot_in = REBOOT_SILENCE_S
         return [*desk.ahead, ack, *desk.after]
 
-    def _parameter(self, message: dialect.MAVLink_message, kind: str) -> Messages:
+    def _parameter(self, message: dialect.MAVLink_message, kind: str, channel: Channel) -> Messages:
         parameters = self.copter.parameters
         if kind == "PARAM_REQUEST_LIST":
-            self._list_at = 0
+            channel.list_at = 0
             return []
         if kind == "PARAM_REQUEST_READ" and message.param_index >= 0:
             found, index = parameters.at(message.param_index), message.param_index

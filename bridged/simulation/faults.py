@@ -1,0 +1,244 @@
+"""Faults on demand: what a bad link does to bytes, and what a bad vehicle does with messages.
+
+Pure: bytes or messages and the time go in, what passes comes out. The process `bridged simulate copter --fault` and
+the tests in virtual time use the same code. Dice are seeded, so that a run can be repeated.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+HELD_S = 0.5
+"""Vehicle seconds after which a packet that was held back comes, if no other one overtook it before."""
+
+LONGEST_GARBAGE = 40
+"""Bytes."""
+
+SEED = 1
+
+_TELLING = frozenset(
+    (
+        dialect.MAV_CMD_SET_MESSAGE_INTERVAL,
+        dialect.MAV_CMD_GET_MESSAGE_INTERVAL,
+        dialect.MAV_CMD_REQUEST_MESSAGE,
+        dialect.MAV_CMD_GET_HOME_POSITION,
+        dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
+    )
+)
+"""Commands that only make a vehicle tell something: a vehicle that lies obeys them, or nothing would be seen of it."""
+
+_ACKNOWLEDGEMENTS = frozenset(("COMMAND_ACK", "MISSION_ACK"))
+_IGNORED_BY_A_LIAR = frozenset(("SET_MODE", "SET_POSITION_TARGET_GLOBAL_INT", "SET_POSITION_TARGET_LOCAL_NED"))
+
+Messages = list[dialect.MAVLink_message]
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """No bytes pass from `at` for `seconds`; vehicle seconds from the start of the simulation."""
+
+    at: float
+    seconds: float
+
+    def covers(self, now: float) -> bool:
+        """Whether the link is cut now."""
+        return self.at <= now < self.at + self.seconds
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """What is wrong with a vehicle and its link; nothing, if nothing else is said. Shares are of the packets."""
+
+    loss: float = 0.0
+    duplicate: float = 0.0
+    reorder: float = 0.0
+    garbage: float = 0.0
+    mute_acks: bool = False
+    lie: bool = False
+    cuts: tuple[Cut, ...] = ()
+    reboots: tuple[float, ...] = ()
+    seed: int = SEED
+
+    @classmethod
+    def parse(cls, texts: Iterable[str]) -> Faults:
+        """Reads `loss=0.2,duplicate=0.1` and the like, one after the other. Raises ValueError in words."""
+        faults = cls()
+        for part in (part.strip() for text in texts for part in text.split(",")):
+            name, equals, value = part.partition("=")
+            row = TABLE.get(name)
+            if row is None or bool(equals) != ("=" in row.form):
+                forms = ", ".join(row.form for row in TABLE.values())
+                raise ValueError(f"expected one of {forms}, got {part!r}")
+            try:
+                faults = row.add(faults, value)
+            except ValueError:
+                raise ValueError(f"expected {row.form} ({row.meaning}), got {part!r}") from None
+        return faults
+
+    def silent(self, now: float) -> bool:
+        """Whether the link is cut at this time."""
+        return any(cut.covers(now) for cut in self.cuts)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One kind of fault: how it is written and what it does."""
+
+    form: str
+    meaning: str
+    add: Callable[[Faults, str], Faults]
+
+
+def _share(field: str) -> Callable[[Faults, str], Faults]:
+    def add(faults: Faults, text: str) -> Faults:
+        return replace(faults, **_one(field, _within(float(text), 1.0)))
+
+    return add
+
+
+def _flag(field: str) -> Callable[[Faults, str], Faults]:
+    return lambda faults, _: replace(faults, **_one(field, True))
+
+
+def _one(field: str, value: object) -> dict[str, Any]:
+    return {field: value}
+
+
+def _cut(faults: Faults, text: str) -> Faults:
+    at, _, seconds = text.partition("+")
+    return replace(faults, cuts=(*faults.cuts, Cut(_within(float(at)), _within(float(seconds)))))
+
+
+def _reboot(faults: Faults, text: str) -> Faults:
+    return replace(faults, reboots=tuple(sorted((*faults.reboots, _within(float(text))))))
+
+
+def _within(value: float, most: float = 1e9) -> float:
+    if not (math.isfinite(value) and 0 <= value <= most):
+        raise ValueError(value)
+    return value
+
+
+TABLE: dict[str, Row] = {
+    "loss": Row("loss=SHARE", "so many of the packets are lost, both ways", _share("loss")),
+    "duplicate": Row("duplicate=SHARE", "so many come twice", _share("duplicate")),
+    "reorder": Row("reorder=SHARE", "so many come after the one that follows them", _share("reorder")),
+    "garbage": Row("garbage=SHARE", "before so many come bytes that are no packet", _share("garbage")),
+    "mute-acks": Row("mute-acks", "the vehicle acts and never acknowledges", _flag("mute_acks")),
+    "lie": Row("lie", "the vehicle acknowledges and does nothing", _flag("lie")),
+    "cut": Row("cut=AT+SECONDS", "nothing passes from AT for SECONDS of vehicle time", _cut),
+    "reboot": Row("reboot=AT", "the autopilot restarts at AT; in the air the motors stop", _reboot),
+    "seed": Row("seed=N", f"another row of dice (default {SEED})", lambda f, text: replace(f, seed=int(text))),
+}
+"""All faults by name."""
+
+
+@dataclass(slots=True)
+class AirCounters:
+    """What happened to the packets of one direction."""
+
+    passed: int = 0  # as they were, in their turn or late
+    lost: int = 0
+    duplicated: int = 0
+    reordered: int = 0
+    garbage: int = 0  # times that noise came between packets
+
+
+class Air:
+    """One direction of a link. What is given to it comes out of it, or does not, as the faults say."""
+
+    def __init__(self, faults: Faults, direction: str) -> None:
+        """`direction` gives each way its own dice."""
+        self.counters = AirCounters()
+        self._faults = faults
+        self._dice = random.Random(f"{faults.seed} {direction}")
+        self._held: bytes | None = None
+        self._held_until = 0.0
+
+    def carry(self, packet: bytes, now: float) -> list[bytes]:
+        """What comes out when one packet, datagram or piece of a stream goes in; `now` in vehicle seconds."""
+        faults, counters = self._faults, self.counters
+        if faults.silent(now):
+            counters.lost += 1
+            return self.due(now)
+        if self._happens(faults.loss):
+            counters.lost += 1
+            return self.due(now)
+        if self._held is None and self._happens(faults.reorder):
+            self._held, self._held_until = packet, now + HELD_S
+            counters.reordered += 1
+            return []
+        out = []
+        if self._happens(faults.garbage):
+            out.append(self._noise())
+        out.append(packet)
+        counters.passed += 1
+        if self._happens(faults.duplicate):
+            out.append(packet)
+            counters.duplicated += 1
+        return out + self._release()
+
+    def due(self, now: float) -> list[bytes]:
+        """The packet that was held back, when it is late enough; to be asked now and then."""
+        if self._held is None or now < self._held_until:
+            return []
+        if self._faults.silent(now):
+            self._held = None
+            self.counters.lost += 1
+            return []
+        return self._release()
+
+    def _release(self) -> list[bytes]:
+        held, self._held = self._held, None
+        if held is None:
+            return []
+        self.counters.passed += 1
+        return [held]
+
+    def _happens(self, share: float) -> bool:
+        return share > 0 and self._dice.random() < share
+
+    def _noise(self) -> bytes:
+        self.counters.garbage += 1
+        noise = self._dice.randbytes(self._dice.randint(1, LONGEST_GARBAGE))
+        # Half of it begins as a packet would: the worst that can stand before one.
+        return noise if self._dice.random() < 0.5 else bytes([dialect.PROTOCOL_MARKER_V2]) + noise
+
+
+class Character:
+    """How a vehicle treats what it is told, and what it says."""
+
+    def __init__(self, faults: Faults) -> None:
+        self._faults = faults
+        self._reboots = list(faults.reboots)
+
+    def pretends(self, message: dialect.MAVLink_message) -> Messages | None:
+        """What a vehicle that lies answers to a message that it ignores; None if it takes the message in."""
+        if not self._faults.lie:
+            return None
+        kind = message.get_type()
+        if kind in _IGNORED_BY_A_LIAR:
+            return []
+        if kind in ("COMMAND_LONG", "COMMAND_INT") and message.command not in _TELLING:
+            sender = (message.get_srcSystem(), message.get_srcComponent())
+            return [dialect.MAVLink_command_ack_message(message.command, dialect.MAV_RESULT_ACCEPTED, 0, 0, *sender)]
+        return None
+
+    def says(self, messages: Messages) -> Messages:
+        """What is left of what the vehicle would say."""
+        if not self._faults.mute_acks:
+            return messages
+        return [message for message in messages if message.get_type() not in _ACKNOWLEDGEMENTS]
+
+    def restarts(self, now: float) -> bool:
+        """Whether the vehicle restarts now; true once for each time."""
+        if self._reboots and now >= self._reboots[0]:
+            del self._reboots[0]
+            return True
+        return False
