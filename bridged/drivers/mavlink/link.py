@@ -127,9 +127,9 @@ class Link:
         self.counters.dropped += 1
         return False
 
-    def attach(self, endpoint: Endpoint) -> None:
-        """For `open_link`: what carries the bytes from now on."""
-        self._endpoint = endpoint
+    async def open(self) -> None:
+        """For `open_link` and for links that do more: begin to carry bytes. Raises LinkError."""
+        self._endpoint = await _open_endpoint(self)
 
     async def close(self) -> None:
         """Leaves at once; packets still waiting to be written are lost. May be called twice."""
@@ -214,7 +214,7 @@ async def open_link(
     `on_state` tells.
     """
     link = Link(address, on_packet, Ids(system, component), on_state, signing, make_gate)
-    link.attach(await _open_endpoint(link))
+    await link.open()
     return link
 
 
