@@ -168,10 +168,10 @@ def _parameter(param: Parameter, into: Into, *, typed: bool) -> Parameter:
 
 
 def _on_zenoh(action: IniAction) -> ActionEntry:
-    fields: dict[str, Value | FieldValue] = {param.name: param.name for param in action.params}
+    """Each parameter goes to the path of its name, as it is for Zenoh without `fields`."""
     if action.method == "topic":
-        return ActionEntry(driver="zenoh", params=action.params, topic=action.target, fields=fields, latch=action.latch)
-    return ActionEntry(driver="zenoh", params=action.params, service=action.target, fields=fields)
+        return ActionEntry(driver="zenoh", params=action.params, topic=action.target, latch=action.latch)
+    return ActionEntry(driver="zenoh", params=action.params, service=action.target)
 
 
 def _unknown(below: str, hint: str, known: Iterable[str]) -> str:

@@ -42,6 +42,8 @@ def argument(parameter: Parameter, term: Term) -> Term:
     """
     if isinstance(term, list):
         return term
+    if isinstance(term, str) and "string" in parameter.types:
+        return term
     text = term if isinstance(term, str) else write(term)
     for kind in parameter.types:
         match kind:

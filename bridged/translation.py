@@ -82,7 +82,8 @@ def _elements(field: Field, value: object, term: ToTerm) -> list[Term]:
             taken = [_argument(part, element, term) for part in parts]
         except _Absent:
             continue
-        found.append(taken[0] if len(parts) == 1 else taken)
+        alone = len(parts) == 1 and (bool(parts[0].each) or term is not percept_value)  # the paper wrapped `[](name)`
+        found.append(taken[0] if alone else taken)
     return found
 
 
