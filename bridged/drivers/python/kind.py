@@ -1,0 +1,33 @@
+"""The Python driver as `bridged.drivers` finds it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from bridged.drivers.robot import Driver, Setup
+from schemas.findings import Finding
+from schemas.manifest import Manifest
+from schemas.mission import Robot
+
+
+def check_manifest(manifest: Manifest) -> Iterable[Finding]:
+    """Say which functions there are not, and what the driver does not know.
+
+    A plug-in that has a twin is judged by it, so that no hardware is needed; the bridge of the real robot looks again
+    when it starts.
+    """
+    from bridged.drivers.python.vocabulary import check_manifest as check
+
+    return check(manifest)
+
+
+def check_robot(robot: Robot) -> Iterable[tuple[str, str]]:
+    """Nothing of what the mission says of a robot is needed."""
+    return ()
+
+
+def make_driver(setup: Setup) -> Driver:
+    """Make the driver of one robot. Raises Findings for functions that it lacks in this run."""
+    from bridged.drivers.python.driver import PythonDriver
+
+    return PythonDriver(setup)
