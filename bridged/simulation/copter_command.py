@@ -4,6 +4,7 @@ import argparse
 import asyncio
 import math
 import sys
+from pathlib import Path
 
 from bridged.simulation.geo import Place
 
@@ -16,9 +17,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--link",
         required=True,
+        action="append",
         metavar="LINK",
         help="where it speaks MAVLink 2: udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or "
-        "serial:DEVICE:BAUD",
+        "serial:DEVICE:BAUD; once more for each further link, such as the one of a pilot's ground station",
     )
     parser.add_argument(
         "--home",
@@ -38,28 +40,81 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=["quick", "real"],
         help="quick: ready to fly after 3 s; real: after 41 s, as a real ArduCopter (default quick)",
     )
+    parser.add_argument(
+        "--param",
+        default=[],
+        action="append",
+        type=_parameter,
+        metavar="NAME=VALUE",
+        help="a parameter of the autopilot, such as FS_GCS_ENABLE=1; may be given more than once",
+    )
+    parser.add_argument(
+        "--signing-passphrase-file",
+        type=Path,
+        metavar="FILE",
+        help="it signs what it sends, and takes only what is signed with the passphrase in the first line of FILE",
+    )
+    parser.add_argument(
+        "--fault",
+        default=[],
+        action="append",
+        metavar="FAULT[,...]",
+        help="what is wrong with it and its links: loss=SHARE, duplicate=SHARE, reorder=SHARE, garbage=SHARE, "
+        "mute-acks, lie, cut=AT+SECONDS, reboot=AT, seed=N; may be given more than once",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Simulates until SIGTERM or SIGINT: exit code 0, or 2 if the link cannot be opened."""
+    """Simulates until SIGTERM or SIGINT: exit code 0, or 2 if a link cannot be opened or an argument is wrong."""
     from bridged.drivers.mavlink.address import LinkAddress, LinkAddressError
     from bridged.drivers.mavlink.link import LinkError
+    from bridged.drivers.mavlink.signing import SigningError, read_key
+    from bridged.simulation.faults import Faults
     from bridged.simulation.process import simulate
     from bridged.simulation.vehicle import Vehicle
 
     home: Place = args.home
-    vehicle = Vehicle(home, system=args.sysid, heading=math.radians(args.heading), boot=args.boot)
     try:
-        address = LinkAddress.parse(args.link)
-        started = (
-            f"simulated copter {args.sysid} on {address}, home {home.lat:.6f} {home.lon:.6f} {home.alt:g} m, "
-            f"speed {args.speed:g}"
+        addresses = [LinkAddress.parse(link) for link in args.link]
+        faults = Faults.parse(args.fault)
+        vehicle = Vehicle(
+            home,
+            system=args.sysid,
+            heading=math.radians(args.heading),
+            boot=args.boot,
+            channels=len(addresses),
+            faults=faults,
+            key=read_key(args.signing_passphrase_file) if args.signing_passphrase_file else None,
+            parameters=args.param,
         )
-        asyncio.run(simulate(vehicle, address, args.speed, started=lambda: print(started, file=sys.stderr, flush=True)))
-    except (LinkAddressError, LinkError) as error:
+    except (LinkAddressError, SigningError, ValueError) as error:
+        print(f"bridged simulate: error: {error}", file=sys.stderr)
+        return 2
+    started = (
+        f"simulated copter {args.sysid} on {' and '.join(map(str, addresses))}, "
+        f"home {home.lat:.6f} {home.lon:.6f} {home.alt:g} m, speed {args.speed:g}"
+    )
+
+    def announce() -> None:
+        print(started, file=sys.stderr, flush=True)
+
+    try:
+        asyncio.run(simulate(vehicle, addresses, args.speed, announce, faults))
+    except LinkError as error:
         print(f"bridged simulate: error: {error}", file=sys.stderr)
         return 2
     return 0
+
+
+def _parameter(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not name or not math.isfinite(number):
+        raise argparse.ArgumentTypeError(f"expected NAME=VALUE such as FS_GCS_ENABLE=1, got {text!r}")
+    return name, number
 
 
 def _place(text: str) -> Place:

@@ -1,12 +1,15 @@
-"""A simulated vehicle as a process: its link, its clock, its end."""
+"""A simulated vehicle as a process: its links, its clock, its end."""
 
 import asyncio
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.link import Link, LinkAddress, Peer, open_link
+from bridged.drivers.mavlink.link import Ids, LinkAddress, Peer
+from bridged.simulation.faults import Faults
+from bridged.simulation.faulty_link import FaultyLink
 from bridged.simulation.vehicle import COMPONENT, Vehicle
 
 TICK_S = 0.02
@@ -20,18 +23,20 @@ MOST_CATCH_UP_S = 1.0
 
 
 class Simulation:
-    """One vehicle on one link, at `speed` times real time."""
+    """One vehicle on its links, at `speed` times real time."""
 
-    def __init__(self, vehicle: Vehicle, speed: float, address: LinkAddress) -> None:
+    def __init__(self, vehicle: Vehicle, speed: float, addresses: Sequence[LinkAddress], faults: Faults) -> None:
+        """One address for each channel of the vehicle."""
         self.vehicle = vehicle
         self.speed = speed
-        self.address = address
+        self.addresses = addresses
+        self.faults = faults
         self._wake = asyncio.Event()
-        self._link: Link | None = None
+        self._links: list[FaultyLink] = []
         self._seen = 0.0
 
     async def run(self, stop: asyncio.Event, started: Callable[[], None]) -> None:
-        """Flies until `stop` is set; `started` is called once. Raises LinkError if the link cannot be opened."""
+        """Flies until `stop` is set; `started` is called once. Raises LinkError if a link cannot be opened."""
         self._seen = asyncio.get_running_loop().time()
         waiting = asyncio.create_task(stop.wait())
         waiting.add_done_callback(lambda _: self._wake.set())
@@ -52,11 +57,21 @@ class Simulation:
 
     async def _switch_on(self) -> None:
         await self._switch_off()
-        self._link = await open_link(self.address, self._receive, system=self.vehicle.system, component=COMPONENT)
+        for channel, address in enumerate(self.addresses):
+            link = FaultyLink(
+                address,
+                partial(self._receive, channel),
+                Ids(self.vehicle.system, COMPONENT),
+                lambda _, channel=channel: self.vehicle.seal.gate(channel),  # type: ignore[misc]
+                self.faults,
+                lambda: self.vehicle.age,
+            )
+            await link.open()
+            self._links.append(link)
 
     async def _switch_off(self) -> None:
-        link, self._link = self._link, None
-        if link is not None:
+        links, self._links = self._links, []
+        for link in links:
             await link.close()
 
     async def _pause(self) -> None:
@@ -72,26 +87,38 @@ class Simulation:
     def _catch_up(self) -> None:
         now = asyncio.get_running_loop().time()
         passed, self._seen = now - self._seen, now
-        self._send(self.vehicle.advance(min(passed, MOST_CATCH_UP_S) * self.speed))
+        self._send(0, self.vehicle.advance(min(passed, MOST_CATCH_UP_S) * self.speed))
+        self._send_waiting()
+        for link in self._links:
+            link.deliver_late()
 
-    def _receive(self, message: dialect.MAVLink_message, peer: Peer) -> None:
+    def _receive(self, channel: int, message: dialect.MAVLink_message, peer: Peer) -> None:
         del peer
         self._catch_up()
-        self._send(self.vehicle.receive(message))
+        self._send(channel, self.vehicle.receive(message, channel))
+        self._send_waiting()
         self._wake.set()
 
-    def _send(self, messages: list[dialect.MAVLink_message]) -> None:
-        if self._link is not None:
+    def _send_waiting(self) -> None:
+        for channel in range(len(self._links)):
+            self._send(channel, self.vehicle.waiting(channel))
+
+    def _send(self, channel: int, messages: list[dialect.MAVLink_message]) -> None:
+        if channel < len(self._links):
             for message in messages:
-                self._link.send(message)
+                self._links[channel].send(message, signing=self.vehicle.seal.signing)
 
 
 async def simulate(
-    vehicle: Vehicle, address: LinkAddress, speed: float, started: Callable[[], None] = lambda: None
+    vehicle: Vehicle,
+    addresses: Sequence[LinkAddress],
+    speed: float,
+    started: Callable[[], None] = lambda: None,
+    faults: Faults | None = None,
 ) -> None:
-    """Runs the vehicle until SIGTERM or SIGINT; `started` is called when the link is open. Raises LinkError."""
+    """Runs the vehicle until SIGTERM or SIGINT; `started` is called when the links are open. Raises LinkError."""
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop.set)
-    await Simulation(vehicle, speed, address).run(stop, started)
+    await Simulation(vehicle, speed, addresses, faults or Faults()).run(stop, started)
