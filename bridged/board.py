@@ -54,6 +54,7 @@ class PerceptBoard:
         speed: float = 1.0,
     ) -> None:
         self.translator = Translator(manifest)
+        self._percepts = manifest.percepts
         self.expired = 0
         """Beliefs removed so far because their source fell silent."""
         self.dropped = 0
@@ -63,6 +64,24 @@ class PerceptBoard:
         self._robot, self._boot, self._stamp = robot, boot, stamp
         self._patience = max(1.0, speed)
         self._slots: dict[tuple[object, ...], _Slot] = {}
+
+    def adopt(self, manifest: Manifest) -> None:
+        """Go on by another manifest: what it declares as before is untouched, what it does not declare is withdrawn.
+
+        A percept that is declared otherwise keeps its belief until the next reading, unless that would be another
+        belief: of another source, number of arguments or identity.
+        """
+        old, new = self._percepts, manifest.percepts
+        for key, slot in list(self._slots.items()):
+            if slot.name not in old:
+                continue
+            entry = new.get(slot.name)
+            if entry is None or _identity(entry, manifest) != _identity(slot.entry, manifest):
+                self._remove(key)
+            else:
+                slot.entry = entry
+        self.translator = Translator(manifest, self.translator.unreadable)
+        self._percepts = new
 
     def take(self, reading: Reading, now: float) -> None:
         """Take in what the robot said."""
@@ -138,6 +157,11 @@ class PerceptBoard:
             self._publish(agent, perception)
 
 
+def _identity(entry: PerceptEntry, manifest: Manifest) -> tuple[object, ...]:
+    """What makes a percept the same one although its entry has changed."""
+    return (manifest.driver_of(entry), entry.source, entry.arity, entry.key, entry.buf)
+
+
 def _period(entry: PerceptEntry) -> float:
     return 0.0 if entry.rate is None else 1.0 / entry.rate
 
@@ -148,8 +172,12 @@ def _changed(told: Parameters, now: Parameters, deadband: float) -> bool:
 
 
 def _differs(old: Term, new: Term, deadband: float) -> bool:
-    if type(old) is type(new) and old == new:
+    if type(old) is type(new) and old == new and not isinstance(old, list):
         return False
+    if isinstance(old, list) and isinstance(new, list):
+        return len(old) != len(new) or any(
+            _differs(was, is_now, deadband) for was, is_now in zip(old, new, strict=True)
+        )
     was, becomes = to_float(old), to_float(new)
     return was is None or becomes is None or not abs(becomes - was) <= deadband
 

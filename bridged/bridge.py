@@ -11,6 +11,7 @@ from bridged.body import Body
 from bridged.desk import ActionDesk
 from bridged.drivers.robot import Setup
 from bridged.ledger import Ledger
+from bridged.live import RunningManifest
 from bridged.orders import Orders
 from commd.bus import Bus
 from commd.clock import Clock
@@ -79,10 +80,17 @@ class Bridge:
             now=clock.now,
             speed=speed,
         )
+        self.live = RunningManifest(manifest, self._adopt)
         self.orders = Orders(self.desk, self.driver, clock)
         holder = self.ledger.last_agent()
         if holder in agents:  # whoever had the robot in our last life is still answered for
             self.desk.holder = holder
+
+    def _adopt(self, manifest: Manifest) -> None:
+        """Go on by another manifest. Raises what the drivers raise, before anything else has changed."""
+        self.driver.adopt(manifest)
+        self.board.adopt(manifest)
+        self.desk.adopt(manifest)
 
     def step(self) -> None:
         """After the driver has looked at the robot: age percepts, pass on what became of actions."""

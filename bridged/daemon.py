@@ -70,7 +70,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
 async def bind(bus: Bus, mission: Mission, part: Part, clock: Clock, args: Namespace, shared: dict[str, Any]) -> Bridge:
     """Claim a robot's name and begin to serve its agents. Raises AlreadyRunning, and OSError for the ledger."""
     await bus.claim(part.name)
-    service = Service(bus, part.name, part.agents, part.manifest)
+    service = Service(bus, part.name, part.agents)
     bridge = Bridge(
         mission,
         part.name,
@@ -84,7 +84,7 @@ async def bind(bus: Bus, mission: Mission, part: Part, clock: Clock, args: Names
         simulated=args.simulated,
         shared=shared,
     )
-    service.open(bridge.board, bridge.desk, bridge.orders)
+    service.open(bridge.board, bridge.desk, bridge.orders, bridge.live)
     return bridge
 
 

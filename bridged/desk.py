@@ -101,6 +101,10 @@ class ActionDesk:
         else:
             self._begin(action, follower)
 
+    def adopt(self, manifest: Manifest) -> None:
+        """Take actions by another manifest from now on; those that run go on by their old entry."""
+        self._manifest = manifest
+
     def cancel(self, agent: str, action: str) -> ActionStatus:
         """End a running action of an agent. Returns its final status, also if it had ended already."""
         job = self._jobs.get(action)

@@ -3,34 +3,47 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Iterable
 from functools import partial
 
 import zenoh
+from msgspec.structs import replace
 
 from bridged.arguments import signature
 from bridged.board import PerceptBoard
 from bridged.desk import ActionDesk
+from bridged.live import RunningManifest
 from bridged.orders import Orders
 from commd.bus import Bus, Query
 from schemas import keys
 from schemas.manifest import ActionDescription, Manifest
 from schemas.percepts import PerceptSet
-from schemas.records import Action, ActionStatus, Cancel, Outcome, Perception, StopOrder
+from schemas.records import (
+    Action,
+    ActionStatus,
+    Cancel,
+    LiveManifest,
+    ManifestChange,
+    Outcome,
+    Perception,
+    StopOrder,
+)
 
 MAX_STATUSES = 64
 """Statuses of one action that may wait to be sent; of the running ones the oldest is left out first."""
 FOLLOW_AT_MOST = 3600.0
 """Wall seconds for which a query follows an action; every action has a deadline, this only bounds the wait."""
+log = logging.getLogger("bridged")
 
 
 class Service:
     """Answers for one robot under the names of its agents."""
 
-    def __init__(self, bus: Bus, robot: str, agents: Iterable[str], manifest: Manifest) -> None:
+    def __init__(self, bus: Bus, robot: str, agents: Iterable[str]) -> None:
         self.left_out = 0
         """Running statuses so far that a slow asker did not get."""
-        self._bus, self._robot, self._manifest = bus, robot, manifest
+        self._bus, self._robot = bus, robot
         self._agents = tuple(agents)
 
     def publish_percept(self, agent: str, perception: Perception) -> None:
@@ -41,13 +54,14 @@ class Service:
         """Put a status for observers."""
         self._bus.put(keys.status(self._bus.fleet, agent, status.name), status)
 
-    def open(self, board: PerceptBoard, desk: ActionDesk, orders: Orders) -> None:
+    def open(self, board: PerceptBoard, desk: ActionDesk, orders: Orders, live: RunningManifest) -> None:
         """Begin to serve."""
         bus, fleet = self._bus, self._bus.fleet
         for agent in self._agents:
             bus.serve(keys.percept(fleet, agent, "**"), Perception, partial(self._repair, agent, board.sets[agent]))
-            bus.serve(keys.action(fleet, agent, "*"), Action, partial(self._act, agent, desk))
+            bus.serve(keys.action(fleet, agent, "*"), Action, partial(self._act, agent, desk, live))
             bus.serve(keys.cancel(fleet, agent), Cancel, partial(self._cancel, agent, desk))
+        bus.serve(keys.manifest(fleet, self._robot), ManifestChange, partial(self._read_or_change, live))
         bus.serve(keys.stop(fleet, self._robot), StopOrder, partial(self._stop, orders))
 
     async def _repair(self, agent: str, present: PerceptSet, query: Query[Perception]) -> None:
@@ -58,10 +72,10 @@ class Service:
             if asked.intersects(zenoh.KeyExpr(key)):
                 query.reply(perception, key)
 
-    async def _act(self, agent: str, desk: ActionDesk, query: Query[Action]) -> None:
+    async def _act(self, agent: str, desk: ActionDesk, live: RunningManifest, query: Query[Action]) -> None:
         """Carry out an action asked for on a concrete key with a valid payload; describe it to anybody else."""
         if not query.concrete or query.record is None:
-            self._describe(agent, query)
+            self._describe(agent, live.manifest, query)
             return
         name = query.key.rpartition("/")[2]
         statuses: asyncio.Queue[ActionStatus | None] = asyncio.Queue()
@@ -79,9 +93,9 @@ class Service:
                 if status.final:
                     return
 
-    def _describe(self, agent: str, query: Query[Action]) -> None:
+    def _describe(self, agent: str, manifest: Manifest, query: Query[Action]) -> None:
         asked = zenoh.KeyExpr(query.key)
-        for name, entry in self._manifest.actions.items():
+        for name, entry in manifest.actions.items():
             key = keys.action(self._bus.fleet, agent, name)
             if asked.intersects(zenoh.KeyExpr(key)):
                 description = ActionDescription(
@@ -98,6 +112,23 @@ class Service:
             query.reply_error(query.error or 'expected the id of an action: {"id": "..."}')
             return
         query.reply(desk.cancel(agent, query.record.id))
+
+    async def _read_or_change(self, live: RunningManifest, query: Query[ManifestChange]) -> None:
+        """Answer with the running manifest, after the change that the query carries, if it carries one."""
+        key = keys.manifest(self._bus.fleet, self._robot)
+        if query.error or (query.record is not None and not query.concrete):
+            query.reply_error(query.error or "a change is for one robot: ask on its own key")
+            return
+        problems: list[str] = []
+        if query.record is not None:
+            problems = live.change(query.record)
+            log.info("manifest of %s: %s", self._robot, "; ".join(problems) or f"version {live.version}")
+            if not problems:
+                self._bus.put(key, self._told(live))
+        query.reply(self._told(live, problems), key)
+
+    def _told(self, live: RunningManifest, problems: Iterable[str] = ()) -> LiveManifest:
+        return replace(live.told(self._robot, problems), header=self._bus.header("manifest", self._robot))
 
     async def _stop(self, orders: Orders, query: Query[StopOrder]) -> None:
         if query.record is None or not query.concrete:

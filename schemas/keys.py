@@ -14,7 +14,9 @@ from schemas.records import (
     ActionStatus,
     Cancel,
     Health,
+    LiveManifest,
     Mail,
+    ManifestChange,
     MindView,
     Outcome,
     Perception,
@@ -55,6 +57,8 @@ CHANNELS = (
     Channel("{agent}/inbox", "query", Mail, Receipt, "agentd", "commd", None),
     Channel("{receiver}/mail/{sender}", "query", Mail, Receipt, "commd", "commd", None),
     Channel("{agent}/mind", "query", None, MindView, "agentd", "observers", 4),
+    Channel("{robot}/manifest", "query", ManifestChange, LiveManifest, "bridged", "operator", None),
+    Channel("{robot}/manifest", "put", LiveManifest, None, "bridged", "observers", None),
     Channel("{robot}/stop", "query", StopOrder, Outcome, "bridged", "operator", None),
     Channel("{name}/alive/{daemon}/{boot}", "token", None, None, "every daemon", "every daemon", None),
     Channel("{name}/health/{daemon}", "put", Health, None, "every daemon", "agentd, observers", 1),
@@ -99,6 +103,11 @@ def mail(fleet: str, receiver: str, sender: str) -> str:
 def mind(fleet: str, agent: str) -> str:
     """What an agent believes and intends."""
     return f"{ROOT}/{fleet}/{agent}/mind"
+
+
+def manifest(fleet: str, robot: str) -> str:
+    """Where the manifest of a robot is read and changed, and told after each change."""
+    return f"{ROOT}/{fleet}/{robot}/manifest"
 
 
 def stop(fleet: str, robot: str) -> str:

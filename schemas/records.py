@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 
@@ -126,6 +126,32 @@ class Outcome(Record, frozen=True, kw_only=True):
 
     ok: bool
     reason: str = ""
+
+
+class ManifestChange(Record, frozen=True, kw_only=True):
+    """A change of a running manifest: checked as a whole, and carried out as a whole or not at all."""
+
+    set: dict[str, Any] = {}
+    """New values by their path, such as `{"percepts.altitude.rate": 5}`; a whole entry is a mapping."""
+    remove: tuple[str, ...] = ()
+    """Paths of entries or single fields, such as `percepts.gps` or `percepts.altitude.ttl`; taken out first."""
+    version: int | None = None
+    """The change is for this version of the manifest and refused by any other; none = whichever there is."""
+
+
+class LiveManifest(Record, frozen=True, kw_only=True):
+    """The manifest that a robot runs by now."""
+
+    header: Header = Header()
+    robot: str = ""
+    version: int = 1
+    """Counts up by one for each change; 1 is what the bridge has read at its start."""
+    file: str = ""
+    """Where it comes from. Changes are not written there: a restarted bridge reads the file again."""
+    manifest: dict[str, Any] = {}
+    """The same data as in a manifest's TOML file."""
+    problems: tuple[str, ...] = ()
+    """Why a change was refused, all of it; none = it is in effect."""
 
 
 class Health(Record, frozen=True, kw_only=True):

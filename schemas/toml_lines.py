@@ -42,6 +42,15 @@ def line_of(lines: dict[Path, int], path: Path) -> int:
     return 0
 
 
+def key_parts(text: str) -> Path:
+    """Return the steps of a key in TOML syntax, such as `fields."linear.x"`; none if the text is none."""
+    return _parts(text) if _KEY.fullmatch(text) else ()
+
+
+def _parts(key: str) -> Path:
+    return tuple(part.strip("\"'") for part in _PARTS.findall(key))
+
+
 class _Scan:
     """Goes once through the text."""
 
@@ -150,7 +159,7 @@ class _Scan:
         if found is None:
             return ()
         self.at = found.end()
-        return tuple(part.strip("\"'") for part in _PARTS.findall(found[0]))
+        return _parts(found[0])
 
     def blank(self) -> bool:
         """Pass blanks, comments and line ends; returns whether something follows."""

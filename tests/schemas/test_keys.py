@@ -22,6 +22,7 @@ BUILT = {
     keys.inbox("{fleet}", "{agent}"),
     keys.mail("{fleet}", "{receiver}", "{sender}"),
     keys.mind("{fleet}", "{agent}"),
+    keys.manifest("{fleet}", "{robot}"),
     keys.stop("{fleet}", "{robot}"),
     keys.alive("{fleet}", "{name}", "{daemon}", "{boot}"),
     keys.health("{fleet}", "{name}", "{daemon}"),
