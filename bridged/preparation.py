@@ -69,6 +69,9 @@ def prepare(mission: Mission, name: str, link: str | None, speed: float) -> tupl
     except Findings as found:
         findings += found.findings
     robot = replace(robot, link=link or robot.link)
+    if robot.signing is not None:
+        passphrase = mission.relative(robot.signing.passphrase_file).absolute()
+        robot = replace(robot, signing=replace(robot.signing, passphrase_file=str(passphrase)))
     if manifest is not None:
         for field, problem in check_robot(manifest, robot):
             place = (*where, field) if (*where, field) in mission.positions.values else where

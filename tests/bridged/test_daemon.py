@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.daemon import serve
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.mavlink.wire import Encoder
-from bridged.drivers.robot import Reading
+from bridged.drivers.robot import Reading, Setup
 from bridged.presence import Presence
 from commd.bus import AlreadyRunning, Bus
 from commd.clock import Clock
@@ -188,9 +188,8 @@ def test_a_bridge_that_stood_still_reads_what_came_before_it_calls_the_vehicle_s
                 time.sleep(0.1)
 
     async def body() -> None:
-        driver = MavlinkDriver(
-            load_manifest("arducopter"), mission.robots["uav1"], Clock(), readings.append, lambda: None
-        )
+        copter, robot = load_manifest("arducopter"), mission.robots["uav1"]
+        driver = MavlinkDriver(Setup("uav1", copter, robot, Path(), Clock(), readings.append, lambda: None))
         driving = asyncio.create_task(driver.run())
         await until(lambda: "bad_checksums" in driver.counters(), "the link is open")
         speaking = Thread(target=speak, args=(link_loss + 3.0,))

@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.mavlink.twins import BACK_WITHIN, Twins
 from bridged.drivers.mavlink.wire import Encoder
+from bridged.drivers.robot import Setup
 from commd.clock import Clock
 from schemas.manifest import load_manifest
 from schemas.mission import read_mission
@@ -68,7 +69,7 @@ def test_two_vehicles_at_one_port_of_a_real_link_are_told_and_not_armed_and_thei
     robot = read_mission(MISSION.replace("127.0.0.1:0", f"127.0.0.1:{port}"), Path("test.yaml")).robots["uav1"]
 
     async def body() -> None:
-        driver = MavlinkDriver(MANIFEST, robot, Clock(), lambda reading: None, lambda: None)
+        driver = MavlinkDriver(Setup("uav1", MANIFEST, robot, Path(), Clock(), lambda reading: None, lambda: None))
         driving = asyncio.create_task(driver.run())
         await until(lambda: "bad_checksums" in driver.counters(), "the link is open")
         with socket.socket(type=socket.SOCK_DGRAM) as one, socket.socket(type=socket.SOCK_DGRAM) as other:

@@ -1,26 +1,29 @@
-"""The MAVLink driver: one vehicle on one link, on asyncio. What is said is in `conversation`."""
+"""The MAVLink driver: one vehicle on a link, on asyncio. What is said is in `conversation`, the link in `links`."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink.calls import call_of
 from bridged.drivers.mavlink.conversation import Conversation
 from bridged.drivers.mavlink.failsafe import our_ids
 from bridged.drivers.mavlink.flight import Task
-from bridged.drivers.mavlink.link import Link, LinkAddress, Peer, open_link
-from bridged.drivers.mavlink.procedures import PROCEDURES
-from bridged.drivers.mavlink.twins import Twins
-from bridged.drivers.mavlink.vocabulary import call_of
-from bridged.drivers.robot import Execution, OnReading, Order, Outcome, Value
-from commd.clock import Clock
+from bridged.drivers.mavlink.kind import forward_of
+from bridged.drivers.mavlink.link import Ids, LinkAddress, Peer
+from bridged.drivers.mavlink.link_state import LinkState
+from bridged.drivers.mavlink.links import Links, Rider, SharedLink
+from bridged.drivers.mavlink.offers import offer_of
+from bridged.drivers.mavlink.signing import read_key
+from bridged.drivers.mavlink.telemetry import unread
+from bridged.drivers.mavlink.twins import Twins, leads_down, may_lead_down
+from bridged.drivers.robot import Execution, Order, Outcome, Setup, Value
 from schemas.manifest import ActionEntry, Manifest
-from schemas.mission import Robot
 
 TICK, TICKS = 0.25, 2.0
 """At most so many wall seconds between looks at the time, and at least so many looks in a second of the vehicle."""
@@ -35,7 +38,7 @@ log = logging.getLogger("mavlink")
 
 
 class Carrier(Protocol):
-    """What carries packets to the vehicle: a `Link`."""
+    """What carries packets to the vehicle: a link with other robots at it, or the air of a test."""
 
     def send(self, message: dialect.MAVLink_message, sysid: int | None = None) -> bool: ...
 
@@ -45,45 +48,52 @@ class MavlinkDriver:
 
     orders: frozenset[Order] = frozenset(("hold", "land", "rtl"))
 
-    def __init__(
-        self, manifest: Manifest, robot: Robot, clock: Clock, on_reading: OnReading, on_step: Callable[[], None]
-    ) -> None:
+    def __init__(self, setup: Setup) -> None:
+        """Raises SigningError for a passphrase that cannot be used."""
+        robot, clock = setup.robot, setup.clock
         self._address = LinkAddress.parse(robot.link)
         self._clock = clock
-        self._on_step = on_step
-        self._link: Link | None = None
+        self._on_step = setup.on_step
+        self._links = Links.of(setup.shared)
+        self._link: SharedLink | None = None
         self._asked = asyncio.Event()
         """Something was asked of the vehicle: look at the time more often at once."""
         self._carrier: Carrier | None = None
-        self.identity = our_ids(robot.failsafe, robot.sysid)
+        self.identity = our_ids(robot.failsafe, robot.sysid, robot.ids)
         """Under which ids we speak, and to whom."""
+        self._rider = Rider(
+            setup.name,
+            robot.sysid,
+            Ids(self.identity.system, self.identity.component),
+            self._receive_from,
+            self._carry,
+            unread(setup.manifest),
+            None if robot.signing is None else read_key(setup.folder / robot.signing.passphrase_file),
+            forward_of(robot),
+            setup.state,
+        )
         self._twins = Twins(robot.sysid)
+        self._state = LinkState(setup.on_reading)
         self.unsendable = 0
         """Messages so far that could not be packed."""
         self.stalls = 0
         """How often so far the event loop was away for longer than `STALL`."""
         self._conversation = Conversation(
-            manifest,
+            setup.manifest,
             self.identity,
             self._send,
-            on_reading,
+            setup.on_reading,
             speed=clock.speed,
             limits=robot.limits,
             failsafe=robot.failsafe,
         )
+        self._patience = self._patience_of(setup.manifest)
 
     async def run(self) -> None:
         """Carry the vehicle's traffic until cancelled. Raises LinkError if the link cannot be opened."""
         loop = asyncio.get_running_loop()
-        link = self._link = await open_link(
-            self._address,
-            self._receive_from,
-            system=self.identity.system,
-            component=self.identity.component,
-            on_state=lambda up, why: log.info("link %s %s: %s", self._address, "up" if up else "down", why),
-        )
-        self.attach(link)
-        try:
+        async with self._links.seat(self._address, self._rider) as self._link:
+            self._carry(self._link.up)
             while True:
                 try:
                     self.tick()
@@ -100,9 +110,6 @@ class MavlinkDriver:
                     self.stalls += 1
                     log.warning("this process stood still for %.1f s", late)
                     await asyncio.sleep(CATCH_UP)
-        finally:
-            await link.close()
-            self._link = self._carrier = None
 
     def attach(self, carrier: Carrier) -> None:
         """Send by this carrier from now on."""
@@ -111,32 +118,35 @@ class MavlinkDriver:
     def receive(self, message: dialect.MAVLink_message) -> None:
         """Take in a message from the carrier."""
         self._conversation.receive(message, self._clock.now())
-        self._on_step()
+        self._look()
 
     def tick(self) -> None:
         """Let time pass."""
         self._conversation.tick(self._clock.now())
-        self._on_step()
+        self._look()
 
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         """Begin an action of the manifest."""
-        sets_mode = entry.confirm == "mode"
-        task = Task(name, moves=entry.motion, sets_mode=sets_mode, takes_control=sets_mode)
+        task = Task(name, moves=entry.motion)
+        modes = self._conversation.modes
         try:
-            call = call_of(entry, arguments, self._conversation.modes)
+            call = call_of(entry, arguments, modes)
         except ValueError as error:
             task.end(Outcome("refused", str(error)))
             return task
+        if (two := self._two()) and not leads_down(entry, call, modes):
+            task.end(Outcome("refused", two))
+            return task
         self._asked.set()
-        return self._conversation.begin(task, PROCEDURES[entry.confirm], call)
+        return self._conversation.perform(task, offer_of(entry, call.number), call)
 
     def refuses(self, entry: ActionEntry) -> str:
         """Why an action cannot begin now, empty if it can; setting the mode takes control again.
 
-        Of two vehicles that cannot be told apart none is armed; one that flies already is not left without a way down.
+        Of two vehicles that cannot be told apart none is armed or moved; one that flies is left its ways down.
         """
-        if entry.confirm == "armed" and not self.active and (twins := self._twins.notes(self._clock.wall())):
-            return twins[0]
+        if (two := self._two()) and not (self.active and may_lead_down(entry)):
+            return two
         mode = self._conversation.override
         if not mode or entry.confirm == "mode":
             return ""
@@ -177,6 +187,8 @@ class MavlinkDriver:
     def adopt(self, manifest: Manifest) -> None:
         """Go on by another manifest: other streams are asked for."""
         self._conversation.adopt(manifest)
+        self._rider.unread = unread(manifest)
+        self._patience = self._patience_of(manifest)
 
     def speak_for_agent(self, present: bool) -> None:
         """Without an agent, heartbeats that claim to be the ground station stop."""
@@ -194,23 +206,12 @@ class MavlinkDriver:
             "unsendable": self.unsendable,
             "stalls": self.stalls,
         }
-        if self._link is not None:
-            came = self._link.counters
-            counters |= {
-                "bad_checksums": came.bad_checksums,
-                "skipped_bytes": came.skipped_bytes,
-                "unknown_packets": came.unknown_packets,
-                "unreadable_packets": came.unreadable_packets,
-                "link_dropped": came.dropped,
-                "link_reopened": came.reopened,
-            }
-        return counters
+        return counters if self._link is None else counters | self._link.counters(self._rider)
 
     def notes(self) -> list[str]:
         """Warnings that hold now."""
-        link = self._link
-        down = [f"link {self._address} is down: {link.why}"] if link is not None and not link.up else []
-        return down + self._twins.notes(self._clock.wall()) + self._conversation.notes()
+        of_link = [] if self._link is None else self._link.notes(self._rider)
+        return of_link + self._twins.notes(self._clock.wall()) + self._conversation.notes()
 
     def _receive_from(self, message: dialect.MAVLink_message, peer: Peer) -> None:
         sender = (message.get_srcSystem(), message.get_srcComponent())
@@ -218,11 +219,28 @@ class MavlinkDriver:
             self._twins.heard(str(peer), self._clock.wall())
         self.receive(message)
 
+    def _look(self) -> None:
+        talk = self._conversation
+        self._state.look(talk.vehicle.connected, talk.vehicle.heard_at, self._clock.now(), self._patience)
+        self._on_step()
+
+    def _carry(self, up: bool) -> None:
+        self._state.carry(up, self._clock.now())
+        self._look()
+
+    def _two(self) -> str:
+        """The warning that two vehicles have the id of ours, empty if there is one."""
+        return next(iter(self._twins.notes(self._clock.wall())), "")
+
+    def _patience_of(self, manifest: Manifest) -> float:
+        return self._conversation.flight.wait(manifest.robot.link_loss, manifest.robot.link_loss)
+
     def _send(self, message: dialect.MAVLink_message) -> None:
-        if self._carrier is None:
-            return
         try:
-            self._carrier.send(message, self.identity.vehicle)
+            if self._carrier is not None:
+                self._carrier.send(message, self.identity.vehicle)
+            elif self._link is not None:
+                self._link.send(self._rider, message, everywhere=bool(self._two()))
         except ValueError as error:
             self.unsendable += 1
             log.error("not sent: %s", error)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.commands import Identity
-from schemas.mission import Failsafe
+from schemas.mission import Failsafe, Ids
 
 PARAMETER = "FS_GCS_ENABLE"
 """ArduCopter: 0 = the failsafe is off."""
@@ -19,11 +19,34 @@ GROUND_STATION = (255, 190)
 """The ids that ArduPilot takes for its ground station (MAV_GCS_SYSID), and a companion's usual component."""
 COMPANION = dialect.MAV_COMP_ID_ONBOARD_COMPUTER
 
+BY_FAILSAFE = Ids()
 
-def our_ids(failsafe: Failsafe, vehicle: int) -> Identity:
-    """The ids under which we speak: the ground station's for `gcs: bridge`, the vehicle's companion otherwise."""
+
+def our_ids(failsafe: Failsafe, vehicle: int, ids: Ids = BY_FAILSAFE) -> Identity:
+    """The ids under which we speak: the ground station's for `gcs: bridge`, the vehicle's companion otherwise.
+
+    `ids` of the mission stand above both.
+    """
     system, component = GROUND_STATION if failsafe.gcs == "bridge" else (vehicle, COMPANION)
-    return Identity(system, component, vehicle)
+    return Identity(ids.system or system, ids.component or component, vehicle)
+
+
+def id_problem(failsafe: Failsafe, vehicle: int, ids: Ids) -> str:
+    """Why the `ids` of a mission undo its `failsafe`, or cannot be ours; empty if they are good."""
+    us, station = our_ids(failsafe, vehicle, ids), GROUND_STATION[0]
+    if (us.system, us.component) == (us.vehicle, us.autopilot):
+        return f"{us.system}/{us.component} are the ids of the vehicle's own autopilot: choose another component"
+    if failsafe.gcs == "bridge" and us.system != station:
+        return (
+            f"`failsafe: {{gcs: bridge}}` has no effect with system {us.system}: the vehicle watches the heartbeats of "
+            f"its ground station, system {station} (MAV_GCS_SYSID); leave `system` out"
+        )
+    if failsafe.gcs == "human" and us.system == station:
+        return (
+            f"`failsafe: {{gcs: human}}` has no effect with system {station}: the heartbeats of this bridge would hide "
+            "that the human's ground station is lost; leave `system` out"
+        )
+    return ""
 
 
 class FailsafeCheck:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 from bridged.drivers.mavlink.address import FORMS, LinkAddress, LinkAddressError
 from bridged.drivers.robot import Driver, Setup
@@ -19,18 +20,55 @@ def check_manifest(manifest: Manifest) -> Iterable[Finding]:
 
 
 def check_robot(robot: Robot) -> Iterable[tuple[str, str]]:
-    """Say what is wrong with the link to a vehicle."""
+    """Say what is wrong with the link to a vehicle, our ids on it, its passphrase and the links to ground stations."""
+    from bridged.drivers.mavlink.failsafe import id_problem
+
+    link = None
     if not robot.link:
         yield "link", f"needs the field `link`: {FORMS}"
-        return
-    try:
-        LinkAddress.parse(robot.link)
-    except LinkAddressError as error:
-        yield "link", str(error)
+    else:
+        try:
+            link = LinkAddress.parse(robot.link)
+        except LinkAddressError as error:
+            yield "link", str(error)
+    if problem := id_problem(robot.failsafe, robot.sysid, robot.ids):
+        yield "ids", f"ids: {problem}"
+    if robot.signing is not None:
+        from bridged.drivers.mavlink.signing import SigningError, read_key
+
+        try:
+            read_key(Path(robot.signing.passphrase_file))
+        except SigningError as error:
+            yield "signing", f"signing.passphrase_file: {error}"
+    yield from _forward_problems(robot, link)
 
 
 def make_driver(setup: Setup) -> Driver:
-    """Make the driver of one vehicle."""
+    """Make the driver of one vehicle. Raises SigningError for a passphrase that cannot be used."""
     from bridged.drivers.mavlink.driver import MavlinkDriver
 
-    return MavlinkDriver(setup.manifest, setup.robot, setup.clock, setup.on_reading, setup.on_step)
+    return MavlinkDriver(setup)
+
+
+def forward_of(robot: Robot) -> tuple[LinkAddress, ...]:
+    """The links to the ground stations of a vehicle. Raises LinkAddressError."""
+    return tuple(LinkAddress.parse(text) for text in _forward(robot))
+
+
+def _forward(robot: Robot) -> tuple[str, ...]:
+    return (robot.forward,) if isinstance(robot.forward, str) else robot.forward
+
+
+def _forward_problems(robot: Robot, link: LinkAddress | None) -> Iterator[tuple[str, str]]:
+    seen = set()
+    for text in _forward(robot):
+        try:
+            address = LinkAddress.parse(text)
+        except LinkAddressError as error:
+            yield "forward", f"forward: {error}"
+            continue
+        if link is not None and (address.host, address.port) == (link.host, link.port):
+            yield "forward", f"forward: `{text}` is the vehicle's own link: packets would go round for ever"
+        if address in seen:
+            yield "forward", f"forward: `{text}` stands there twice"
+        seen.add(address)

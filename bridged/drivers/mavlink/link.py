@@ -31,8 +31,8 @@ OnPacket = Callable[[dialect.MAVLink_message, Peer], None]
 OnState = Callable[[bool, str], None]
 """Called with True when packets can pass and False when they cannot, and why in words."""
 
-MakeGate = Callable[[str], Gate]
-"""Makes what is asked about the packets of one peer, of which it is given the address in words."""
+MakeGate = Callable[[Peer], Gate]
+"""Makes what is asked about the packets of one peer."""
 
 
 class Link:
@@ -57,7 +57,7 @@ class Link:
         self._ids = ids
         self._on_packet = on_packet
         self._on_state = on_state
-        self._make_gate = make_gate or (lambda label: _OpenGate(self))
+        self._make_gate = make_gate or (lambda peer: _OpenGate(self))
         self._peers: dict[object, Peer] = {}
         self._routes: dict[int, Peer] = {}
         self._endpoint: Endpoint | None = None
@@ -99,9 +99,9 @@ class Link:
         packed = [(peer, peer.encoder(ids or self._ids).pack(message, signing or self.signing)) for peer in peers]
         return sum(self._write(peer, packet) for peer, packet in packed) > 0
 
-    def pass_on(self, packet: bytes, sysid: int) -> bool:
-        """Sends somebody else's packet as it is to where `sysid` was heard last, False if it was dropped."""
-        return sum(self._write(peer, packet) for peer in self._targets(sysid)) > 0
+    def pass_on(self, peers: Iterable[Peer], packet: bytes) -> bool:
+        """Sends somebody else's packet as it is to some peers, False if it was dropped for all of them."""
+        return sum(self._write(peer, packet) for peer in list(peers)) > 0
 
     def peers_of(self, sysid: int) -> list[Peer]:
         """Every address from which the system has spoken lately: more than one if two vehicles have one id."""
@@ -144,7 +144,8 @@ class Link:
         """For endpoints: another end came up, or its first bytes came in."""
         while len(self._peers) >= MAX_PEERS:
             self.drop_peer(min(self._peers, key=lambda other: self._peers[other].heard_at))
-        peer = Peer(label, write, Framer(self.counters, gate=self._make_gate(label)))
+        peer = Peer(label, write)
+        peer.framer = Framer(self.counters, gate=self._make_gate(peer))
         self._peers[key] = peer
         return peer
 

@@ -36,7 +36,7 @@ class Peer:
 
     label: str
     write: Callable[[bytes], bool]
-    framer: Framer
+    framer: Framer = field(init=False)  # given by the link, whose choice of packets may depend on the peer
     heard_at: float = 0.0  # event loop time of its last valid packet
     heard: bool = False
     systems: dict[int, float] = field(default_factory=dict)  # who spoke from here, and when last

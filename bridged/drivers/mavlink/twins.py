@@ -1,13 +1,17 @@
 """Two vehicles with one system id on one link: told by the addresses that the HEARTBEATs come from.
 
-Each is answered where it was heard last, so with two of them orders reach now one and now the other: the driver arms
-neither. A vehicle that reboots may come back from another port, and does not go back to the old one.
+Which of them an answer reaches is chance, so the driver neither arms nor moves them. What brings a vehicle down that
+flies already goes to both. A vehicle that reboots may come back from another port, and does not go back to the old one.
 """
 
 from __future__ import annotations
 
 import logging
 import math
+
+from bridged.drivers.mavlink.flight import Call
+from bridged.drivers.mavlink.modes import ModeTable
+from schemas.manifest import ActionEntry
 
 BACK_WITHIN = 5.0
 """Wall seconds within which an address that was left speaks again if there are two vehicles, of 1 Hz each."""
@@ -44,3 +48,22 @@ class Twins:
     def notes(self, wall: float) -> list[str]:
         """The warning, while both speak."""
         return [self._said] if wall < self._until else []
+
+
+WAYS_DOWN = frozenset({"landed", "home", "mode", "armed"})
+"""Confirmations of actions that can bring a vehicle down, or end its flight."""
+
+
+def may_lead_down(entry: ActionEntry) -> bool:
+    """Whether an action can bring a vehicle down that flies: landing, returning, or a mode or disarming that may."""
+    return entry.confirm in WAYS_DOWN
+
+
+def leads_down(entry: ActionEntry, call: Call, modes: ModeTable) -> bool:
+    """Whether it does so with its arguments filled in: it starts no motors and sets no mode but the safe ones."""
+    match entry.confirm:
+        case "mode":
+            return call.parameters[1] in (modes.hold, modes.land, modes.rtl)
+        case "armed":
+            return call.parameters[0] == 0.0
+    return may_lead_down(entry)

@@ -13,7 +13,9 @@ SIGNED = 0x01
 """The only incompatibility flag of MAVLink 2 that is defined; a packet with another one must be dropped."""
 
 _MAGIC = (MAGIC_1, MAGIC_2)
-_HEADER_1, _HEADER_2, _CHECKSUM, _SIGNATURE = 6, 10, 2, SIGNATURE_BYTES
+HEADER_1, HEADER_2 = 6, 10
+"""Bytes before the payload."""
+_CHECKSUM, _SIGNATURE = 2, SIGNATURE_BYTES
 
 
 @dataclass(slots=True)
@@ -44,7 +46,7 @@ class Gate:
         """Be told of a packet that was not taken: `unsigned`, `wrongly signed` or `replayed`."""
 
     def copy(self, packet: bytearray, system: int, message_id: int) -> None:
-        """Be told of every packet with a right checksum, wanted or not, as it came."""
+        """Be told of every packet as it came: with a right checksum, wanted or not, or of a kind that is not known."""
 
 
 class SignedGate(Gate):
@@ -115,6 +117,7 @@ class Framer:
         """How much to skip of what cannot be checked: it is one packet only if another one, or nothing, follows it."""
         if not following or following[0] in _MAGIC:
             self.counters.unknown_packets += 1
+            self._gate.copy(packet, source(packet), message_id(packet))
             return len(packet)
         self.counters.skipped_bytes += 1
         return 1
@@ -122,10 +125,10 @@ class Framer:
     def _read(self, packet: bytearray, number: int) -> dialect.MAVLink_message | None:
         """The message in a packet with a right checksum, None if it is not taken."""
         system = source(packet)
+        self._gate.copy(packet, system, number)
         if packet[0] == MAGIC_2 and packet[2] & ~SIGNED:
             self.counters.unreadable_packets += 1
             return None
-        self._gate.copy(packet, system, number)
         if not self._gate.wants(system, number):
             self.counters.unwanted += 1
             return None
@@ -194,8 +197,8 @@ def _packet_length(data: bytearray, at: int) -> int | None:
         return None
     payload = data[at + 1]
     if data[at] == MAGIC_1:
-        return _HEADER_1 + payload + _CHECKSUM
-    return _HEADER_2 + payload + _CHECKSUM + (_SIGNATURE if data[at + 2] & SIGNED else 0)
+        return HEADER_1 + payload + _CHECKSUM
+    return HEADER_2 + payload + _CHECKSUM + (_SIGNATURE if data[at + 2] & SIGNED else 0)
 
 
 def _checksum_agrees(packet: bytearray, number: int) -> bool:
