@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
 
-.PHONY: fly test soak bench-reasoner bench-bridge lint types contracts format check-python byte-code clean
+.PHONY: fly test soak faults bench-reasoner bench-bridge lint types contracts format check-python byte-code clean
 
 fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
@@ -17,6 +17,9 @@ test: $(VENV)/test.stamp byte-code  ## run all tests
 soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/soak.md
 	$(BIN)/python -m tests.soak
 	nice $(BIN)/python -m tests.soak_parser
+
+faults: $(VENV)/test.stamp  ## inject every fault of the table; writes docs/faults.md
+	$(BIN)/python -m tests.faults
 
 bench-reasoner: $(VENV)/bench.stamp  ## the reasoner beside python-agentspeak, about 12 minutes; writes docs/reasoner.md
 	$(BIN)/python -m benchmarks.reasoner --out docs/reasoner.md $(ARGS)

@@ -1,0 +1,78 @@
+"""What a row of the fault table says: how the fault was injected, what became of each action, and what it cost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from schemas.records import ActionStatus
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How one action ended, and whether the robot's own state agrees."""
+
+    call: str
+    """As the agent wrote it."""
+    finals: tuple[ActionStatus, ...]
+    """Its final statuses: there must be one."""
+    held: bool
+    """Whether the robot's state showed what was wanted when the status came."""
+    seconds: float
+    """Mission seconds until then."""
+
+    @property
+    def problems(self) -> list[str]:
+        """What is not as it must be."""
+        if len(self.finals) != 1:
+            return [f"{self.call}: {len(self.finals)} final statuses"]
+        final = self.finals[0]
+        if final.state == "succeeded" and not self.held:
+            return [f"{self.call}: succeeded, and the robot's state says no"]
+        if final.state != "succeeded" and not final.reason:
+            return [f"{self.call}: {final.state} without a reason"]
+        return []
+
+    def __str__(self) -> str:
+        final = self.finals[-1] if self.finals else None
+        if final is None:
+            return f"`{self.call}` without an end"
+        reason = f": {final.reason}" if final.reason and final.state != "succeeded" else ""
+        return f"`{self.call}` **{final.state}** after {self.seconds:.1f} s{reason}"
+
+
+@dataclass
+class Row:
+    """One fault."""
+
+    fault: str
+    injected: str
+    """How, and with what."""
+    ended: list[Ended] = field(default_factory=list)
+    seen: list[str] = field(default_factory=list)
+    """What else was seen, with figures."""
+    bound: str = ""
+    """What the memory was held to."""
+    problems: list[str] = field(default_factory=list)
+    """What is not as it must be; empty = the row holds."""
+
+    def expect(self, holds: object, wish: str) -> None:
+        """Note a wish that is not fulfilled."""
+        if not holds:
+            self.problems.append(f"not so: {wish}")
+
+    def wrong(self) -> list[str]:
+        """Everything that is not as it must be."""
+        return [*self.problems, *(problem for ended in self.ended for problem in ended.problems)]
+
+
+Maker = Callable[[], Row]
+
+
+def table(rows: Sequence[Row]) -> list[str]:
+    """The rows as Markdown."""
+    lines = ["| fault | injected | what became of each action | what else was seen | memory |", "|---|---|---|---|---|"]
+    for row in rows:
+        cells = (row.fault, row.injected, "<br>".join(map(str, row.ended)), "<br>".join(row.seen), row.bound)
+        lines.append("| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |")
+    return lines
