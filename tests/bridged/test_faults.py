@@ -13,7 +13,7 @@ from tests.faults.rows import Ended, Row
 from tests.faults.virtual import VIRTUAL
 
 
-@pytest.mark.parametrize("fault", (*VIRTUAL, *REAL), ids=lambda fault: fault.__name__)
+@pytest.mark.parametrize("fault", [*VIRTUAL, *REAL], ids=lambda fault: fault.__name__)
 def test_every_action_ends_once_with_its_true_status_under(fault: Callable[[Path], Row], tmp_path: Path) -> None:
     row = fault(tmp_path)
     assert row.ended

@@ -1,4 +1,4 @@
-"""The faults that need processes of their own: a flood of percepts, an agent that is too slow, a bridge that is killed."""
+"""The faults that need processes of their own: a flood of percepts, a slow agent, a killed bridge."""
 
 from __future__ import annotations
 
@@ -151,9 +151,8 @@ def _flooded(row: Row, state: Path, program: str, patience: float) -> None:
                 put(number)
             sent = time.monotonic()
             agent.says(f"last {SAMPLES}", patience)
-            row.seen.append(
-                f"{SAMPLES} put in {sent - began:.1f} s; the agent had the last one {time.monotonic() - sent:.2f} s later"
-            )
+            late = time.monotonic() - sent
+            row.seen.append(f"{SAMPLES} put in {sent - began:.1f} s; the agent had the last one {late:.2f} s later")
             agent.says("[reader] ping ", patience)
         _note(row, agent, "ping", "", time.monotonic() - began)
         grown = {"bridged": resident(bridge) - before["bridged"], "agentd": resident(agent) - before["agentd"]}
