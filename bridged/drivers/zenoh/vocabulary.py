@@ -11,7 +11,7 @@ from bridged.drivers.robot import Value
 from bridged.drivers.zenoh.payloads import CODECS
 from schemas import keys
 from schemas.findings import Finding
-from schemas.manifest import ActionEntry, FieldValue, Manifest, Parameter
+from schemas.manifest import ActionEntry, FieldValue, Manifest
 
 WHOLE = "."
 """The path of a field that is the whole payload: a bare number, text or list."""
@@ -58,13 +58,12 @@ def fields_of(entry: ActionEntry) -> dict[str, FieldValue]:
 
 def payload_of(entry: ActionEntry, arguments: Mapping[str, Value]) -> object:
     """Return what is sent for an action: an object (or list) nested as the paths say. Raises ValueError in words."""
-    parameters = {parameter.name: parameter for parameter in entry.params}
     tree: dict[str, Any] = {}
     for path, said in fields_of(entry).items():
         if said.value is not None or not said.param:
             value: object = said.value
         else:
-            value = _named(parameters[said.param].each, arguments[said.param])
+            value = arguments[said.param]
         if (said.scale, said.offset) != (1.0, 0.0):
             if isinstance(value, bool) or not isinstance(value, int | float):
                 raise ValueError(f"field `{path}`: expected a number, got {value!r}")
@@ -130,18 +129,6 @@ def _long(said: bool | int | float | str | FieldValue) -> FieldValue:
         case str():
             return FieldValue(param=said)
     return FieldValue(value=said)
-
-
-def _named(each: tuple[Parameter, ...], value: object) -> object:
-    """A list of structures as a list of objects, as the parameter's `each` names what they hold."""
-    if not each or not isinstance(value, list):
-        return value
-    if len(each) == 1:
-        return [_named(each[0].each, item) for item in value]
-    return [
-        {parameter.name: _named(parameter.each, item) for parameter, item in zip(each, items, strict=True)}
-        for items in value
-    ]
 
 
 def _lists(value: Any) -> Any:

@@ -1,0 +1,122 @@
+"""The Zenoh driver on a real router, beside a session that is the robot: what it is told goes to lists."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from bridged.drivers.robot import Execution, Outcome, Reading, Setup, Value
+from bridged.drivers.zenoh.driver import ZenohDriver
+from bridged.drivers.zenoh.kind import check_manifest
+from commd.bus import Bus
+from commd.clock import Clock
+from commd.raw import Sample
+from schemas.manifest import Manifest, read_manifest
+from schemas.mission import Robot
+from tests.support.buses import Connect, on_a_bus, served, subscribed, until
+
+MANIFEST = """
+[robot]
+driver = "zenoh"
+link_loss = "1s"
+[percepts.light]
+source = "lamp/state"
+args = ["on"]
+[actions.set_light]
+params = [{name = "on", type = "boolean"}, {name = "colour", type = "string"}]
+topic = "lamp/set"
+fields = {"state.on" = "on", "state.rgb.0" = {value = 7}, "state.rgb.1" = {value = 8}, colour = "colour"}
+[actions.tell]
+params = [{name = "text", type = "string"}]
+topic = "lamp/text"
+latch = true
+[actions.blink]
+params = [{name = "times", type = "int"}]
+service = "lamp/blink"
+"""
+
+
+def manifest(text: str = MANIFEST) -> Manifest:
+    """A manifest that nothing is wrong with."""
+    read = read_manifest(text, "lamp.toml")
+    assert list(check_manifest(read)) == []
+    return read
+
+
+class Pond:
+    """A driver and its robot's session."""
+
+    def __init__(self, bridge: Bus, robot: Bus, declared: Manifest, prefix: str = "") -> None:
+        self.readings: list[Reading] = []
+        self.robot = robot
+        self.manifest = declared
+        self.driver = ZenohDriver(
+            Setup(
+                name="lamp",
+                manifest=declared,
+                robot=Robot(manifest="lamp.toml", prefix=prefix),
+                folder=Path(),
+                clock=Clock(),
+                on_reading=self.readings.append,
+                on_step=lambda: None,
+                bus=bridge,
+            )
+        )
+
+    def begin(self, name: str, **arguments: Value) -> Execution:
+        """Begin an action."""
+        return self.driver.perform(name, self.manifest.actions[name], arguments)
+
+    async def do(self, name: str, **arguments: Value) -> Outcome:
+        """Perform an action and return its outcome."""
+        execution = self.begin(name, **arguments)
+        await until(lambda: execution.over, f"{name} ends")
+        assert execution.outcome is not None
+        return execution.outcome
+
+    async def publish(self, key: str, *payloads: bytes, encoding: str = "") -> None:
+        """Be the robot that publishes; returns when it is sent."""
+        await subscribed(self.robot, key)
+        publisher = self.robot.raw.publisher(key)
+        for payload in payloads:
+            publisher.put(payload, encoding)
+
+    def serve(self, key: str, payload: bytes | None, *, error: bool = False) -> list[bytes]:
+        """Be the robot that answers each query like this; returns what it is asked."""
+        asked: list[bytes] = []
+
+        def answer(query: Sample) -> Sample | None:
+            asked.append(query.payload)
+            return None if payload is None else Sample(key, payload, "application/json", error=error)
+
+        self.robot.raw.serve(key, answer)
+        return asked
+
+
+def in_a_pond(
+    endpoint: str,
+    body: Callable[[Pond], Coroutine[Any, Any, None]],
+    *,
+    text: str = MANIFEST,
+    prefix: str = "",
+    seconds: float = 30,
+) -> None:
+    """Run `body(pond)` with the driver running; bounded in wall seconds."""
+
+    async def everything(connect: Connect) -> None:
+        pond = Pond(await connect("lamp", "bridged"), await connect("robot", "robot"), manifest(text), prefix)
+        running = asyncio.create_task(pond.driver.run())
+        try:
+            await body(pond)
+        finally:
+            running.cancel()
+            with suppress(asyncio.CancelledError):
+                await running
+
+    on_a_bus(endpoint, everything, seconds)
+
+
+__all__ = ["MANIFEST", "Pond", "in_a_pond", "manifest", "served", "subscribed", "until"]

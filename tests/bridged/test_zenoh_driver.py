@@ -1,0 +1,344 @@
+"""The Zenoh driver: percepts from what a robot publishes, actions by what it listens to and serves; real router."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import time
+
+import msgspec
+import pytest
+import zenoh
+
+from bridged.drivers.robot import Outcome
+from commd.raw import BACKLOG, LARGEST, Sample
+from schemas.manifest import read_manifest
+from tests.bridged.pond import MANIFEST, Pond, in_a_pond, served, until
+
+
+def fields(pond: Pond) -> list[object]:
+    return [reading.fields for reading in pond.readings]
+
+
+@pytest.mark.parametrize(
+    ("payload", "encoding", "said"),
+    [
+        (b'{"on": true, "watts": 4.5}', "application/json", {"on": True, "watts": 4.5}),
+        (b'{"on": true}', "", {"on": True}),
+        (b"21.5", "text/plain", {"data": 21.5}),
+        (b'"bright"', "text/json", {"data": "bright"}),
+        (b"[1, 2]", "application/json;lamp", {"data": [1, 2]}),
+        (b"", "", {}),
+        (msgspec.msgpack.encode({"on": [1.5, "x"]}), "application/msgpack", {"on": [1.5, "x"]}),
+    ],
+)
+def test_a_sample_gives_the_fields_of_its_payload(endpoint: str, payload: bytes, encoding: str, said: object) -> None:
+    async def body(pond: Pond) -> None:
+        await pond.publish("lamp/state", payload, encoding=encoding)
+        await until(lambda: bool(pond.readings), "the sample is read")
+        assert fields(pond) == [said]
+        assert pond.readings[0].source == "lamp/state"
+
+    in_a_pond(endpoint, body)
+
+
+def test_a_manifest_says_what_samples_without_an_encoding_are(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        await pond.publish("lamp/state", msgspec.msgpack.encode({"on": 1}))
+        await until(lambda: bool(pond.readings), "the sample is read")
+        assert fields(pond) == [{"on": 1}]
+        heard: list[Sample] = []
+        pond.robot.raw.subscribe("lamp/text", heard.append)
+        assert (await pond.do("tell", text="hello")).state == "succeeded"
+        await until(lambda: bool(heard), "the text is heard")
+        assert (heard[0].encoding, msgspec.msgpack.decode(heard[0].payload)) == (
+            "application/msgpack",
+            {"text": "hello"},
+        )
+
+    in_a_pond(endpoint, body, text=MANIFEST.replace('driver = "zenoh"', 'driver = "zenoh"\npayload = "msgpack"'))
+
+
+def test_a_deleted_key_says_that_its_percepts_hold_no_longer(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        await pond.publish("lamp/state", b'{"on": true}')
+        await until(lambda: bool(pond.readings), "the sample is read")
+        pond.robot._session.delete("lamp/state")
+        await until(lambda: len(pond.readings) == 2, "the deletion is read")
+        assert fields(pond)[-1] is None
+
+    in_a_pond(endpoint, body)
+
+
+def test_bad_payloads_are_counted_and_told_and_the_next_good_one_is_read(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        bad = [b"{", b"\xff\xfe", b"[" * 60_000, b'{"on": NaN}']
+        await pond.publish("lamp/state", *bad, b'{"on": true}')
+        await until(lambda: bool(pond.readings), "the good sample is read")
+        await pond.publish("lamp/state", b"\x00", encoding="application/cdr")
+        await until(lambda: pond.driver.counters()["samples_unreadable"] == 5, "the bad ones are counted")
+        assert fields(pond) == [{"on": True}]
+        (note,) = pond.driver.notes()
+        assert note.startswith("lamp/state: 5 of 6 samples cannot be read, the first: ")
+        assert len(note) < 400
+
+    in_a_pond(endpoint, body)
+
+
+def test_a_payload_that_is_too_large_is_not_taken_in(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        await pond.publish("lamp/state", b'"' + b"x" * LARGEST + b'"', b"1")
+        await until(lambda: bool(pond.readings), "the small sample is read")
+        assert fields(pond) == [{"data": 1}]
+        assert pond.driver.notes() == ["lamp/state: 1 samples have more than 65536 bytes and are not read"]
+
+    in_a_pond(endpoint, body)
+
+
+def test_silence_from_the_start_is_told(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bridged.drivers.zenoh.sources.PATIENCE", 0.05)
+
+    async def body(pond: Pond) -> None:
+        await until(lambda: bool(pond.driver.notes()), "the silence is told")
+        assert pond.driver.notes() == ["nothing has come on lamp/state for 0 s since the start"]
+        assert not pond.driver.heard
+        assert pond.driver.silence == math.inf
+        await pond.publish("lamp/state", b"1")
+        await until(lambda: pond.driver.heard, "the robot is heard")
+        assert pond.driver.notes() == []
+        assert pond.driver.silence < 5
+
+    in_a_pond(endpoint, body)
+
+
+def test_a_put_reaches_who_listens_nested_as_the_paths_say(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        heard: list[Sample] = []
+        pond.robot.raw.subscribe("lamp/set", heard.append)
+        assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
+        await until(lambda: bool(heard), "the lamp hears it")
+        assert json.loads(heard[0].payload) == {"state": {"on": True, "rgb": [7, 8]}, "colour": "red"}
+        assert heard[0].encoding == "application/json"
+
+    in_a_pond(endpoint, body)
+
+
+def test_nobody_listens_until_a_listener_appears(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        outcome = await pond.do("set_light", on=True, colour="red")
+        assert (outcome.state, outcome.reason) == ("failed", "nobody listens on lamp/set")
+        waiting = pond.begin("set_light", on=True, colour="red")
+        assert waiting.outcome is None
+        heard: list[Sample] = []
+        pond.robot.raw.subscribe("lamp/set", heard.append)
+        await until(lambda: waiting.over, "the action ends")
+        assert waiting.outcome is not None
+        assert waiting.outcome.state == "succeeded", waiting.outcome.reason
+        await until(lambda: len(heard) == 1, "the lamp hears it")
+
+    in_a_pond(endpoint, body)
+
+
+def test_a_robot_that_listens_where_it_publishes_does_not_count_the_bridge_as_either(endpoint: str) -> None:
+    text = MANIFEST.replace('source = "lamp/state"', 'source = "lamp/set"')
+
+    async def body(pond: Pond) -> None:
+        outcome = await pond.do("set_light", on=True, colour="red")
+        assert outcome.reason == "nobody listens on lamp/set"
+        heard: list[Sample] = []
+        pond.robot.raw.subscribe("lamp/set", heard.append)
+        assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
+        await until(lambda: bool(heard), "the lamp hears it")
+        await pond.publish("lamp/set", b'{"on": false}')
+        await until(lambda: bool(pond.readings), "what the lamp publishes is read")
+        assert fields(pond) == [{"on": False}]
+
+    in_a_pond(endpoint, body, text=text)
+
+
+def test_a_late_listener_asks_for_the_last_value_of_a_latched_topic(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        subscription = pond.robot.raw.subscribe("lamp/text", lambda _: None)
+        await served(pond.robot, "lamp/text")
+        late = pond.robot.raw.querier("lamp/text")
+        assert [reply async for reply in late.ask(b"", "")] == []
+        for text in ("one", "two"):
+            assert (await pond.do("tell", text=text)).state == "succeeded"
+        replies = [json.loads(reply.payload) async for reply in late.ask(b"", "")]
+        assert replies == [{"text": "two"}]
+        subscription.close()
+
+    in_a_pond(endpoint, body)
+
+
+@pytest.mark.parametrize(
+    ("reply", "error", "state", "reason"),
+    [
+        (b'{"success": true}', False, "succeeded", ""),
+        (b'{"result": 0}', False, "succeeded", ""),
+        (b"", False, "succeeded", ""),
+        (b"[1]", False, "succeeded", ""),
+        (b'{"success": true, "result": 4}', False, "succeeded", ""),
+        (b'{"success": false, "message": "too bright"}', False, "failed", "lamp/blink: too bright"),
+        (b'{"ok": false, "reason": "broken"}', False, "failed", "lamp/blink: broken"),
+        (b'{"result": 4}', False, "failed", 'lamp/blink: {"result": 4}'),
+        (b"no such lamp", True, "failed", "lamp/blink: no such lamp"),
+        (b"", True, "failed", "lamp/blink: an error without words"),
+        (None, False, "failed", "lamp/blink ended without a reply"),
+    ],
+)
+def test_a_service_says_how_it_went(endpoint: str, reply: bytes | None, error: bool, state: str, reason: str) -> None:
+    async def body(pond: Pond) -> None:
+        asked = pond.serve("lamp/blink", reply, error=error)
+        outcome = await pond.do("blink", times=3)
+        assert (outcome.state, outcome.reason) == (state, reason)
+        assert [json.loads(payload) for payload in asked] == [{"times": 3}]
+
+    in_a_pond(endpoint, body)
+
+
+def test_a_reply_that_cannot_be_read_is_no_success(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        pond.serve("lamp/blink", b"{")
+        outcome = await pond.do("blink", times=3)
+        assert outcome.state == "failed"
+        assert outcome.reason.startswith("lamp/blink: its reply cannot be read: ")
+
+    in_a_pond(endpoint, body)
+
+
+def test_nobody_serves(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        outcome = await pond.do("blink", times=3)
+        assert (outcome.state, outcome.reason) == ("failed", "nobody serves lamp/blink")
+
+    in_a_pond(endpoint, body)
+
+
+def test_of_several_replies_one_refusal_decides(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        pond.serve("lamp/blink", b'{"success": true}')
+        pond.serve("lamp/blink", b'{"success": false, "message": "the second lamp is broken"}')
+        outcome = await pond.do("blink", times=3)
+        assert outcome.reason == "lamp/blink: the second lamp is broken"
+
+    in_a_pond(endpoint, body)
+
+
+def test_a_service_that_replies_and_does_not_end_has_replied(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        held: list[zenoh.Query] = []
+
+        def hold(query: zenoh.Query) -> None:
+            query.reply("lamp/blink", b'{"success": true}')
+            held.append(query)
+
+        pond.robot._session.declare_queryable("lamp/blink", zenoh.handlers.Callback(hold, indirect=False))
+        assert (await pond.do("blink", times=3)).state == "succeeded"
+        held[0].drop()
+
+    in_a_pond(endpoint, body)
+
+
+def test_a_query_ends_when_its_action_is_stopped(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        held: list[zenoh.Query] = []
+        pond.robot._session.declare_queryable("lamp/blink", zenoh.handlers.Callback(held.append, indirect=False))
+        execution = pond.begin("blink", times=3)
+        await until(lambda: bool(held), "the query arrives")
+        assert execution.waits_for == "the reply of lamp/blink"
+        pond.driver.stop(execution, Outcome("timed_out", "not done"), hold=False)
+        assert execution.outcome == Outcome("timed_out", "not done")
+        with held[0]:
+            held[0].reply("lamp/blink", b'{"success": true}')
+        again = pond.begin("blink", times=4)
+        await until(lambda: len(held) == 2, "the next query arrives")
+        with held[1]:
+            held[1].reply("lamp/blink", b'{"success": true}')
+        await until(lambda: again.over, "the next action ends")
+        assert again.outcome == Outcome("succeeded")
+        assert execution.outcome == Outcome("timed_out", "not done")
+
+    in_a_pond(endpoint, body)
+
+
+def test_a_service_that_dies_fails_the_action(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        held: list[zenoh.Query] = []
+        pond.robot._session.declare_queryable("lamp/blink", zenoh.handlers.Callback(held.append, indirect=False))
+        execution = pond.begin("blink", times=3)
+        await until(lambda: bool(held), "the query arrives")
+        await asyncio.to_thread(pond.robot._session.close)
+        await until(lambda: execution.over, "the action ends")
+        assert execution.outcome is not None
+        assert execution.outcome.state == "failed"
+
+    in_a_pond(endpoint, body)
+
+
+def test_the_reply_of_a_service_is_a_percept_of_its_key(endpoint: str) -> None:
+    text = MANIFEST.replace('source = "lamp/state"', 'source = "lamp/blink"')
+
+    async def body(pond: Pond) -> None:
+        pond.serve("lamp/blink", b'{"success": true, "on": false}')
+        assert (await pond.do("blink", times=3)).state == "succeeded"
+        assert fields(pond) == [{"success": True, "on": False}]
+
+    in_a_pond(endpoint, body, text=text)
+
+
+def test_keys_stand_under_the_robots_prefix(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        heard: list[Sample] = []
+        pond.robot.raw.subscribe("hall/two/lamp/set", heard.append)
+        asked = pond.serve("hall/two/lamp/blink", b"")
+        assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
+        assert (await pond.do("blink", times=1)).state == "succeeded"
+        assert (await pond.do("tell", text="x")).reason == "nobody listens on hall/two/lamp/text"
+        await until(lambda: bool(heard) and bool(asked), "the lamp of the hall hears it")
+        await pond.publish("hall/two/lamp/state", b'{"on": true}')
+        await until(lambda: bool(pond.readings), "the lamp of the hall is heard")
+        assert pond.readings[0].source == "lamp/state"
+
+    in_a_pond(endpoint, body, prefix="hall/two")
+
+
+def test_a_bridge_that_is_too_slow_keeps_the_newest_and_counts_the_rest(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        await pond.publish("lamp/state", b"-1")
+        await until(lambda: bool(pond.readings), "the first is read")
+        publisher = pond.robot.raw.publisher("lamp/state")
+        await until(lambda: publisher.matching, "the bridge listens")
+        for number in range(2 * BACKLOG):
+            publisher.put(b"%d" % number, "application/json")
+        subscription = pond.driver._sources.by_name["lamp/state"].subscription
+        assert subscription is not None
+        end = time.monotonic() + 10
+        while subscription.dropped < BACKLOG and time.monotonic() < end:
+            time.sleep(0.01)  # the event loop stands still, Zenoh's threads do not
+        await until(lambda: len(pond.readings) == 1 + BACKLOG, "what was kept is read")
+        assert fields(pond)[1:] == [{"data": number} for number in range(BACKLOG, 2 * BACKLOG)]
+        assert pond.driver.counters()["samples_dropped"] == BACKLOG
+        assert pond.driver._bus.counters["dropped"] == BACKLOG
+
+    in_a_pond(endpoint, body)
+
+
+def test_another_manifest_takes_effect_without_a_pause(endpoint: str) -> None:
+    changed = MANIFEST.replace('topic = "lamp/text"', 'topic = "lamp/words"') + (
+        '[percepts.heat]\nsource = "lamp/heat"\nargs = ["data"]\n'
+    )
+
+    async def body(pond: Pond) -> None:
+        before = pond.driver._sources.by_name["lamp/state"].subscription
+        pond.manifest = read_manifest(changed, "lamp.toml")
+        pond.driver.adopt(pond.manifest)
+        assert pond.driver._sources.by_name["lamp/state"].subscription is before
+        await pond.publish("lamp/heat", b"40")
+        await until(lambda: bool(pond.readings), "the heat is read")
+        assert (await pond.do("tell", text="x")).reason == "nobody listens on lamp/words"
+        pond.driver.adopt(read_manifest(MANIFEST, "lamp.toml"))
+        assert list(pond.driver._sources.by_name) == ["lamp/state"]
+
+    in_a_pond(endpoint, body)
