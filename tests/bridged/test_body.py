@@ -1,0 +1,133 @@
+"""A robot of several drivers: a copter on MAVLink whose gripper is the work of Python functions."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bridged.drivers import check_manifest
+from bridged.drivers.python.driver import PythonDriver
+from schemas.manifest import find_manifest, read_manifest
+from tests.bridged.plugins import install
+from tests.bridged.sky import GOAL, Sky
+
+GRIPPER = """
+import time
+__all__ = ["holds", "reel"]
+log = []
+
+def holds(): return "closed" not in log
+
+def reel(metres):
+    try:
+        while True:
+            yield {"to_go": metres}
+            time.sleep(0.01)
+    finally:
+        log.append("closed")
+"""
+ENTRIES = """
+[percepts.holds]
+driver = "python"
+source = "gripper.holds"
+args = ["data"]
+rate = 50
+
+[actions.reel]
+driver = "python"
+params = [{name = "metres"}]
+call = "gripper.reel"
+motion = false
+"""
+
+
+class Rigged:
+    """The sky, with the gripper at the copter; time passes for both while the event loop runs."""
+
+    def __init__(self, state: Path) -> None:
+        file = find_manifest("arducopter")
+        assert file is not None
+        manifest = read_manifest(file.read_text() + ENTRIES, "rigged.toml")
+        assert check_manifest(manifest) == []
+        self.sky = Sky(state, manifest=manifest)
+        gripper = self.sky.bridge.driver._drivers["python"]  # type: ignore[attr-defined]
+        assert isinstance(gripper, PythonDriver)
+        self.gripper = gripper
+
+    async def until(self, condition: Callable[[], object], wish: str, within: float = 120) -> None:
+        """Let time pass until a wish is true, both mission seconds for the copter and a little for the threads."""
+        end = self.sky.clock.time + within
+        while not condition():
+            assert self.sky.clock.time < end, f"{wish} did not happen within {within:g} s"
+            for _ in range(5):
+                self.sky.step()
+            await asyncio.sleep(0.001)
+
+
+def rigged(state: Path, body: Callable[[Rigged], object]) -> None:
+    """Run `body` while the gripper's driver runs; the copter's is moved by the sky."""
+
+    async def everything() -> None:
+        async with asyncio.timeout(60):
+            rig = Rigged(state)
+            running = asyncio.create_task(rig.gripper.run())
+            try:
+                await body(rig)  # type: ignore[misc]
+            finally:
+                running.cancel()
+                await asyncio.gather(running, return_exceptions=True)
+                rig.sky.bridge.ledger.close()
+
+    asyncio.run(everything())
+
+
+@pytest.fixture
+def site(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Install the gripper's functions."""
+    install(monkeypatch, tmp_path, {"my_gripper": GRIPPER}, {"argosy.python": {"gripper": "my_gripper"}})
+    return tmp_path
+
+
+def test_percepts_and_figures_of_all_drivers_of_a_robot_are_told(site: Path) -> None:
+    async def body(rig: Rigged) -> None:
+        sky = rig.sky
+        await rig.until(lambda: sky.belief("holds") == (True,), "the gripper's percept")
+        await rig.until(lambda: sky.belief("altitude") is not None, "the copter's percept")
+        counters = sky.bridge.health().counters
+        assert counters["messages"] > 0
+        assert counters["calls"] > 0
+
+    rigged(site, body)
+
+
+def test_an_order_ends_the_actions_of_all_drivers_and_moves_the_robot_by_its_own(site: Path) -> None:
+    async def body(rig: Rigged) -> None:
+        sky = rig.sky
+        sky.flying(10)
+        going, reeling = sky.begin("goto", *GOAL), sky.begin("reel", 5)
+        await rig.until(lambda: going[-1].state == "running" and any(one.feedback for one in reeling), "both run")
+        assert any(one.feedback.get("to_go") == 5 for one in reeling)
+        sky.bridge.desk.order("rtl", "operator: rtl", block=True, insist=True)
+        assert {(one[-1].state, one[-1].reason) for one in (going, reeling)} == {("failed", "operator: rtl")}
+        await rig.until(lambda: sky.belief("holds") == (False,), "the generator is closed")
+        await rig.until(lambda: (sky.belief("state") or ("",))[0] == "RTL", "the copter returns")
+
+    rigged(site, body)
+
+
+def test_what_one_driver_refuses_the_other_still_does(site: Path) -> None:
+    async def body(rig: Rigged) -> None:
+        sky = rig.sky
+        first = sky.begin("reel", 5)
+        await rig.until(lambda: bool(first) and first[-1].state == "running", "it runs")
+        second = sky.begin("reel", 6)
+        assert second[-1].state == "refused"
+        assert "`gripper.reel` has not returned from its last call" in second[-1].reason
+        status = sky.begin("set_mode", "GUIDED")
+        await rig.until(lambda: status[-1].final, "the copter's action")
+        assert status[-1].state == "succeeded"
+
+    rigged(site, body)

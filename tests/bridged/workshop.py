@@ -1,0 +1,105 @@
+"""A bridge of any driver on an event loop and the wall clock, without a bus: what a robot's drivers do end to end."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+
+from bridged.bridge import Bridge
+from bridged.drivers import check_manifest
+from commd.clock import Clock
+from schemas.manifest import Manifest, read_manifest
+from schemas.mission import read_mission
+from schemas.records import Action, ActionStatus, Perception
+from schemas.terms import Term
+from tests.support.buses import until
+
+MISSION = """
+mission: workshop
+agents:
+  smith: {program: smith.asl, robot: bench}
+robots:
+  bench: {manifest: bench.toml, simulate: {}}
+"""
+
+
+def checked(text: str) -> Manifest:
+    """Read a manifest of which its drivers find nothing wrong."""
+    manifest = read_manifest(text, "bench.toml")
+    assert check_manifest(manifest) == []
+    return manifest
+
+
+def problems(text: str) -> list[str]:
+    """Return what a manifest's drivers find wrong with it."""
+    return [str(one) for one in check_manifest(read_manifest(text, "bench.toml"))]
+
+
+class Workshop:
+    """One robot's bridge, and what it has said."""
+
+    def __init__(
+        self, state: Path, manifest: Manifest, *, mission: str = MISSION, simulated: bool = False, speed: float = 1.0
+    ) -> None:
+        self.percepts: list[Perception] = []
+        self.clock = Clock(speed)
+        declared = read_mission(mission, state / "workshop.yaml")
+        (self._robot,), (self._agent, *_) = declared.robots, declared.agents
+        self.bridge = Bridge(
+            declared,
+            self._robot,
+            manifest,
+            self.clock,
+            state / "bench.actions",
+            lambda agent, perception: self.percepts.append(perception),
+            lambda agent, status: None,
+            boot="w",
+            simulated=simulated,
+        )
+        self._ids = 0
+
+    def begin(self, name: str, *parameters: Term) -> list[ActionStatus]:
+        """Ask for an action; the list grows with its statuses."""
+        self._ids += 1
+        heard: list[ActionStatus] = []
+        request = Action(id=f"{self._agent}:t:{self._ids}", parameters=parameters)
+        self.bridge.desk.ask(self._agent, name, request, lambda status: heard.append(status) if status else None)
+        return heard
+
+    async def do(self, name: str, *parameters: Term) -> ActionStatus:
+        """Ask for an action and wait for its final status."""
+        heard = self.begin(name, *parameters)
+        await until(lambda: bool(heard) and heard[-1].final, f"the end of {name}")
+        return heard[-1]
+
+    def cancel(self) -> ActionStatus:
+        """Cancel the action that was asked for last."""
+        return self.bridge.desk.cancel(self._agent, f"{self._agent}:t:{self._ids}")
+
+    def present(self, name: str) -> list[tuple[Term, ...]]:
+        """What the agent perceives now under a name."""
+        return [one.parameters for one in self.bridge.board.sets[self._agent].present() if one.name == name]
+
+    async def perceives(self, name: str, *parameters: Term) -> None:
+        """Wait until the agent perceives just this under a name; no parameters: nothing any more."""
+        wanted = [parameters] if parameters else []
+        await until(lambda: self.present(name) == wanted, f"{name}{parameters}, last {self.present(name)}")
+
+
+def in_the_workshop(workshop: Workshop, body: Callable[[Workshop], object], seconds: float = 20) -> None:
+    """Run the robot's drivers and `body(workshop)`, bounded in wall seconds."""
+
+    async def everything() -> None:
+        async with asyncio.timeout(seconds):
+            running = asyncio.create_task(workshop.bridge.driver.run())
+            try:
+                await body(workshop)  # type: ignore[misc]
+            finally:
+                running.cancel()
+                await asyncio.gather(running, return_exceptions=True)
+
+    try:
+        asyncio.run(everything())
+    finally:
+        workshop.bridge.ledger.close()
