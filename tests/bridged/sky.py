@@ -13,6 +13,7 @@ from bridged.body import Body
 from bridged.bridge import Bridge
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
+from bridged.simulation.faults import Air, Faults
 from bridged.simulation.geo import Place
 from bridged.simulation.vehicle import Vehicle
 from commd.clock import Clock
@@ -90,9 +91,11 @@ class Sky:
         speed: float = 1.0,
         clock: VirtualClock | None = None,
         vehicle: Vehicle | None = None,
+        faults: Faults | None = None,
     ) -> None:
         self.clock = clock or VirtualClock(speed)
-        self.vehicle = vehicle or Vehicle(HOME)
+        self.vehicle = vehicle or Vehicle(HOME, faults=faults)
+        self.air_up, self.air_down = Air(faults or Faults(), "up"), Air(faults or Faults(), "down")
         self.percepts: list[tuple[str, Perception]] = []
         self.statuses: list[ActionStatus] = []
         self.sent: list[Message] = []
@@ -122,17 +125,29 @@ class Sky:
     def step(self) -> None:
         """Let 20 ms of mission time pass for both."""
         self.clock.time += STEP
-        while self.uplink:
-            for message in self._at_vehicle.feed(self.uplink.popleft()):
-                self.sent.append(message)
-                if self.hears_us(message):
-                    self.downlink.extend(self.vehicle.receive(message))
+        now = self.vehicle.age
+        arrived = [piece for packet in self.uplink for piece in self.air_up.carry(packet, now)]
+        self.uplink.clear()
+        for piece in arrived + self.air_up.due(now):
+            self._reach_vehicle(piece)
         self.downlink.extend(self.vehicle.advance(STEP))
         while self.downlink:
-            for message in self._at_bridge.feed(self._theirs.pack(self.downlink.popleft())):
-                if self.we_hear(message):
-                    self.driver.receive(message)
+            for piece in self.air_down.carry(self._theirs.pack(self.downlink.popleft()), now):
+                self._reach_bridge(piece)
+        for piece in self.air_down.due(now):
+            self._reach_bridge(piece)
         self.driver.tick()
+
+    def _reach_vehicle(self, data: bytes) -> None:
+        for message in self._at_vehicle.feed_datagram(data):
+            self.sent.append(message)
+            if self.hears_us(message):
+                self.downlink.extend(self.vehicle.receive(message))
+
+    def _reach_bridge(self, data: bytes) -> None:
+        for message in self._at_bridge.feed_datagram(data):
+            if self.we_hear(message):
+                self.driver.receive(message)
 
     def forward(self, until: Callable[[], object], what: str, within: float = 120.0) -> float:
         """Let time pass until a wish is true; returns how long it took. Fails with the wish in words."""
