@@ -43,6 +43,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(given: list[str]) -> int:
+    if given[:1] == ["manifest"]:  # it has commands of its own
+        from argosy.manifest import main as manifest
+
+        return manifest(given[1:])
     if given and given[0] in COMMANDS:  # only what is asked for is imported
         name, text = given[0], COMMANDS[given[0]]
         command = argparse.ArgumentParser(prog=f"argosy {name}", description=f"{text[0].upper()}{text[1:]}.")
@@ -75,6 +79,7 @@ def _leave_no_broken_pipe() -> None:
 COMMANDS = {
     "run": "run a mission on this machine: start its processes, watch them, end them",
     "check": "read everything that a mission names and tell what is wrong; start nothing",
+    "manifest": "check, convert and print manifests of robots; change the one that a robot runs by",
     "stop": "order robots to hold, land or return to launch, above every agent",
 }
 

@@ -24,6 +24,8 @@ Argument = Value | list[Any]
 """An argument of an action after it was checked: lists hold values, lists, or structures (`dict` by name)."""
 Values = Literal["typed", "text"]
 Order = Literal["hold", "land", "rtl"]
+WAYS = ("command", "message", "topic", "service", "call")
+"""Fields of an action of which it has exactly one."""
 
 
 class _Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
@@ -36,7 +38,9 @@ class Field(_Entry, frozen=True, kw_only=True):
     field: str
     """Path in the message, such as `voltages.0`."""
     scale: Factor = 1.0
+    """What a number is multiplied by: 0.001 makes metres of millimetres. In a list, each of its numbers."""
     offset: Factor = 0.0
+    """What is added then."""
     absent: Factor | None = None
     """The raw value by which the robot says that it does not know (65535, -1): then there is no percept, or this
     element of a list is left out."""
@@ -57,6 +61,7 @@ class PerceptEntry(_Entry, frozen=True, kw_only=True):
     driver: str = ""
     """The driver of this percept, if it is not the robot's."""
     args: tuple[str | Field, ...] = ()
+    """The arguments of the belief in their order: fields of the message, bare or with their conversion."""
     buf: Literal["update", "add"] = "update"
     """`update` replaces the belief, `add` keeps every one (events)."""
     key: tuple[Annotated[int, Meta(ge=0)], ...] = ()
@@ -86,10 +91,15 @@ class Parameter(_Entry, frozen=True, kw_only=True):
     """An argument of an action: what it must be."""
 
     name: str
+    """How `fields`, errors and drivers call it."""
     type: ParameterType | tuple[ParameterType, ...] = "float"
+    """What it must be; of several types the first that fits."""
     unit: str = ""
+    """For people: it stands in errors and descriptions."""
     min: float | None = None
+    """Smallest number that is taken."""
     max: float | None = None
+    """Largest number that is taken."""
     each: tuple[Parameter, ...] = ()
     """Of type `list`: what each element holds, in this order; the paper's `Type[](a, b)`. An element is a list itself,
     or the bare value where it holds a single one. None of them: any list."""
@@ -118,10 +128,13 @@ class FieldValue(_Entry, frozen=True, kw_only=True):
     """What goes into a field of a command: an argument of the action, converted, or a constant."""
 
     param: str = ""
+    """The argument that goes there."""
     value: Value | None = None
     """A constant instead of an argument; a text needs this form, a number may stand by itself."""
     scale: Factor = 1.0
+    """What the argument is multiplied by: 1e7 makes MAVLink's integers of degrees."""
     offset: Factor = 0.0
+    """What is added then."""
     table: str = ""
     """The argument is looked up in this table of the driver, such as `modes`."""
 
@@ -130,7 +143,9 @@ class Retry(_Entry, frozen=True, kw_only=True):
     """How often a command is sent again when nothing answers. Wall seconds: they do not shrink with `speed`."""
 
     times: Annotated[int, Meta(ge=0, le=20)] = 3
+    """How often, after the first time."""
     every: Duration = Duration(0.7)
+    """How long an answer is waited for each time."""
 
 
 class ActionEntry(_Entry, frozen=True, kw_only=True):
@@ -139,6 +154,7 @@ class ActionEntry(_Entry, frozen=True, kw_only=True):
     driver: str = ""
     """The driver of this action, if it is not the robot's."""
     params: tuple[Parameter, ...] = ()
+    """The arguments in their order."""
     command: str = ""
     """MAVLink command, such as `MAV_CMD_NAV_TAKEOFF`."""
     message: str = ""
@@ -149,8 +165,9 @@ class ActionEntry(_Entry, frozen=True, kw_only=True):
     """Zenoh key to ask."""
     call: str = ""
     """What the driver calls by a name of its own: a procedure such as `mission_upload`, a function of a plug-in."""
-    frame: Literal["relative", "amsl"] | None = None
-    """What an altitude counts from: home, or mean sea level."""
+    frame: Literal["relative", "amsl", "local", "body"] | None = None
+    """What an altitude counts from: home (`relative`), or mean sea level (`amsl`); what metres and m/s count along:
+    north, east and down (`local`), or forward, right and down (`body`)."""
     fields: dict[str, Value | FieldValue] = {}
     """Fields of the command or message: a parameter's name, a number, or a conversion."""
     confirm: str = ""
@@ -163,7 +180,9 @@ class ActionEntry(_Entry, frozen=True, kw_only=True):
     tolerance: Positive | None = None
     """How near is there, in metres; none = the confirmation's own."""
     deadline: Duration = Duration(60)
+    """Mission time after which it is given up and ends as `timed_out`."""
     retry: Retry = Retry()
+    """How often the command is sent again when nothing answers."""
     cancel: Literal["hold", "none"] = "none"
     """What the robot does when the action is cancelled or out of time; `none` = it goes on."""
     motion: bool = True
@@ -178,14 +197,14 @@ class ActionEntry(_Entry, frozen=True, kw_only=True):
 
     def ways(self) -> dict[str, str]:
         """By which of the ways that exclude one another it is carried out: there must be one."""
-        names = ("command", "message", "topic", "service", "call")
-        return {name: said for name in names if (said := getattr(self, name))}
+        return {name: said for name in WAYS if (said := getattr(self, name))}
 
 
 class RobotEntry(_Entry, frozen=True, kw_only=True):
     """What kind of robot this is."""
 
     driver: str
+    """How the robot is talked to: `mavlink`, `zenoh`, `python`, or a package's own (docs/drivers.md)."""
     vehicle: str = ""
     """Which of the driver's vehicle tables holds, such as `arducopter`."""
     link_loss: Duration = Duration(5)

@@ -77,10 +77,10 @@ def _key(name: str) -> str:
 
 
 def _data(entry: msgspec.Struct) -> Any:
-    return _tidy(msgspec.to_builtins(entry, enc_hook=_plain))
+    return _tidy(msgspec.to_builtins(entry, enc_hook=plain))
 
 
-def _plain(value: object) -> object:
+def plain(value: object) -> object:
     """msgspec's `enc_hook`: a duration as people write it, if nothing of it is lost."""
     if isinstance(value, Duration):
         text = str(value)

@@ -1,0 +1,189 @@
+"""`argosy manifest get` and `set`: the manifest that a running bridge goes by."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+import time
+import tomllib
+from argparse import ArgumentParser, Namespace
+from collections.abc import Awaitable, Callable
+from contextlib import aclosing
+from typing import Any
+
+from argosy.endpoint import endpoint
+from argosy.stop import ROUTER_PATIENCE, bridges
+from commd.bus import Bus, BusClosed, open_bus
+from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from schemas import keys
+from schemas.codec import BadRecord
+from schemas.findings import Findings
+from schemas.manifest_changes import BadPath, part_of
+from schemas.manifest_text import write_document, write_value
+from schemas.mission import DEFAULT_ROUTER, load_mission
+from schemas.positions import did_you_mean
+from schemas.records import LiveManifest, ManifestChange
+from schemas.toml_lines import key_parts
+
+ANSWER_TIMEOUT = 5.0
+"""Wall seconds that a bridge has to answer: it need not ask its robot."""
+
+
+class Unanswered(Exception):
+    """No bridge has answered; says which there are."""
+
+
+def _add_where(parser: ArgumentParser) -> None:
+    parser.add_argument("robot", help="robot whose bridge runs")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--mission", metavar="FILE", help="take fleet and router from this mission")
+    which.add_argument("--fleet", metavar="NAME", help="the robot's fleet (default: whichever has the robot)")
+    parser.add_argument(
+        "--router", type=endpoint, metavar="ENDPOINT", help=f"the router's endpoint (default: {DEFAULT_ROUTER})"
+    )
+
+
+def add_get_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy manifest get`."""
+    _add_where(parser)
+    parser.add_argument("entry", nargs="?", help="only this part, such as percepts.altitude or percepts.altitude.rate")
+    parser.add_argument("--toml", action="store_true", help="as TOML, as in a manifest's file (default: JSON)")
+
+
+def add_set_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy manifest set`."""
+    _add_where(parser)
+    parser.add_argument(
+        "changes",
+        nargs="*",
+        metavar="PATH=VALUE",
+        help="a field or a whole entry, the value in TOML: percepts.altitude.rate=5, percepts.altitude.ttl='\"3s\"'",
+    )
+    parser.add_argument(
+        "--remove", action="append", default=[], metavar="PATH", help="take an entry or field out; several times"
+    )
+    parser.add_argument("--version", type=int, metavar="N", help="refuse unless this is the manifest's version by now")
+
+
+def get_manifest(args: Namespace) -> int:
+    """Print the running manifest of a robot."""
+
+    async def ask(bus: Bus, fleet: str) -> int:
+        return _show(await _asked(bus, fleet, args.robot, None), args.entry, args.toml)
+
+    return _on_the_bus(args, ask)
+
+
+def set_manifest(args: Namespace) -> int:
+    """Change the running manifest of a robot. Returns 2 if the bridge refused the change, with all reasons."""
+    try:
+        values = dict(map(_assignment, args.changes))
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    if not values and not args.remove:
+        print("error: expected what to change: PATH=VALUE or --remove PATH", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    change = ManifestChange(set=values, remove=tuple(args.remove), version=args.version)
+
+    async def ask(bus: Bus, fleet: str) -> int:
+        told = await _asked(bus, fleet, args.robot, change)
+        for problem in told.problems:
+            print(f"{args.robot}: {problem}", file=sys.stderr)
+        if told.problems:
+            print(f"{args.robot}: nothing was changed, version {told.version}", file=sys.stderr)
+            return EXIT_BAD_INPUT
+        print(f"{args.robot}: version {told.version} is in effect until its bridge ends")
+        return EXIT_DONE
+
+    return _on_the_bus(args, ask)
+
+
+def _assignment(text: str) -> tuple[str, Any]:
+    """Read `PATH=VALUE`. Raises ValueError in words."""
+    at = text.find("=")
+    while at >= 0 and not key_parts(text[:at].strip()):
+        at = text.find("=", at + 1)
+    if at < 0:
+        raise ValueError(f"expected PATH=VALUE such as percepts.altitude.rate=5, got `{text}`")
+    path, value = text[:at].strip(), text[at + 1 :].strip()
+    try:
+        read = tomllib.loads(f"value = {value}")
+    except (ValueError, RecursionError):
+        read = {}
+    if list(read) != ["value"]:
+        raise ValueError(f"{path}: `{value}` is no value in TOML; a text needs quotes: {path}='\"...\"'")
+    return path, read["value"]
+
+
+def _on_the_bus(args: Namespace, ask: Callable[[Bus, str], Awaitable[int]]) -> int:
+    """Ask on the bus of the fleet that has the robot. Returns the exit code."""
+    fleet, router = args.fleet or "*", args.router or DEFAULT_ROUTER
+    if args.mission:
+        try:
+            mission = load_mission(args.mission)
+        except Findings as findings:
+            print(findings, file=sys.stderr)
+            return EXIT_BAD_INPUT
+        fleet, router = mission.fleet, args.router or mission.router.endpoint
+
+    async def work() -> int:
+        name = fleet if fleet != "*" else "operator"
+        async with open_bus(
+            router, fleet=name, name="operator", daemon="argosy", stamp=time.time_ns, patience=ROUTER_PATIENCE
+        ) as bus:
+            return await ask(bus, await _fleet_of(bus, fleet, args.robot, router))
+
+    try:
+        return asyncio.run(work())
+    except (BusClosed, Unanswered, BadRecord) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_FAILED
+
+
+async def _fleet_of(bus: Bus, fleet: str, robot: str, router: str) -> str:
+    """Return the fleet in which a bridge serves the robot. Raises Unanswered."""
+    there = await bridges(bus, fleet)
+    fleets = [its for its, name in there if name == robot]
+    if not fleets:
+        known = did_you_mean(robot, {name for _, name in there}) or "; no bridge is there at all"
+        raise Unanswered(f"{robot}: its bridge is not on the bus at {router}{known}")
+    if len(fleets) > 1:
+        raise Unanswered(f"{robot}: it is in the fleets {', '.join(fleets)}; say which by --fleet")
+    return fleets[0]
+
+
+async def _asked(bus: Bus, fleet: str, robot: str, change: ManifestChange | None) -> LiveManifest:
+    """Return what the bridge of a robot answers. Raises Unanswered."""
+    error = f"its bridge did not answer within {ANSWER_TIMEOUT:g} s"
+    async with aclosing(bus.query(keys.manifest(fleet, robot), change, LiveManifest, ANSWER_TIMEOUT)) as replies:
+        async for reply in replies:
+            if reply.record is not None:
+                return reply.record
+            error = reply.error
+    raise Unanswered(f"{robot}: {error}")
+
+
+def _show(told: LiveManifest, entry: str | None, toml: bool) -> int:
+    """Print a manifest, or a part of it."""
+    if entry is None:
+        if toml:
+            print(f"# {told.robot}, version {told.version} of its running manifest; read from {told.file}\n")
+            print(write_document(told.manifest), end="")
+        else:
+            shown = {"version": told.version, "file": told.file, "manifest": told.manifest}
+            print(json.dumps(shown, indent=2, ensure_ascii=False))
+        return EXIT_DONE
+    try:
+        steps, part = part_of(told.manifest, entry)
+    except BadPath as error:
+        print(f"{told.robot}: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    if not toml:
+        print(json.dumps(part, indent=2, ensure_ascii=False))
+    elif len(steps) <= 2 and isinstance(part, dict):
+        print(write_document({steps[0]: part if len(steps) == 1 else {steps[1]: part}}), end="")
+    else:
+        print(write_value(part))
+    return EXIT_DONE
