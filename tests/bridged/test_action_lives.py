@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.desk import MAX_FOLLOWERS
 from bridged.drivers.mavlink.flight import Call, Flight, Steps, Task
-from bridged.drivers.mavlink.procedures import PROCEDURES
+from bridged.drivers.mavlink.offers import GLOBAL_TARGET, MESSAGES, Offer
 from schemas.records import Action, ActionStatus
 from tests.bridged.sky import GOAL, MISSION, Sky, is_ack_of, is_command
 
@@ -453,7 +453,7 @@ def test_a_defect_in_a_procedure_fails_its_action_and_nothing_else(sky: Sky, mon
         raise KeyError("target")
 
     sky.flying()
-    monkeypatch.setitem(PROCEDURES, "arrival", broken)
+    monkeypatch.setitem(MESSAGES[GLOBAL_TARGET].confirm, "arrival", Offer(broken))
     status = sky.do("goto", *GOAL, within=2)
     assert (status.state, status.reason) == ("failed", "defect in argosy: KeyError: 'target'")
     assert sky.do("land").state == "succeeded"

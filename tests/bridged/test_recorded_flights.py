@@ -8,12 +8,12 @@ from collections import Counter
 import pytest
 
 from bridged.board import PerceptBoard
+from bridged.drivers.mavlink.calls import call_of
 from bridged.drivers.mavlink.commands import Identity
 from bridged.drivers.mavlink.conversation import Conversation
 from bridged.drivers.mavlink.flight import Task
-from bridged.drivers.mavlink.procedures import PROCEDURES
+from bridged.drivers.mavlink.offers import offer_of
 from bridged.drivers.mavlink.vehicle import Place
-from bridged.drivers.mavlink.vocabulary import call_of
 from bridged.drivers.robot import Outcome, Value
 from schemas.manifest import load_manifest
 from schemas.percepts import PerceptSet
@@ -53,10 +53,9 @@ class Replay:
             while waiting and waiting[0][0] <= packet.at:
                 _, name, arguments = waiting.pop(0)
                 entry = MANIFEST.actions[name]
-                sets_mode = entry.confirm == "mode"
-                task = Task(name, moves=entry.motion, sets_mode=sets_mode, takes_control=sets_mode)
+                task = Task(name, moves=entry.motion)
                 call = call_of(entry, arguments, self.talk.modes)
-                running.append(self.talk.begin(task, PROCEDURES[entry.confirm], call))
+                running.append(self.talk.perform(task, offer_of(entry, call.number), call))
             self.now = packet.at
             self.talk.receive(packet.message, self.now)
             self.board.tick(self.now)

@@ -35,13 +35,15 @@ class Identity:
 
 @dataclass(eq=False)
 class Command:
-    """One COMMAND_LONG and what came of it."""
+    """One command and what came of it."""
 
     number: int
     parameters: Parameters
     retry: Retry
     may_repeat: Callable[[], bool] = lambda: True
     """Asked before each repetition: a takeoff that has begun must not be sent again."""
+    frame: int | None = None
+    """The frame of its place if it goes as COMMAND_INT; none = COMMAND_LONG."""
     sent: int = 0
     next_at: float = 0.0
     result: int | None = None
@@ -145,15 +147,17 @@ class Commands:
             command.silent = True
             return True
         self.repeated += command.sent > 0
-        self._send(
-            dialect.MAVLink_command_long_message(
-                self.identity.vehicle,
-                self.identity.autopilot,
-                command.number,
-                min(command.sent, 255),
-                *command.parameters,
-            )
-        )
+        self._send(self._packed(command))
         command.sent += 1
         command.next_at = now + float(command.retry.every) * self._patience
         return False
+
+    def _packed(self, command: Command) -> dialect.MAVLink_message:
+        to = (self.identity.vehicle, self.identity.autopilot)
+        if command.frame is None:
+            return dialect.MAVLink_command_long_message(
+                *to, command.number, min(command.sent, 255), *command.parameters
+            )
+        *first, latitude, longitude, altitude = command.parameters
+        place = (round(latitude * 1e7), round(longitude * 1e7), altitude)
+        return dialect.MAVLink_command_int_message(*to, command.frame, command.number, 0, 0, *first, *place)

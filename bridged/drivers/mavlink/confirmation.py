@@ -11,7 +11,7 @@ from collections.abc import Callable, Generator
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.commands import Command
-from bridged.drivers.mavlink.flight import TEXT_WINDOW, Call, Flight, Task
+from bridged.drivers.mavlink.flight import SUCCEEDED, TEXT_WINDOW, Call, Flight, Steps, Task
 from bridged.drivers.mavlink.vehicle import Place
 from bridged.drivers.robot import Outcome
 from schemas.manifest import Retry
@@ -25,6 +25,12 @@ ASK_REASONS_EVERY = (5.0, 1.0)
 TARGET_ATTEMPTS = 5
 TARGET_WAIT = (1.5, 0.7)
 """Mission and wall seconds for the vehicle to report the target (message 87, asked for at 2 Hz) before it is resent."""
+SLOW = 0.5
+"""m/s: arrived is near and not faster than this."""
+ABOVE_HOME = frozenset({
+    dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+})  # fmt: skip
+"""Frames in which an altitude counts from home."""
 TARGET_NEAR = 1.0
 """Metres between the target sent and the one reported; rounding and frame conversion cost centimetres."""
 
@@ -105,47 +111,94 @@ def ready(flight: Flight, task: Task) -> Generator[None, None, None]:
         yield
 
 
-def target_taken(flight: Flight, task: Task, call: Call) -> Generator[None, None, Outcome | None]:
-    """Send the target until the vehicle reports it as its own. Returns the refusal, None if it does."""
-    vehicle, asked = flight.vehicle, flight.now
-    if call.target is None:
-        raise ValueError(f"{task.name}: a call without a target")
+def guided_aloft(flight: Flight, what: str) -> Outcome | None:
+    """Refuse targets that the vehicle would drop in silence: it takes them in GUIDED and in flight only."""
+    vehicle = flight.vehicle
     if vehicle.mode != vehicle.modes.guided:
         wanted = vehicle.modes.name(vehicle.modes.guided)
-        return Outcome("refused", f"position targets are taken in {wanted} only; {flight.state_in_words()}")
+        return Outcome("refused", f"{what} are taken in {wanted} only; {flight.state_in_words()}")
     if not vehicle.aloft:
-        return Outcome("refused", f"position targets are taken in flight only; {flight.state_in_words()}")
-    home = flight.altitude_of_home()
-    if home is None:
-        return Outcome("refused", "the vehicle's altitude is not known yet")
-    if broken := flight.outside_limits(above_home(flight, call)):
-        return Outcome("refused", broken)
-    relative = call.frame == dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+        when = "armed" if vehicle.modes.ground else "in flight"
+        return Outcome("refused", f"{what} are taken {when} only; {flight.state_in_words()}")
+    return None
+
+
+def target_taken(flight: Flight, task: Task, call: Call) -> Generator[None, None, Outcome | None]:
+    """Send the target until the vehicle reports it as its own. Returns the refusal, None if it does."""
+    asked = flight.now
+    if call.target is None:
+        raise ValueError(f"{task.name}: a call without a target")
+    if (refusal := guided_aloft(flight, "position targets")) is not None:
+        return refusal
+    if (refusal := within_limits(flight, call)) is not None:
+        return refusal
     for _ in range(TARGET_ATTEMPTS):
-        flight.send_target(call.target, call.frame)
-        seen, patience = vehicle.targets, flight.now + flight.wait(*TARGET_WAIT)
+        flight.send_target(call.target, call.frame, call.yaw)
         task.waits_for = "the vehicle to report the target as its own"
-        while flight.now <= patience:
-            yield
-            if not vehicle.armed:
-                return Outcome("failed", flight.with_texts("the vehicle disarmed", asked))
-            if vehicle.targets > seen and vehicle.target is not None:
-                home = flight.altitude_of_home() or home
-                height = call.target.altitude + (home if relative else 0.0)
-                aside = vehicle.target.distance(call.target)
-                if aside <= TARGET_NEAR and abs(vehicle.target.altitude - height) <= TARGET_NEAR:
-                    return None
-    own = "it reports no target of its own"
-    if vehicle.target is not None and vehicle.targets > seen:
-        own = f"its own target is {vehicle.target.distance(call.target):.0f} m from there"
-    said = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?), {own}"
-    return Outcome("refused", flight.with_texts(said, asked))
+        if (yield from target_shown(flight, call)):
+            return None
+        if not flight.vehicle.armed:
+            return Outcome("failed", flight.with_texts("the vehicle disarmed", asked))
+    said = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"
+    return Outcome("refused", flight.with_texts(f"{said}, {own_target(flight, call)}", asked))
+
+
+def within_limits(flight: Flight, call: Call) -> Outcome | None:
+    """Refuse a target outside the mission's limits, or one whose altitude cannot be told yet."""
+    if flight.altitude_of_home() is None:
+        return Outcome("refused", "the vehicle's altitude is not known yet")
+    broken = flight.outside_limits(above_home(flight, call)) if call.limited else ""
+    return Outcome("refused", broken) if broken else None
+
+
+def target_shown(flight: Flight, call: Call) -> Generator[None, None, bool]:
+    """Whether the vehicle reports the target of a call as its own before long."""
+    vehicle, seen, wanted = flight.vehicle, flight.vehicle.targets, call.target
+    patience = flight.now + flight.wait(*TARGET_WAIT)
+    while wanted is not None and vehicle.armed and flight.now <= patience:
+        yield
+        if vehicle.targets > seen and vehicle.target is not None:
+            own = vehicle.target
+            height = wanted.altitude + ((flight.altitude_of_home() or 0.0) if call.frame in ABOVE_HOME else 0.0)
+            level = vehicle.modes.ground or abs(own.altitude - height) <= TARGET_NEAR
+            if own.distance(wanted) <= TARGET_NEAR and level:
+                return True
+    return False
+
+
+def own_target(flight: Flight, call: Call) -> str:
+    """In words, what the vehicle says that it flies to instead."""
+    own = flight.vehicle.target
+    if own is None or call.target is None:
+        return "it reports no target of its own"
+    return f"its own target is {own.distance(call.target):.0f} m from there"
+
+
+def arrive(flight: Flight, task: Task, goal: Place, tolerance: float | None) -> Steps:
+    """Wait until the vehicle is within the tolerance of a point (metres above home) and, if it can stand, slow."""
+    near, asked = tolerance or 1.0, flight.now
+    while True:
+        vehicle = flight.vehicle
+        if not vehicle.armed:
+            return Outcome("failed", flight.with_texts("the vehicle disarmed on the way", asked))
+        if vehicle.position is not None:
+            distance, height = vehicle.position.distance(goal), goal.altitude - vehicle.position.altitude
+            task.feedback = {
+                "distance": round(distance, 2),
+                "altitude": round(vehicle.position.altitude, 2),
+                "speed": round(vehicle.speed, 2),
+            }
+            task.waits_for = f"arrival; {distance:.1f} m and {height:+.1f} m of height to go"
+            level = vehicle.modes.ground or abs(height) <= near
+            if distance <= near and level and (vehicle.speed <= SLOW or not vehicle.modes.stands):
+                return SUCCEEDED
+        yield
 
 
 def above_home(flight: Flight, call: Call) -> Place:
     """The target of a call with its altitude in metres above home."""
     target = call.target or Place(0.0, 0.0, 0.0)
-    if call.frame == dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT:
+    if call.frame in ABOVE_HOME:
         return target
     return Place(target.latitude, target.longitude, target.altitude - (flight.altitude_of_home() or 0.0))
 

@@ -14,14 +14,17 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.commands import Commands, Identity
 from bridged.drivers.mavlink.failsafe import FailsafeCheck
-from bridged.drivers.mavlink.flight import TEXT_WINDOW, Call, Flight, Steps, Task
-from bridged.drivers.mavlink.modes import MODE_TABLES
-from bridged.drivers.mavlink.procedures import Procedure, arm, secure, stay
+from bridged.drivers.mavlink.flight import TEXT_WINDOW, Call, Flight, Procedure, Steps, Task
+from bridged.drivers.mavlink.limit_watch import LimitWatch
+from bridged.drivers.mavlink.modes import MODE_TABLES, ModeTable
+from bridged.drivers.mavlink.offers import Offer
+from bridged.drivers.mavlink.parameters import spellings
+from bridged.drivers.mavlink.procedures import arm, mode_call, secure, stay
 from bridged.drivers.mavlink.streams import Streams
 from bridged.drivers.mavlink.texts import Texts
 from bridged.drivers.mavlink.vehicle import Vehicle
 from bridged.drivers.robot import OnReading, Order, Outcome, Reading
-from schemas.manifest import Manifest, Retry
+from schemas.manifest import Manifest
 from schemas.mission import Failsafe, Limits
 
 HEARTBEAT_EVERY, HEARTBEAT_EARLY = 1.0, 0.5
@@ -64,13 +67,13 @@ class Conversation:
         failsafe: Failsafe = NOBODYS_FAILSAFE,
     ) -> None:
         self.identity = identity
-        self.modes = MODE_TABLES[manifest.robot.vehicle]
-        self.vehicle = Vehicle(self.modes)
+        self.vehicle = Vehicle(MODE_TABLES[manifest.robot.vehicle])
         self.texts = Texts()
         self.commands = Commands(identity, speed, send)
         self.streams = Streams(manifest, self.commands, speed)
-        self.flight = Flight(self.vehicle, self.commands, self.texts, send, speed, limits)
+        self.flight = Flight(self.vehicle, self.commands, self.texts, send, speed, limits, on_reading)
         self.failsafe = FailsafeCheck(failsafe, identity, send, speed)
+        self._limits = LimitWatch(self.flight)
         self.received = 0
         """Messages of the vehicle so far."""
         self.speaks_for_agent = True
@@ -97,7 +100,7 @@ class Conversation:
             if sender[0] != self.identity.vehicle and len(self._strangers) < MAX_STRANGERS:
                 self._strangers.add(sender[0])
             return
-        self.flight.now = max(now, self.flight.now)
+        self.flight.now, self.flight.message = max(now, self.flight.now), message
         self.received += 1
         name, reboots, mode, silence = message.get_type(), self.vehicle.reboots, self.vehicle.mode, self.silence
         self.vehicle.receive(message, self.flight.now)
@@ -111,11 +114,15 @@ class Conversation:
                 self.texts.receive(message, self.flight.now)
             case "PARAM_VALUE":
                 self.failsafe.receive(message)
+                self._parameter_told(message.param_id, message.param_value)
+            case "GLOBAL_POSITION_INT":
+                self._keep_limits()
         if self.vehicle.reboots != reboots:
             self._rebooted()
         if name in self._sources and name != "HEARTBEAT":
             self._on_reading(Reading(name, message.to_dict()))
         self._step()
+        self.flight.message = None
 
     def tick(self, now: float) -> None:
         """Let time pass: heartbeats, repetitions, silence."""
@@ -147,8 +154,15 @@ class Conversation:
             self.overridden = False
         self._tasks[task] = self._when_connected(task, procedure, call)
         self._pace()
+        message, self.flight.message = self.flight.message, None  # what came before it is not for it
         self._step()
+        self.flight.message = message
         return task
+
+    def perform(self, task: Task, offer: Offer, call: Call) -> Task:
+        """Start what the driver offers for an action."""
+        task.sets_mode, task.takes_control, task.judges_mode = offer.sets_mode, offer.takes_control, offer.judges_mode
+        return self.begin(task, offer.procedure, call)
 
     def adopt(self, manifest: Manifest) -> None:
         """Go on by another manifest: other sources, other rates."""
@@ -164,18 +178,25 @@ class Conversation:
         mode = {"hold": self.modes.hold, "land": self.modes.land, "rtl": self.modes.rtl}[order]
         for other in list(self._tasks):
             self.end(other, Outcome("failed", reason))
-        return self.begin(Task(order, moves=False, sets_mode=True, yields=not insist), secure, _mode_call(mode))
+        return self.begin(Task(order, moves=False, sets_mode=True, yields=not insist), secure, mode_call(mode))
 
     def end(self, task: Task, outcome: Outcome, *, hold: bool = False) -> None:
         """End a procedure from outside; `hold` makes a vehicle in flight stay where it is, unless others fly it."""
         steps = self._tasks.pop(task, None)
         if steps is not None:
             steps.close()
+        if task.leaves:
+            outcome = replace(outcome, reason=f"{outcome.reason}; {task.leaves}")
         task.end(outcome)
         for command in task.commands:
             self.commands.abandon(command)
         if hold and task.moves and self.vehicle.aloft and not self.overridden:
-            self.begin(Task(stay.__name__), stay, _mode_call(self.modes.guided))
+            self._hold()
+
+    @property
+    def modes(self) -> ModeTable:
+        """The modes of the vehicle as it is."""
+        return self.vehicle.modes
 
     @property
     def moving(self) -> list[Task]:
@@ -197,7 +218,8 @@ class Conversation:
             heard = f"; heard only system {others}" if others else ""
             return [f"no heartbeat from system {self.identity.vehicle}{heard}", *self.failsafe.notes()]
         late = now - self.vehicle.heard_at > self.flight.wait(*HEARTBEAT_LATE)
-        return ([] if late else self.streams.notes()) + self.failsafe.notes()
+        own = (self.vehicle.contradiction, self.flight.plan.broken, self._limits.outside)
+        return [one for one in own if one] + ([] if late else self.streams.notes()) + self.failsafe.notes()
 
     def _step(self) -> None:
         """Let every procedure look at the flight once; one that others have overridden waits only for its end."""
@@ -219,6 +241,8 @@ class Conversation:
                 self.overridden = self.overridden and not (task.moves or task.sets_mode)
                 if task.takes_control:
                     self._control_taken()
+            elif task.judges_mode and self.overridden:
+                self._mode_set_by_others()
 
     def _pace(self) -> None:
         """Full streams while the vehicle is armed or something is asked of it, and a little longer."""
@@ -266,10 +290,10 @@ class Conversation:
         return f"{self.vehicle.mode_name}, {'armed' if self.vehicle.armed else 'not armed'}"
 
     def _mode_set_by_others(self) -> None:
-        """Pilot, ground station or failsafe. A task that is setting the mode judges for itself, unless it yields."""
+        """Pilot, ground station or failsafe. A task that sets the mode judges for itself, unless it yields."""
         for task in [task for task in self._tasks if task.yields]:
             self.end(task, Outcome("failed", f"the mode became {self.vehicle.mode_name}, which nobody here asked for"))
-        if any(task.sets_mode for task in self._tasks):
+        if any(task.sets_mode or task.judges_mode for task in self._tasks):
             return
         name, now = self.vehicle.mode_name, self.flight.now
         self._override = _Override(name, now, now + self.flight.wait(*TEXT_WINDOW))
@@ -289,6 +313,24 @@ class Conversation:
         reason = f"the mode became {override.mode}, which nobody here asked for (pilot, ground station or failsafe)"
         for task in self.moving:
             self.end(task, Outcome("failed", f"{reason}: {said}" if said else reason))
+
+    def _keep_limits(self) -> None:
+        """Stop a vehicle that agents fly where it leaves the mission's limits."""
+        if self.overridden or not (left := self._limits.look()):
+            return
+        log.warning("system %d: %s; it is held", self.identity.vehicle, left)
+        for task in self.moving:
+            self.end(task, Outcome("failed", left))
+        self._hold()
+
+    def _hold(self) -> None:
+        self.begin(Task(stay.__name__), stay, mode_call(self.modes.guided))
+
+    def _parameter_told(self, name: str, value: float) -> None:
+        """A parameter that was asked for once is told again whenever the vehicle tells it, as when others set it."""
+        for asked in spellings(name):
+            if self.flight.parameters.get(asked, value) != value:
+                self.flight.learn(asked, value)
 
     def _control_taken(self) -> None:
         """An agent has set the mode itself: an override by others is over."""
@@ -312,11 +354,6 @@ class Conversation:
             self.end(task, Outcome("failed", "the vehicle rebooted"))
         self.streams.request(self.flight.now)
         self.failsafe.begin(self.flight.now)
-
-
-def _mode_call(mode: int) -> Call:
-    parameters = (float(dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(mode), 0.0, 0.0, 0.0, 0.0, 0.0)
-    return Call(dialect.MAV_CMD_DO_SET_MODE, parameters, Retry())
 
 
 _HEARTBEAT = dialect.MAVLink_heartbeat_message(

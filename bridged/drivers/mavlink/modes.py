@@ -3,23 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 
 @dataclass(frozen=True)
 class ModeTable:
-    """The `custom_mode` numbers of one kind of vehicle."""
+    """The `custom_mode` numbers of one kind of vehicle, and what the orders from above the agents mean for it."""
 
+    vehicle: str
+    """As a manifest names it."""
+    types: frozenset[int]
+    """MAV_TYPE of the HEARTBEATs of such vehicles."""
     names: Mapping[int, str]
     guided: int
     """Takes position targets."""
     hold: int
-    """Stays where it is, whatever came before."""
+    """The order `hold`: stays where it is (a plane circles there), whatever came before."""
     land: int
+    """The order `land`."""
     rtl: int
+    """The order `rtl`."""
+    auto: int
+    """Flies the stored mission."""
+    after_mission: int
+    """What the vehicle may go to by itself when the mission is over."""
     without_position: frozenset[int]
     """Modes in which the vehicle flies without knowing where it is."""
+    takeoff: int | None = None
+    """A mode that takes off by itself, for vehicles that take no command for it."""
+    lands: bool = True
+    """Whether the mode of the order `land` ends on the ground, disarmed."""
+    stands: bool = True
+    """Whether it can stay at a point; a plane cannot."""
+    ground: bool = False
+    """It never leaves the ground."""
+    stay_guided: bool = True
+    """A motion that is cancelled ends in GUIDED with the place as its target; otherwise in the mode of `hold`."""
 
     @property
     def ordered(self) -> frozenset[int]:
@@ -47,6 +69,8 @@ class ModeTable:
 
 
 ARDUCOPTER = ModeTable(
+    vehicle="arducopter",
+    types=frozenset({2, 3, 4, 13, 14, 15, 29, 35}),
     names=MappingProxyType(
         {
             0: "STABILIZE",
@@ -81,9 +105,116 @@ ARDUCOPTER = ModeTable(
     hold=17,
     land=9,
     rtl=6,
+    auto=3,
+    after_mission=5,
     without_position=frozenset({0, 1, 2, 13, 14, 18, 20, 28}),
 )
 """ArduPilot ArduCopter/mode.h of 2025-10."""
 
-MODE_TABLES: Mapping[str, ModeTable] = MappingProxyType({"arducopter": ARDUCOPTER})
+ARDUPLANE = ModeTable(
+    vehicle="arduplane",
+    types=frozenset({1}),
+    names=MappingProxyType(
+        {
+            0: "MANUAL",
+            1: "CIRCLE",
+            2: "STABILIZE",
+            3: "TRAINING",
+            4: "ACRO",
+            5: "FBWA",
+            6: "FBWB",
+            7: "CRUISE",
+            8: "AUTOTUNE",
+            10: "AUTO",
+            11: "RTL",
+            12: "LOITER",
+            13: "TAKEOFF",
+            14: "AVOID_ADSB",
+            15: "GUIDED",
+            16: "INITIALISING",
+            17: "QSTABILIZE",
+            18: "QHOVER",
+            19: "QLOITER",
+            20: "QLAND",
+            21: "QRTL",
+            22: "QAUTOTUNE",
+            23: "QACRO",
+            24: "THERMAL",
+            25: "LOITERALTQLAND",
+            26: "AUTOLAND",
+        }
+    ),
+    guided=15,
+    hold=12,
+    land=11,
+    rtl=11,
+    auto=10,
+    after_mission=11,
+    without_position=frozenset({0, 2, 3, 4, 5, 6, 8, 17, 18, 22, 23}),
+    takeoff=13,
+    lands=False,
+    stands=False,
+    stay_guided=False,
+)
+"""ArduPilot ArduPlane/mode.h of 2025-10. A fixed wing has no mode that lands wherever it is, so the order `land` takes
+it home (RTL), where it circles or does what RTL_AUTOLAND says; the order `hold` circles (LOITER)."""
+
+ARDUPLANE_VTOL = replace(ARDUPLANE, types=frozenset(range(19, 26)), land=20, lands=True)
+"""A plane that says that it takes off vertically: the order `land` is QLAND."""
+
+ARDUROVER = ModeTable(
+    vehicle="ardurover",
+    types=frozenset({10, 11}),
+    names=MappingProxyType(
+        {
+            0: "MANUAL",
+            1: "ACRO",
+            3: "STEERING",
+            4: "HOLD",
+            5: "LOITER",
+            6: "FOLLOW",
+            7: "SIMPLE",
+            8: "DOCK",
+            9: "CIRCLE",
+            10: "AUTO",
+            11: "RTL",
+            12: "SMART_RTL",
+            15: "GUIDED",
+            16: "INITIALISING",
+        }
+    ),
+    guided=15,
+    hold=4,
+    land=4,
+    rtl=11,
+    auto=10,
+    after_mission=4,
+    without_position=frozenset({0, 1, 3, 4, 7, 16}),
+    lands=False,
+    ground=True,
+    stay_guided=False,
+)
+"""ArduPilot Rover/mode.h of 2025-10, for cars and boats. The orders `hold` and `land` are both HOLD: it stops."""
+
+MODE_TABLES: Mapping[str, ModeTable] = MappingProxyType(
+    {table.vehicle: table for table in (ARDUCOPTER, ARDUPLANE, ARDUROVER)}
+)
 """By the manifest's `vehicle`."""
+
+_BY_TYPE = {kind: table for table in (ARDUCOPTER, ARDUPLANE, ARDUPLANE_VTOL, ARDUROVER) for kind in table.types}
+
+
+def table_of(declared: ModeTable, kind: int) -> ModeTable:
+    """The table of a vehicle of this MAV_TYPE: as it is, not as the manifest says; `declared` if nothing is known."""
+    return _BY_TYPE.get(kind, declared)
+
+
+def contradiction(declared: ModeTable, kind: int) -> str:
+    """In words, that a MAV_TYPE is not of the manifest's vehicle; empty if it may be."""
+    known = _BY_TYPE.get(kind)
+    if kind == dialect.MAV_TYPE_GENERIC or (known is not None and known.vehicle == declared.vehicle):
+        return ""
+    entry = dialect.enums["MAV_TYPE"].get(kind)
+    name = entry.name if entry else f"MAV_TYPE {kind}"
+    instead = f'; `vehicle = "{known.vehicle}"` would fit' if known is not None else ""
+    return f"the vehicle says that it is a {name}, the manifest says {declared.vehicle}{instead}"

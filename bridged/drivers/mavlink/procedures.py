@@ -6,33 +6,37 @@ a generator: the conversation resumes it on every message and tick, so it runs i
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.confirmation import (
+    SLOW,
+    TARGET_ATTEMPTS,
     above_home,
     acknowledged,
+    arrive,
     down,
     enter,
     from_home,
+    guided_aloft,
     metres,
+    own_target,
     parked,
     ready,
     steady,
+    target_shown,
     target_taken,
+    within_limits,
 )
 from bridged.drivers.mavlink.flight import SUCCEEDED, Call, Flight, Steps, Task
+from bridged.drivers.mavlink.parameters import write_parameter
 from bridged.drivers.mavlink.vehicle import OFF_GROUND
 from bridged.drivers.robot import Outcome
+from schemas.manifest import Retry
 
 LIFT_OFF_WITHIN = (15.0, 3.0)
 """Mission and wall seconds in which an acknowledged takeoff must leave the ground."""
-SLOW = 0.5
-"""m/s: arrived is near and not faster than this."""
-
-Procedure = Callable[[Flight, Task, Call], Steps]
 
 
 def change_mode(flight: Flight, task: Task, call: Call) -> Steps:
@@ -44,6 +48,8 @@ def change_mode(flight: Flight, task: Task, call: Call) -> Steps:
 def arm(flight: Flight, task: Task, call: Call) -> Steps:
     """COMPONENT_ARM_DISARM: waits until the vehicle is ready, then arms it; the state shows it at two HEARTBEATs."""
     wanted = call.parameters[0] == 1.0
+    if wanted and (other := flight.vehicle.contradiction):
+        return Outcome("refused", other)
     if wanted and not flight.vehicle.armed:
         yield from ready(flight, task)
 
@@ -64,9 +70,9 @@ def arm(flight: Flight, task: Task, call: Call) -> Steps:
 
 def take_off(flight: Flight, task: Task, call: Call) -> Steps:
     """NAV_TAKEOFF: within the tolerance of the altitude above home."""
-    vehicle, wanted, near = flight.vehicle, call.parameters[6], call.tolerance or 0.3
-    if (limit := flight.limits.altitude) and wanted > limit:
-        return Outcome("refused", f"altitude {wanted:g} m is above the mission's limit of {limit:g} m")
+    vehicle, wanted = flight.vehicle, call.parameters[6]
+    if broken := flight.too_high(wanted):
+        return Outcome("refused", broken)
     aloft_before = vehicle.aloft
     ground = vehicle.position.altitude if vehicle.position is not None else 0.0
 
@@ -79,7 +85,32 @@ def take_off(flight: Flight, task: Task, call: Call) -> Steps:
     refusal = yield from acknowledged(flight, task, command, rising)
     if refusal is not None:
         return refusal
-    seen = vehicle.positions
+    return (yield from _climb(flight, task, wanted, call.tolerance or 0.3, command.name, asked))
+
+
+def take_off_by_mode(flight: Flight, task: Task, call: Call) -> Steps:
+    """`takeoff_by_mode`: TKOFF_ALT is set, TAKEOFF entered, and the altitude above home reached (planes)."""
+    vehicle, wanted = flight.vehicle, call.arguments["altitude"]
+    mode = vehicle.modes.takeoff
+    if mode is None or not isinstance(wanted, int | float):
+        return Outcome("refused", f"a vehicle of this kind has no mode to take off by: {vehicle.modes.vehicle}")
+    if broken := flight.too_high(float(wanted)):
+        return Outcome("refused", broken)
+    if not vehicle.armed or vehicle.aloft:
+        return Outcome("refused", f"a takeoff begins armed on the ground; {flight.state_in_words()}")
+    failure = yield from write_parameter(flight, task, "TKOFF_ALT", float(wanted))
+    if failure is not None:
+        return failure
+    asked = flight.now
+    failure = yield from enter(flight, task, mode_call(mode), mode)
+    if failure is not None:
+        return failure
+    return (yield from _climb(flight, task, float(wanted), call.tolerance or 5.0, vehicle.modes.name(mode), asked))
+
+
+def _climb(flight: Flight, task: Task, wanted: float, near: float, name: str, asked: float) -> Steps:
+    """Wait until the altitude is reached; off the ground before long."""
+    vehicle, seen = flight.vehicle, flight.vehicle.positions
     patience = flight.now + flight.wait(*LIFT_OFF_WITHIN)
     while True:
         if not vehicle.armed:
@@ -93,7 +124,7 @@ def take_off(flight: Flight, task: Task, call: Call) -> Steps:
         elif vehicle.positions == seen:
             task.waits_for = "a position from the vehicle"
         if not vehicle.aloft and flight.now > patience:
-            said = f"{command.name} was acknowledged, but the vehicle did not leave the ground"
+            said = f"{name} was acknowledged, but the vehicle did not leave the ground"
             return Outcome("failed", flight.with_texts(said, asked))
         yield
 
@@ -107,32 +138,49 @@ def send_target(flight: Flight, task: Task, call: Call) -> Steps:
 def go_to(flight: Flight, task: Task, call: Call) -> Steps:
     """As `send_target`, then within the tolerance of the target and slow."""
     failure = yield from target_taken(flight, task, call)
-    if failure is not None:
-        return failure
-    goal = above_home(flight, call)
-    near, asked = call.tolerance or 1.0, flight.now
-    while True:
-        vehicle = flight.vehicle
-        if not vehicle.armed:
-            return Outcome("failed", flight.with_texts("the vehicle disarmed on the way", asked))
-        if vehicle.position is not None:
-            distance, height = vehicle.position.distance(goal), goal.altitude - vehicle.position.altitude
-            task.feedback = {
-                "distance": round(distance, 2),
-                "altitude": round(vehicle.position.altitude, 2),
-                "speed": round(vehicle.speed, 2),
-            }
-            task.waits_for = f"arrival; {distance:.1f} m and {height:+.1f} m of height to go"
-            if distance <= near and abs(height) <= near and vehicle.speed <= SLOW:
-                return SUCCEEDED
-        yield
+    return failure or (yield from arrive(flight, task, above_home(flight, call), call.tolerance))
+
+
+def reposition(flight: Flight, task: Task, call: Call) -> Steps:
+    """DO_REPOSITION as COMMAND_INT: acknowledged, and the vehicle's own target agrees; param2 = 1 enters GUIDED."""
+    vehicle, asked = flight.vehicle, flight.now
+    into_guided = int(call.parameters[1]) & dialect.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
+    if not vehicle.aloft or not into_guided:
+        refusal = guided_aloft(flight, "position targets")
+        if refusal is not None:
+            return refusal
+    if (refusal := within_limits(flight, call)) is not None:
+        return refusal
+    flight.expect_mode(vehicle.modes.guided)
+    command = flight.submit_call(task, call)
+    refusal = yield from acknowledged(flight, task, command, lambda: False)
+    if refusal is not None:
+        return refusal
+    for _ in range(TARGET_ATTEMPTS):
+        task.waits_for = "the vehicle to report the target as its own"
+        if (yield from target_shown(flight, call)):
+            return SUCCEEDED
+    said = f"{command.name} was acknowledged, but {own_target(flight, call)}"
+    return Outcome("failed", flight.with_texts(said, asked))
+
+
+def reposition_and_arrive(flight: Flight, task: Task, call: Call) -> Steps:
+    """As `reposition`, then within the tolerance of the target and, if the vehicle can stand, slow."""
+    outcome = yield from reposition(flight, task, call)
+    if outcome is not SUCCEEDED:
+        return outcome
+    return (yield from arrive(flight, task, above_home(flight, call), call.tolerance))
 
 
 def land(flight: Flight, task: Task, call: Call) -> Steps:
     """NAV_LAND: landed and disarmed. At once if it stands disarmed already: LAND is no mode to arm in."""
+    modes = flight.vehicle.modes
     if parked(flight):
         return SUCCEEDED
-    failure = yield from enter(flight, task, call, flight.vehicle.modes.land)
+    if not modes.lands:
+        said = "" if modes.ground else "; end a mission with an item `land`"
+        return Outcome("refused", f"an {modes.vehicle} of this kind has no mode that lands where it is{said}")
+    failure = yield from enter(flight, task, call, modes.land)
     if failure is not None:
         return failure
     yield from down(flight, task)
@@ -157,6 +205,36 @@ def return_home(flight: Flight, task: Task, call: Call) -> Steps:
     return Outcome("failed", f"the vehicle landed {metres(away)} from home")
 
 
+def return_above(flight: Flight, task: Task, call: Call) -> Steps:
+    """NAV_RETURN_TO_LAUNCH: within the tolerance of home over ground and, if the vehicle can stand, slow; still armed.
+
+    For vehicles that do not land by themselves: a rover stops there, a plane circles.
+    """
+    vehicle, near = flight.vehicle, call.tolerance or 3.0
+    if not vehicle.armed:
+        return Outcome("refused", f"the vehicle is not armed and {metres(from_home(flight))} from home")
+    asked = flight.now
+    failure = yield from enter(flight, task, call, vehicle.modes.rtl)
+    if failure is not None:
+        return failure
+    while True:
+        away = from_home(flight)
+        if away is not None:
+            task.feedback = {"distance": round(away, 2), "speed": round(vehicle.speed, 2)}
+            if away <= near and (vehicle.speed <= SLOW or not vehicle.modes.stands):
+                return SUCCEEDED
+        task.waits_for = f"home; it is {metres(away)} away"
+        if not vehicle.armed:
+            return Outcome("failed", flight.with_texts(f"the vehicle disarmed {metres(away)} from home", asked))
+        yield
+
+
+def mode_call(mode: int) -> Call:
+    """DO_SET_MODE to a mode of the vehicle."""
+    parameters = (float(dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(mode), 0.0, 0.0, 0.0, 0.0, 0.0)
+    return Call(dialect.MAV_CMD_DO_SET_MODE, parameters, Retry())
+
+
 def secure(flight: Flight, task: Task, call: Call) -> Steps:
     """An order from above the agents: the mode shows at two HEARTBEATs; on the ground the motors stop instead.
 
@@ -173,24 +251,16 @@ def secure(flight: Flight, task: Task, call: Call) -> Steps:
 
 
 def stay(flight: Flight, task: Task, call: Call) -> Steps:
-    """What cancelling a motion does: GUIDED, and where it is now as the target."""
+    """What cancelling a motion does: GUIDED, and where it is now as the target; or the mode of the order `hold`."""
     vehicle = flight.vehicle
+    if not vehicle.modes.stay_guided and vehicle.armed:
+        hold = vehicle.modes.hold
+        failure = yield from enter(flight, task, mode_call(hold), hold)
+        return failure or SUCCEEDED
     if not vehicle.aloft or vehicle.position is None:
         return SUCCEEDED
     if vehicle.mode != vehicle.modes.guided:
         failure = yield from enter(flight, task, call, vehicle.modes.guided)
         return failure or SUCCEEDED
-    here = replace(call, target=vehicle.position, frame=dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
+    here = replace(call, target=vehicle.position, frame=dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, limited=False)
     return (yield from send_target(flight, task, here))
-
-
-PROCEDURES: dict[str, Procedure] = {
-    "mode": change_mode,
-    "armed": arm,
-    "altitude": take_off,
-    "target": send_target,
-    "arrival": go_to,
-    "landed": land,
-    "home": return_home,
-}
-"""By the manifest's `confirm`."""

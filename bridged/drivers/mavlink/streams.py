@@ -24,9 +24,12 @@ OWN_NEEDS = {
     "POSITION_TARGET_GLOBAL_INT": 2.0,
 }
 """Hz at least of what readiness and the confirmations look at."""
-UNASKED = frozenset({"HEARTBEAT", "STATUSTEXT", "HOME_POSITION", "COMMAND_ACK", "OVERRIDE", "LINK"})
+UNASKED = frozenset({
+    "HEARTBEAT", "STATUSTEXT", "HOME_POSITION", "COMMAND_ACK", "OVERRIDE", "LINK", "PARAM", "MISSION", "MISSION_LIST",
+    "PARAM_VALUE", "MISSION_ITEM_REACHED", "MISSION_ACK", "MISSION_COUNT",
+})  # fmt: skip
 """Come by themselves, on request, or are the driver's own."""
-SPORADIC = frozenset({"POSITION_TARGET_GLOBAL_INT"})
+SPORADIC = frozenset({"POSITION_TARGET_GLOBAL_INT", "POSITION_TARGET_LOCAL_NED", "FENCE_STATUS"})
 """Sent only in some states of the vehicle: their silence proves nothing."""
 DEFAULT_RATE = 2.0
 """Hz for a percept whose manifest names no rate."""

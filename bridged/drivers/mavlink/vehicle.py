@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.modes import ModeTable
+from bridged.drivers.mavlink.modes import ModeTable, contradiction, table_of
 
 EARTH_M = 6_371_000.0
 _ARMED = dialect.MAV_MODE_FLAG_SAFETY_ARMED
@@ -19,6 +19,7 @@ ALOFT = frozenset({
 })  # fmt: skip
 OFF_GROUND = 0.5
 """Metres above home that are no estimation error."""
+UNKNOWN_HEADING = 65535
 REBOOT_MS = 3000
 """`time_boot_ms` that goes back by more than this is a reboot; less is datagrams out of order."""
 
@@ -38,12 +39,23 @@ class Place:
         east = math.radians(turn) * EARTH_M * math.cos(math.radians((self.latitude + other.latitude) / 2))
         return math.hypot(north, east)
 
+    def moved(self, north: float, east: float, up: float) -> Place:
+        """The point so many metres away."""
+        latitude = self.latitude + math.degrees(north / EARTH_M)
+        turn = east / (EARTH_M * max(1e-6, math.cos(math.radians(self.latitude))))
+        return Place(latitude, self.longitude + math.degrees(turn), self.altitude + up)
+
 
 class Vehicle:
     """The state of one vehicle as its messages show it."""
 
     def __init__(self, modes: ModeTable) -> None:
         self.modes = modes
+        """Of what the vehicle says that it is, once it has said so."""
+        self.declared = modes
+        """Of what the manifest says that it is."""
+        self.type = dialect.MAV_TYPE_GENERIC
+        """MAV_TYPE of its HEARTBEAT."""
         self.connected = False
         """Heard within the link-loss time; kept by the conversation."""
         self.heartbeats = 0
@@ -63,6 +75,10 @@ class Vehicle:
         self.positions = 0
         """How many position messages came so far."""
         self.amsl = 0.0
+        self.heading: float | None = None
+        """Radians from north, clockwise."""
+        self.sensors_enabled = 0
+        """MAV_SYS_STATUS_SENSOR bits; the fence is one of them."""
         self.speed = 0.0
         """m/s, over all three axes."""
         self.target: Place | None = None
@@ -79,7 +95,12 @@ class Vehicle:
 
     @property
     def aloft(self) -> bool:
-        """Whether it is off the ground: as it says (EXTENDED_SYS_STATE), or by its height if it says nothing."""
+        """Whether it is off the ground: as it says (EXTENDED_SYS_STATE), or by its height if it says nothing.
+
+        A vehicle that never leaves the ground counts as aloft while it is armed: it may be moving.
+        """
+        if self.modes.ground:
+            return self.armed
         if self.landed_state == dialect.MAV_LANDED_STATE_UNDEFINED:
             return self.armed and self.position is not None and self.position.altitude > OFF_GROUND
         return self.armed and self.landed_state in ALOFT
@@ -91,11 +112,15 @@ class Vehicle:
                 self.heartbeats += 1
                 self.heard_at = now
                 self.mode = message.custom_mode
+                if message.type != self.type:
+                    self.type = message.type
+                    self.modes = table_of(self.declared, message.type)
                 self.armed = bool(message.base_mode & _ARMED)
             case "GLOBAL_POSITION_INT":
                 self._clock(message.time_boot_ms)
                 self.position = Place(message.lat / 1e7, message.lon / 1e7, message.relative_alt / 1e3)
                 self.amsl = message.alt / 1e3
+                self.heading = None if message.hdg == UNKNOWN_HEADING else math.radians(message.hdg / 100)
                 self.speed = math.hypot(message.vx, message.vy, message.vz) / 100
                 self.positions += 1
             case "POSITION_TARGET_GLOBAL_INT":
@@ -103,6 +128,7 @@ class Vehicle:
                 self.target = Place(message.lat_int / 1e7, message.lon_int / 1e7, message.alt)
                 self.targets += 1
             case "SYS_STATUS":
+                self.sensors_enabled = message.onboard_control_sensors_enabled
                 self.prearm_ok = bool(message.onboard_control_sensors_health & _PREARM_CHECK)
             case "EKF_STATUS_REPORT":
                 self.ekf_flags = message.flags
@@ -112,6 +138,11 @@ class Vehicle:
                 self.landed_state = message.landed_state
             case "HOME_POSITION":
                 self.home = Place(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3)
+
+    @property
+    def contradiction(self) -> str:
+        """In words, that the vehicle is another kind than the manifest says; empty if it is not."""
+        return contradiction(self.declared, self.type)
 
     def not_ready(self) -> list[str]:
         """Why arming would be refused or flying in this mode would not work, in words; empty = ready."""

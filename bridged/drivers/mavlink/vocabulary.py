@@ -1,73 +1,51 @@
-"""What a manifest may say to the MAVLink driver, and how it is read."""
+"""What a manifest may say to the MAVLink driver: every word that it does not know is a finding at its line."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.flight import Call
-from bridged.drivers.mavlink.modes import MODE_TABLES, ModeTable
-from bridged.drivers.mavlink.procedures import PROCEDURES
-from bridged.drivers.mavlink.vehicle import Place
-from bridged.drivers.robot import Value
+from bridged.drivers.mavlink.modes import MODE_TABLES
+from bridged.drivers.mavlink.offers import (
+    CALLS,
+    CHANNELS,
+    COMMAND_FIELDS,
+    COMMAND_FRAMES,
+    COMMANDS,
+    COMMANDS_OF,
+    MESSAGES,
+    REPOSITION,
+    Offer,
+)
 from schemas.findings import Finding
 from schemas.manifest import ActionEntry, FieldValue, Manifest, PerceptEntry
 
-COMMAND_FIELDS = tuple(f"param{index}" for index in range(1, 8))
-TARGET = "SET_POSITION_TARGET_GLOBAL_INT"
-TARGET_FIELDS = ("lat_int", "lon_int", "alt")
-OWN_FIELDS = {"HEARTBEAT": ("mode", "connected", "armed"), "OVERRIDE": ("mode",), "LINK": ("state",)}
-"""Sources that the driver reads itself: the mode's name, a mode set by others, and the link as the atom up or down."""
+OWN_FIELDS: Mapping[str, tuple[str, ...]] = {
+    "HEARTBEAT": ("mode", "connected", "armed"),
+    "OVERRIDE": ("mode",),
+    "LINK": ("state",),
+    "PARAM": ("name", "value"),
+    "MISSION": (
+        "seq", "command", "latitude", "longitude", "altitude", "frame", "param1", "param2", "param3", "param4", "count",
+    ),
+    "MISSION_LIST": ("count", "waypoints"),
+}  # fmt: skip
+"""Sources that the driver reads itself: the mode's name, a mode set by others, the link as the atom up or down, a
+parameter that was asked for, and the items of the mission that was sent or read last."""
+OWN_PATHS = frozenset({"MISSION_LIST"})
+"""Sources of the driver's own whose fields have parts."""
 TABLES = ("modes",)
-BY_MESSAGE = frozenset({"target", "arrival"})
-"""Confirmations of actions that send a position target; the others confirm commands."""
-FLOAT32_MAX = 3.4e38
-FRAMES = {
-    "relative": dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
-    "amsl": dialect.MAV_FRAME_GLOBAL_INT,
-}
+WAYS = ("command", "message", "call")
+
+Problem = tuple[str, str]
+"""What is wrong, and at which key."""
 
 
 def check_manifest(manifest: Manifest) -> list[Finding]:
-    """Say what the driver does not know in a manifest: vehicle, sources, fields, commands, confirmations."""
+    """Say what the driver does not know in a manifest: vehicle, sources, fields, commands, calls, confirmations."""
     return list(_problems(manifest))
-
-
-def call_of(entry: ActionEntry, arguments: Mapping[str, Value], modes: ModeTable) -> Call:
-    """Fill the arguments into an action. Raises ValueError for one that the driver cannot use, in words."""
-    values = {field: _value(value, arguments, modes) for field, value in entry.fields.items()}
-    if entry.message:
-        latitude, longitude, altitude = (values[field] for field in TARGET_FIELDS)
-        if abs(latitude) > 90e7 or abs(longitude) > 180e7:
-            raise ValueError(f"no place on earth: latitude {latitude / 1e7:g}, longitude {longitude / 1e7:g}")
-        return Call(
-            target=Place(latitude / 1e7, longitude / 1e7, altitude),
-            frame=FRAMES[entry.frame or "relative"],
-            retry=entry.retry,
-            tolerance=entry.tolerance,
-        )
-    parameters = tuple(values.get(field, 0.0) for field in COMMAND_FIELDS)
-    one, two, three, four, five, six, seven = parameters
-    number = getattr(dialect, entry.command)
-    return Call(number, (one, two, three, four, five, six, seven), entry.retry, tolerance=entry.tolerance)
-
-
-def _value(said: Value | FieldValue, arguments: Mapping[str, Value], modes: ModeTable) -> float:
-    spec = said if isinstance(said, FieldValue) else FieldValue(param=said) if isinstance(said, str) else None
-    if spec is None:
-        return _number(said)
-    value = arguments[spec.param]
-    if spec.table == "modes" and isinstance(value, str | int):
-        return float(modes.number(value))
-    return _number(_number(value) * spec.scale)
-
-
-def _number(value: object) -> float:
-    if isinstance(value, bool | int | float) and abs(value) <= FLOAT32_MAX:
-        return float(value)
-    raise ValueError(f"expected a number that fits into 32 bits, got {value!r}")
 
 
 def _problems(manifest: Manifest) -> Iterator[Finding]:
@@ -84,17 +62,19 @@ def _problems(manifest: Manifest) -> Iterator[Finding]:
             yield manifest.finding(f"actions.{name}.{field}: {problem}", "actions", name, field)
 
 
-def _percept_problems(entry: PerceptEntry) -> Iterator[tuple[str, str]]:
+def _percept_problems(entry: PerceptEntry) -> Iterator[Problem]:
     own = OWN_FIELDS.get(entry.source)
     number = getattr(dialect, f"MAVLINK_MSG_ID_{entry.source}", None)
     if own is None and number is None:
-        yield f"MAVLink has no message `{entry.source}`", "source"
+        yield f"MAVLink has no message `{entry.source}`, and the driver has {_list(OWN_FIELDS)} of its own", "source"
         return
     known = own or dialect.mavlink_map[number].fieldnames
     for field in entry.fields():
         head, _, rest = field.field.partition(".")
         if head not in known:
             yield f"{entry.source} has no field `{head}`, it has {', '.join(known)}", "args"
+        elif entry.source in OWN_PATHS:
+            continue
         elif rest and not _is_index(entry.source, number, head, rest, own is not None):
             yield f"{entry.source}.{head} has no element `{rest}`", "args"
 
@@ -107,30 +87,80 @@ def _is_index(source: str, number: int | None, field: str, rest: str, own: bool)
     return bool(int(rest) < message.array_lengths[at])
 
 
-def _action_problems(entry: ActionEntry) -> Iterator[tuple[str, str]]:
-    if entry.confirm not in PROCEDURES:
-        yield f"expected one of {', '.join(PROCEDURES)}, got `{entry.confirm}`", "confirm"
-    elif entry.message and entry.confirm not in BY_MESSAGE:
-        yield f"`{entry.confirm}` confirms a command, not a message", "confirm"
-    elif entry.command and entry.confirm in BY_MESSAGE:
-        yield f"`{entry.confirm}` confirms the message {TARGET}, not a command", "confirm"
+def _action_problems(entry: ActionEntry) -> Iterator[Problem]:
+    offer: Offer | None = None
     if entry.message:
-        if entry.message != TARGET:
-            yield f"the driver sends {TARGET} only, got `{entry.message}`", "message"
-        if entry.frame is None:
-            yield "a position target needs `frame`, relative (to home) or amsl", "message"
-        yield from _field_problems(entry, TARGET_FIELDS)
-        for field in TARGET_FIELDS:
-            if field not in entry.fields:
-                yield f"`{field}` is missing", "fields"
+        offer = yield from _message_problems(entry)
+    elif entry.call:
+        offer = yield from _call_problems(entry)
+    elif entry.command:
+        offer = yield from _command_problems(entry)
     else:
-        known = getattr(dialect, entry.command, None)
-        if not entry.command.startswith("MAV_CMD_") or not isinstance(known, int):
-            yield f"MAVLink has no command `{entry.command}`", "command"
-        yield from _field_problems(entry, COMMAND_FIELDS)
+        yield f"the mavlink driver acts by {', '.join(f'`{way}`' for way in WAYS)}", next(iter(entry.ways()), "command")
+    for figure in entry.feedback or ():
+        if offer is not None and figure not in offer.feedback:
+            yield f"`{figure}` is not told; there is {_list(offer.feedback)}", "feedback"
 
 
-def _field_problems(entry: ActionEntry, known: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+def _message_problems(entry: ActionEntry) -> Generator[Problem, None, Offer | None]:
+    message = MESSAGES.get(entry.message)
+    if message is None:
+        yield f"the driver sends {_list(MESSAGES)}, got `{entry.message}`", "message"
+        return None
+    if entry.confirm not in message.confirm:
+        yield f"{entry.message} is confirmed by {_list(message.confirm)}, got `{entry.confirm}`", "confirm"
+    if message.frames and entry.frame is None:
+        yield f"{entry.message} needs `frame`: {_list(message.frames)}", "message"
+    elif entry.frame is not None and entry.frame not in message.frames:
+        yield f"{entry.message} has the frames {_list(message.frames)}, got `{entry.frame}`", "frame"
+    yield from _field_problems(entry, message.fields)
+    for field in message.needed.get(entry.confirm, ()):
+        if field not in entry.fields:
+            yield f"`{field}` is missing", "fields"
+    if entry.message == CHANNELS and not entry.fields:
+        yield "no channel is given", "fields"
+    return message.confirm.get(entry.confirm)
+
+
+def _call_problems(entry: ActionEntry) -> Generator[Problem, None, Offer | None]:
+    call = CALLS.get(entry.call)
+    if call is None:
+        yield f"the driver has no call `{entry.call}`; it has {_list(CALLS)}", "call"
+        return None
+    if entry.confirm != call.confirm:
+        wanted = f"`{call.confirm}`" if call.confirm else "no `confirm`: it confirms itself"
+        yield f"{entry.call} takes {wanted}, got `{entry.confirm}`", "confirm"
+    if entry.frame is not None and entry.frame not in call.frames:
+        yield f"{entry.call} has the frames {_list(call.frames)}, got `{entry.frame}`", "frame"
+    given = entry.fields or {parameter.name: parameter.name for parameter in entry.params}
+    key = "fields" if entry.fields else "params"
+    for field in given:
+        if field not in call.fields:
+            yield f"{entry.call} is given {_list(call.fields)}, got `{field}`", key
+    for field in call.needed:
+        if field not in given:
+            yield f"{entry.call} needs `{field}`", key
+    yield from _field_problems(entry, (*call.fields, *entry.fields))
+    return call.offer
+
+
+def _command_problems(entry: ActionEntry) -> Generator[Problem, None, Offer | None]:
+    number = getattr(dialect, entry.command, None)
+    if not entry.command.startswith("MAV_CMD_") or not isinstance(number, int):
+        yield f"MAVLink has no command `{entry.command}`", "command"
+    if entry.confirm not in COMMANDS:
+        yield f"a command is confirmed by {_list(COMMANDS)}, got `{entry.confirm}`", "confirm"
+    elif entry.command not in COMMANDS_OF.get(entry.confirm, (entry.command,)):
+        yield f"`{entry.confirm}` confirms {_list(COMMANDS_OF[entry.confirm])}, not {entry.command}", "confirm"
+    if entry.frame is not None and entry.frame not in COMMAND_FRAMES:
+        yield f"a command has the frames {_list(COMMAND_FRAMES)}, got `{entry.frame}`", "frame"
+    if entry.command == REPOSITION and entry.frame is None:
+        yield f"{REPOSITION} needs `frame`: {_list(COMMAND_FRAMES)}", "command"
+    yield from _field_problems(entry, COMMAND_FIELDS)
+    return COMMANDS.get(entry.confirm)
+
+
+def _field_problems(entry: ActionEntry, known: tuple[str, ...]) -> Iterator[Problem]:
     for field, value in entry.fields.items():
         if field not in known:
             yield f"no field `{field}`, there is {', '.join(known)}", "fields"
@@ -138,3 +168,7 @@ def _field_problems(entry: ActionEntry, known: tuple[str, ...]) -> Iterator[tupl
             yield f"no table `{value.table}`, there is {', '.join(TABLES)}", "fields"
         if isinstance(value, float) and not math.isfinite(value):
             yield f"`{field}` is not a finite number", "fields"
+
+
+def _list(names: Iterable[str]) -> str:
+    return ", ".join(names) or "none"

@@ -1,0 +1,104 @@
+"""Parameters by name: read, set, and confirmed by the value that the vehicle took (facts/arducopter.md, Params).
+
+An unknown name is answered by silence, so it is asked for three times. Names differ between versions of ArduPilot:
+both spellings are asked for, and the vehicle's answer tells which it has.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Generator
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.flight import SUCCEEDED, Call, Flight, Steps, Task
+from bridged.drivers.robot import Outcome
+
+TRIES = 3
+LONGEST_NAME = 16
+TRY_EVERY = (1.0, 1.0)
+"""Mission and wall seconds."""
+_NEW_NAMES = {"SYSID_THISMAV": "MAV_SYSID", "SYSID_MYGCS": "MAV_GCS_SYSID"}
+_OLD_NAMES = {new: old for old, new in _NEW_NAMES.items()}
+_RENAMED = (_NEW_NAMES, _OLD_NAMES)
+
+
+def spellings(name: str) -> tuple[str, ...]:
+    """The names that a parameter may have: ArduPilot 4.7 renamed SYSID_* and SRn_* to MAV_* and MAVn_*."""
+    for names in _RENAMED:
+        if name in names:
+            return (name, names[name])
+    head, _, rest = name.partition("_")
+    for old, new, shift in (("SR", "MAV", 1), ("MAV", "SR", -1)):
+        number = head.removeprefix(old)
+        if head.startswith(old) and number.isdigit() and rest and int(number) + shift >= 0:
+            return (name, f"{new}{int(number) + shift}_{rest}")
+    return (name,)
+
+
+def read_parameter(flight: Flight, task: Task, name: str) -> Generator[None, None, tuple[str, float] | None]:
+    """Ask for a parameter. Returns its name on the vehicle and its value, None if the vehicle knows none."""
+    names = spellings(name)
+    for _ in range(TRIES):
+        for one in names:
+            _request(flight, one)
+        task.waits_for = f"the value of {name}"
+        until = flight.now + flight.wait(*TRY_EVERY)
+        while flight.now <= until:
+            yield
+            message = flight.message
+            if message is not None and message.get_type() == "PARAM_VALUE" and message.param_id in names:
+                return message.param_id, message.param_value
+    return None
+
+
+def get_parameter(flight: Flight, task: Task, call: Call) -> Steps:
+    """`param_get`: the vehicle tells the value, which becomes a reading of PARAM."""
+    name = str(call.arguments["name"])
+    found = yield from read_parameter(flight, task, name)
+    if found is None:
+        return Outcome("failed", f"the vehicle knows no parameter {name}")
+    flight.learn(name, found[1])
+    return SUCCEEDED
+
+
+def set_parameter(flight: Flight, task: Task, call: Call) -> Steps:
+    """`param_set`: the vehicle tells that it has the value that was asked for."""
+    name, wanted = str(call.arguments["name"]), _as_float32(call.arguments["value"])
+    failure = yield from write_parameter(flight, task, name, wanted)
+    return failure or SUCCEEDED
+
+
+def write_parameter(flight: Flight, task: Task, name: str, wanted: float) -> Generator[None, None, Outcome | None]:
+    """Set a parameter. Returns the failure, None if the vehicle has taken the value."""
+    found = yield from read_parameter(flight, task, name)
+    if found is None:
+        return Outcome("failed", f"the vehicle knows no parameter {name}")
+    theirs, value = found
+    identity = flight.commands.identity
+    for _ in range(TRIES):
+        flight.send(
+            dialect.MAVLink_param_set_message(
+                identity.vehicle, identity.autopilot, theirs.encode(), wanted, dialect.MAV_PARAM_TYPE_REAL32
+            )
+        )
+        task.waits_for = f"the vehicle to take {name} = {wanted:g}"
+        again = yield from read_parameter(flight, task, theirs)  # a late answer to the first question is older
+        value = again[1] if again is not None else value
+        if value == wanted:
+            break
+    flight.learn(name, value)
+    if value == wanted:
+        return None
+    return Outcome("failed", f"{name}: {wanted:g} was asked for, the vehicle has {value:g}")
+
+
+def _request(flight: Flight, name: str) -> None:
+    identity = flight.commands.identity
+    flight.send(dialect.MAVLink_param_request_read_message(identity.vehicle, identity.autopilot, name.encode(), -1))
+
+
+def _as_float32(value: object) -> float:
+    if not isinstance(value, int | float):
+        raise TypeError(f"a parameter's value is a number, got {value!r}")
+    return float(struct.unpack("<f", struct.pack("<f", float(value)))[0])
