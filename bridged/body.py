@@ -59,8 +59,11 @@ class Body:
         return self._by_action(order, reason)
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
-        """End an execution by its driver."""
+        """End an execution by its driver; a robot that cannot hold by itself does it by the manifest's `orders`."""
+        ran = not execution.over
         self._of.get(execution, self.own).stop(execution, outcome, hold=hold)
+        if ran and hold and "hold" not in self.own.orders and "hold" in self._manifest.orders:
+            self._by_action("hold", outcome.reason)
 
     @property
     def active(self) -> bool:
