@@ -100,22 +100,20 @@ def _of(own: str, entry: E) -> E:
 
 def _percept(percept: IniPercept, problem: Problem) -> PerceptEntry:
     below = below_mavros(percept.topic)
-    entry = PerceptEntry(driver="zenoh", source=percept.topic, args=percept.args, buf=percept.buf, rate=percept.rate)
+    on_zenoh = PerceptEntry(driver="zenoh", source=percept.topic, args=percept.args, buf=percept.buf, rate=percept.rate)
     if below is None:
-        return entry
+        return on_zenoh
     heard = TOPICS.get(below)
     if heard is None:
         hint = "is not perceived but done: it belongs into the actions manifest" if below in CALLS else ""
         problem("name", _unknown(below, hint, TOPICS))
-        return entry
+        return on_zenoh
     return replace(
-        entry,
+        heard.entry,
         driver="mavlink",
-        source=heard.source,
         args=tuple(_heard(below, arg, heard, "", problem) for arg in percept.args),
-        rate=min(percept.rate, heard.rate) if heard.rate is not None else percept.rate,
-        ttl=heard.ttl,
-        deadband=heard.deadband,
+        buf=percept.buf,
+        rate=percept.rate if heard.entry.rate is None else min(percept.rate, heard.entry.rate),
     )
 
 
@@ -126,6 +124,11 @@ def _heard(below: str, arg: str | Field, heard: Heard, inside: str, problem: Pro
     if found is None:
         known = [one.removeprefix(inside) for one in heard.fields if one.startswith(inside)]
         problem("args", f"mavros/{below} has no field `{inside}{named}` here; there is {', '.join(known)}")
+        return arg
+    listed = any(one.startswith(f"{inside}{named}.") for one in heard.fields)
+    if listed != isinstance(arg, Field):
+        expected = f"is a list of structures: `{named}[](...)`" if listed else "is no list of structures"
+        problem("args", f"mavros/{below}: `{inside}{named}` {expected}")
         return arg
     if isinstance(arg, str):
         return found.field if found == Field(field=found.field) else found
@@ -154,11 +157,17 @@ def _action(action: IniAction, problem: Problem) -> ActionEntry:
             continue
         if action.typed and param.types[0] not in FITS[into.type]:
             problem("params_type", f"`{param.name}` of mavros/{below} is a {into.type}, not a {param.types[0]}")
+        if any(other != param.name and taken.fields[other].field == into.field for other in _names(params)):
+            problem("params_name", f"`{param.name}` of mavros/{below} says the same as another field here")
         params.append(_parameter(param, into, typed=action.typed))
         fields[into.field] = into.value(param.name)
-    for lacking in [name for name in taken.needed if name not in {param.name for param in action.params}]:
+    for lacking in [name for name in taken.needed if name not in _names(action.params)]:
         problem("params_name", f"mavros/{below} needs `{lacking}`")
     return replace(taken.entry, driver="mavlink", params=tuple(params), fields=fields)
+
+
+def _names(params: Iterable[Parameter]) -> list[str]:
+    return [param.name for param in params]
 
 
 def _parameter(param: Parameter, into: Into, *, typed: bool) -> Parameter:

@@ -281,10 +281,17 @@ class Conversation:
         self._tell_state()
 
     def _tell_state(self) -> None:
-        vehicle = self.vehicle
-        mode = vehicle.mode_name if vehicle.connected else ""
-        armed = vehicle.armed and vehicle.connected
-        self._on_reading(Reading("HEARTBEAT", {"mode": mode, "connected": vehicle.connected, "armed": armed}))
+        """The reading HEARTBEAT: what the vehicle says, nothing of it while it is not heard."""
+        vehicle, heard = self.vehicle, self.vehicle.connected
+        fields = {
+            "mode": vehicle.mode_name if heard else "",
+            "connected": heard,
+            "armed": vehicle.armed and heard,
+            "guided": heard and bool(vehicle.base_mode & dialect.MAV_MODE_FLAG_GUIDED_ENABLED),
+            "manual_input": heard and bool(vehicle.base_mode & dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED),
+            "system_status": vehicle.system_status if heard else 0,
+        }
+        self._on_reading(Reading("HEARTBEAT", fields))
 
     def _mode_and_arming(self) -> str:
         return f"{self.vehicle.mode_name}, {'armed' if self.vehicle.armed else 'not armed'}"

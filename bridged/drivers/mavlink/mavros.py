@@ -11,9 +11,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from msgspec.structs import replace
+
 from schemas.durations import Duration
 from schemas.ini_manifest import Method
-from schemas.manifest_entries import ActionEntry, Field, FieldValue, ParameterType, Retry
+from schemas.manifest_entries import ActionEntry, Field, FieldValue, ParameterType, PerceptEntry, Retry
 
 NAMESPACE = "mavros"
 """The ROS namespace of its names; others may stand before it: `uav1/mavros/state`."""
@@ -23,14 +25,10 @@ NAMESPACE = "mavros"
 class Heard:
     """A topic on which mavros tells something of the vehicle."""
 
-    source: str
-    """The MAVLink message."""
+    entry: PerceptEntry
+    """The MAVLink message, its rate at most, and when it is stale; the arguments come from the manifest."""
     fields: Mapping[str, Field]
-    """What each field of the topic is in that message."""
-    rate: float | None = None
-    """Hz that the vehicle is asked for at most; the manifest's own rate may lower it."""
-    ttl: Duration | None = None
-    deadband: float = 0.0
+    """What each field of the topic is in that message; `list.field` is a field of the structures in a list."""
     note: str = ""
     """What differs from mavros, for people."""
 
@@ -50,9 +48,9 @@ class Into:
 
     def value(self, parameter: str) -> str | FieldValue:
         """What the manifest's `fields` says of it."""
-        if self.scale == 1.0 and not self.table:
-            return parameter
-        return FieldValue(param=parameter, scale=self.scale, table=self.table)
+        if self.table:
+            return FieldValue(param=parameter, table=self.table)
+        return parameter if self.scale == 1.0 else FieldValue(param=parameter, scale=self.scale)
 
 
 @dataclass(frozen=True)
@@ -68,32 +66,54 @@ class Taken:
     note: str = ""
 
 
-_POSITION_RATE, _POSITION_TTL = 10.0, Duration(3)
+_POSITION = PerceptEntry(source="GLOBAL_POSITION_INT", rate=10.0, ttl=Duration(3))
 _LATITUDE = Into("lat_int", "float", "deg", -90, 90, scale=1e7)
 _LONGITUDE = Into("lon_int", "float", "deg", -180, 180, scale=1e7)
 _ESTIMATOR = "counted from the estimator's origin, which is where it had its first position"
 
+_WAYPOINT = (
+    "frame", "command", "is_current", "autocontinue", "param1", "param2", "param3", "param4",
+    "x_lat", "y_long", "z_alt",
+)  # fmt: skip
+_VELOCITY = ActionEntry(
+    message="SET_POSITION_TARGET_LOCAL_NED", frame="local", confirm="velocity", deadline=Duration(10), supersedes=True
+)
+_VELOCITY_NOTE = "m/s east, north and up, rad/s to the left; ArduPilot stops after 3 s without a new one"
+_TWIST: Mapping[str, Into] = MappingProxyType({
+    "linear.x": Into("vy", "float", "m/s"),
+    "linear.y": Into("vx", "float", "m/s"),
+    "linear.z": Into("vz", "float", "m/s", scale=-1),
+    "angular.z": Into("yaw_rate", "float", "rad/s", scale=-1),
+})  # fmt: skip
+"""A velocity east-north-up in the fields of one north-east-down."""
+
 TOPICS: Mapping[str, Heard] = MappingProxyType({
-    "state": Heard("HEARTBEAT", {name: Field(field=name) for name in ("mode", "connected", "armed")}),
+    "state": Heard(
+        PerceptEntry(source="HEARTBEAT"),
+        {
+            name: Field(field=name)
+            for name in ("mode", "connected", "armed", "guided", "manual_input", "system_status")
+        },
+    ),
     "global_position/global": Heard(
-        "GLOBAL_POSITION_INT",
+        _POSITION,
         {
             "latitude": Field(field="lat", scale=1e-7),
             "longitude": Field(field="lon", scale=1e-7),
             "altitude": Field(field="alt", scale=1e-3),
         },
-        _POSITION_RATE, _POSITION_TTL,
         note="`altitude` is above mean sea level, as for `setpoint_position/global`; mavros adds the geoid's height",
     ),
     "global_position/rel_alt": Heard(
-        "GLOBAL_POSITION_INT", {"data": Field(field="relative_alt", scale=1e-3)}, _POSITION_RATE, _POSITION_TTL, 0.01
+        replace(_POSITION, deadband=0.01), {"data": Field(field="relative_alt", scale=1e-3)}
     ),
     "global_position/compass_hdg": Heard(
-        "GLOBAL_POSITION_INT", {"data": Field(field="hdg", scale=0.01, absent=65535)}, _POSITION_RATE, _POSITION_TTL,
+        _POSITION,
+        {"data": Field(field="hdg", scale=0.01, absent=65535)},
         note="no percept while the heading is not known; mavros tells NaN",
     ),
     "global_position/local": Heard(
-        "LOCAL_POSITION_NED",
+        PerceptEntry(source="LOCAL_POSITION_NED", rate=10.0, ttl=Duration(3)),
         {
             "pose.pose.position.x": Field(field="y"),
             "pose.pose.position.y": Field(field="x"),
@@ -102,11 +122,10 @@ TOPICS: Mapping[str, Heard] = MappingProxyType({
             "twist.twist.linear.y": Field(field="vx"),
             "twist.twist.linear.z": Field(field="vz"),
         },
-        _POSITION_RATE, _POSITION_TTL,
         note=f"{_ESTIMATOR}; `twist.twist.linear.z` counts downwards, as mavros tells it",
     ),
     "home_position/home": Heard(
-        "HOME_POSITION",
+        PerceptEntry(source="HOME_POSITION"),
         {
             "geo.latitude": Field(field="latitude", scale=1e-7),
             "geo.longitude": Field(field="longitude", scale=1e-7),
@@ -118,14 +137,28 @@ TOPICS: Mapping[str, Heard] = MappingProxyType({
         note="`geo.altitude` is above mean sea level; mavros adds the geoid's height",
     ),
     "battery": Heard(
-        "SYS_STATUS",
+        PerceptEntry(source="SYS_STATUS", rate=1.0, ttl=Duration(10)),
         {
             "voltage": Field(field="voltage_battery", scale=1e-3, absent=65535),
             "current": Field(field="current_battery", scale=-0.01, absent=-1),
             "percentage": Field(field="battery_remaining", scale=0.01, absent=-1),
         },
-        1.0, Duration(10),
         note="the first battery; a current that is drawn is negative, as in ROS",
+    ),
+    "mission/waypoints": Heard(
+        PerceptEntry(source="MISSION_LIST"),
+        {"waypoints": Field(field="waypoints")} | {f"waypoints.{name}": Field(field=name) for name in _WAYPOINT},
+        note="told when a mission was sent or read; the first is home, as mavros tells it",
+    ),
+    "mission/reached": Heard(PerceptEntry(source="MISSION_ITEM_REACHED"), {"wp_seq": Field(field="seq")}),
+    "param/param_value": Heard(
+        PerceptEntry(source="PARAM"),
+        {
+            "param_id": Field(field="name"),
+            "value.integer": Field(field="value"),
+            "value.real": Field(field="value"),
+        },
+        note="of parameters that were asked for or set; both forms of the value are the value",
     ),
 })  # fmt: skip
 """By the name below `mavros/`: what can be perceived."""
@@ -188,6 +221,70 @@ CALLS: Mapping[str, Taken] = MappingProxyType({
         },
         ("pose.position.latitude", "pose.position.longitude", "pose.position.altitude"),
         note="`altitude` is above mean sea level; succeeds when the vehicle has taken the target",
+    ),
+    "setpoint_position/local": Taken(
+        "topic",
+        ActionEntry(
+            message="SET_POSITION_TARGET_LOCAL_NED", frame="local", confirm="target", deadline=Duration(30),
+            supersedes=True,
+        ),
+        {
+            "pose.position.x": Into("y", "float", "m"),
+            "pose.position.y": Into("x", "float", "m"),
+            "pose.position.z": Into("z", "float", "m", scale=-1),
+        },
+        ("pose.position.x", "pose.position.y", "pose.position.z"),
+        note=f"metres east, north and up, {_ESTIMATOR}; succeeds when the vehicle has taken the target",
+    ),
+    "setpoint_velocity/cmd_vel_unstamped": Taken(
+        "topic", _VELOCITY, _TWIST, ("linear.x", "linear.y"), note=_VELOCITY_NOTE
+    ),
+    "setpoint_velocity/cmd_vel": Taken(
+        "topic", _VELOCITY, {f"twist.{name}": into for name, into in _TWIST.items()},
+        ("twist.linear.x", "twist.linear.y"), note=_VELOCITY_NOTE,
+    ),
+    "rc/override": Taken(
+        "topic",
+        ActionEntry(message="RC_CHANNELS_OVERRIDE", confirm="rc", deadline=Duration(15), motion=False),
+        {"channels": Into("channels", "list", "us")},
+        ("channels",),
+        note="succeeds when the vehicle shows the channels; ArduPilot takes them from its ground station only",
+    ),
+    "cmd/command": Taken(
+        "service",
+        ActionEntry(call="command", confirm="ack", deadline=Duration(30)),
+        {"command": Into("command", "int")} | {f"param{n}": Into(f"param{n}") for n in range(1, 8)},
+        ("command",),
+        note="succeeds when the vehicle's state shows it, where it does; else when the vehicle accepts it",
+    ),
+    "mission/push": Taken(
+        "service",
+        ActionEntry(call="mission_upload", fields={"home_first": True}, deadline=Duration(120), motion=False),
+        {"waypoints": Into("items", "list")},
+        ("waypoints",),
+        note="the first waypoint stands for home, as ArduPilot has it with mavros; always the whole mission",
+    ),
+    "mission/pull": Taken("service", ActionEntry(call="mission_download", deadline=Duration(120), motion=False)),
+    "mission/clear": Taken("service", ActionEntry(call="mission_clear", deadline=Duration(30), motion=False)),
+    "mission/set_current": Taken(
+        "service",
+        ActionEntry(call="mission_set_current", deadline=Duration(30), motion=False),
+        {"wp_seq": Into("seq", "int", min=0)},
+        ("wp_seq",),
+    ),
+    "param/get": Taken(
+        "service",
+        ActionEntry(call="param_get", deadline=Duration(30), motion=False),
+        {"param_id": Into("name", "string")},
+        ("param_id",),
+        note="the value comes as a percept of `param/param_value`",
+    ),
+    "param/set": Taken(
+        "service",
+        ActionEntry(call="param_set", deadline=Duration(30), motion=False),
+        {"param_id": Into("name", "string"), "value.integer": Into("value", "int"), "value.real": Into("value")},
+        ("param_id",),
+        note="one form of the value, whichever the manifest has; succeeds when the vehicle tells it back",
     ),
 })  # fmt: skip
 """By the name below `mavros/`: what can be done."""

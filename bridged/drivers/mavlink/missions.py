@@ -28,8 +28,13 @@ START = Retry(times=2)
 
 
 def upload_mission(flight: Flight, task: Task, call: Call) -> Steps:
-    """`mission_upload`: every item within the limits, acknowledged, and as many counted back."""
+    """`mission_upload`: every item within the limits, acknowledged, and as many counted back.
+
+    With `home_first` the first item stands for home, as in ArduPilot's own numbering: the vehicle keeps its own.
+    """
     said = call.arguments["items"]
+    if call.arguments.get("home_first") is True and isinstance(said, list):
+        said = said[1:]
     try:
         items = read_items(said, AMSL if call.frame == dialect.MAV_FRAME_GLOBAL_INT else RELATIVE)
     except ValueError as error:

@@ -124,7 +124,7 @@ MESSAGES: Mapping[str, MessageOffer] = MappingProxyType({
 
 CALLS: Mapping[str, CallOffer] = MappingProxyType({
     "mission_upload": CallOffer(
-        ("items",), Offer(missions.upload_mission, _ITEMS), ("items",), frames=GLOBAL_FRAMES
+        ("items", "home_first"), Offer(missions.upload_mission, _ITEMS), ("items",), frames=GLOBAL_FRAMES
     ),
     "mission_download": CallOffer((), Offer(missions.download_mission, _ITEMS)),
     "mission_start": CallOffer(

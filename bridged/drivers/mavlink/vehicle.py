@@ -64,6 +64,10 @@ class Vehicle:
         """Time of the last HEARTBEAT."""
         self.mode = -1
         self.armed = False
+        self.base_mode = 0
+        """MAV_MODE_FLAG bits of its HEARTBEAT."""
+        self.system_status = 0
+        """MAV_STATE of its HEARTBEAT."""
         self.landed_state = 0
         self.prearm_ok = False
         self.ekf_flags = 0
@@ -115,6 +119,7 @@ class Vehicle:
                 if message.type != self.type:
                     self.type = message.type
                     self.modes = table_of(self.declared, message.type)
+                self.base_mode, self.system_status = message.base_mode, message.system_status
                 self.armed = bool(message.base_mode & _ARMED)
             case "GLOBAL_POSITION_INT":
                 self._clock(message.time_boot_ms)

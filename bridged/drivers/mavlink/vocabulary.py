@@ -23,7 +23,7 @@ from schemas.findings import Finding
 from schemas.manifest import ActionEntry, FieldValue, Manifest, PerceptEntry
 
 OWN_FIELDS: Mapping[str, tuple[str, ...]] = {
-    "HEARTBEAT": ("mode", "connected", "armed"),
+    "HEARTBEAT": ("mode", "connected", "armed", "guided", "manual_input", "system_status"),
     "OVERRIDE": ("mode",),
     "LINK": ("state",),
     "PARAM": ("name", "value"),
