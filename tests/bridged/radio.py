@@ -1,0 +1,141 @@
+"""Vehicles that only say and hear what a test wants, on real sockets, and drivers of robots at one link."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.driver import MavlinkDriver
+from bridged.drivers.mavlink.signing import Signing
+from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
+from bridged.drivers.robot import Reading, Setup
+from commd.clock import Clock
+from schemas.manifest import Manifest, load_manifest
+from schemas.mission import Robot, read_mission
+
+COPTER = load_manifest("arducopter")
+BEAT = dialect.MAVLink_heartbeat_message(2, 3, 1, 4, 4, 3)
+STATION_BEAT = dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+
+
+def place(altitude: float = 5.0) -> dialect.MAVLink_message:
+    """A GLOBAL_POSITION_INT at so many metres above home."""
+    height = round(altitude * 1000)
+    return dialect.MAVLink_global_position_int_message(0, -276040330, -485183630, height, height, 0, 0, 0, 0)
+
+
+class Speaker:
+    """One end of a UDP link that a test speaks and listens with."""
+
+    def __init__(self, port: int = 0, system: int = 1, component: int = 1, signing: Signing | None = None) -> None:
+        """Speaks to a port of this machine; without one to whom it last heard, from its own `port`."""
+        self._socket = socket.socket(type=socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._socket.bind(("127.0.0.1", 0))
+        self.port = self._socket.getsockname()[1]
+        self._to = ("127.0.0.1", port) if port else None
+        self.encoder = Encoder(system, component, signing)
+        self._framer = Framer(WireCounters())
+        self.heard: list[dialect.MAVLink_message] = []
+        self.raw: list[bytes] = []
+
+    def say(self, *messages: dialect.MAVLink_message) -> bytes:
+        """Send messages, each in a datagram of its own; returns the last one."""
+        packet = b""
+        for message in messages:
+            packet = self.encoder.pack(message)
+            self.send(packet)
+        return packet
+
+    def send(self, packet: bytes) -> None:
+        """Send a datagram."""
+        if self._to is None:
+            self.listen()
+        assert self._to is not None, "nobody has spoken to this end yet"
+        self._socket.sendto(packet, self._to)
+
+    def listen(self) -> list[dialect.MAVLink_message]:
+        """Everything heard so far."""
+        with suppress(BlockingIOError):
+            while True:
+                data, address = self._socket.recvfrom(4096)
+                self._to = self._to or address
+                self.raw.append(data)
+                self.heard += self._framer.feed_datagram(data)
+        return self.heard
+
+    def kinds(self, *ids: int) -> set[str]:
+        """What kinds of messages were heard, from everybody or from one pair of ids."""
+        return {one.get_type() for one in self.listen() if not ids or spoken_as(one) == ids}
+
+    def close(self) -> None:
+        """Free the socket."""
+        self._socket.close()
+
+
+def spoken_as(message: dialect.MAVLink_message) -> tuple[int, int]:
+    """The ids of the sender."""
+    return message.get_srcSystem(), message.get_srcComponent()
+
+
+def robot_of(fields: str) -> Robot:
+    """A robot of a mission file, by its fields in YAML's flow style."""
+    text = f"mission: test\nagents: {{a: {{program: a.asl}}}}\nrobots:\n  uav: {{manifest: arducopter, {fields}}}\n"
+    return read_mission(text, Path("test.yaml")).robots["uav"]
+
+
+class Ride:
+    """A driver that runs, and what its robot said."""
+
+    def __init__(self, name: str, robot: Robot, shared: dict[str, Any], state: Path, manifest: Manifest) -> None:
+        self.readings: list[Reading] = []
+        self.steps: Callable[[], None] = lambda: None
+        self.driver = MavlinkDriver(
+            Setup(
+                name,
+                manifest,
+                robot,
+                Path(),
+                Clock(),
+                self.readings.append,
+                lambda: self.steps(),
+                state=state,
+                shared=shared,
+            )
+        )
+        self.running = asyncio.create_task(self.driver.run())
+
+    @property
+    def open(self) -> bool:
+        """Whether its link is open."""
+        return "bad_checksums" in self.driver.counters()
+
+    def count(self, source: str) -> int:
+        """Readings of a source so far."""
+        return sum(reading.source == source for reading in self.readings)
+
+    async def leave(self) -> None:
+        """End the driver."""
+        self.running.cancel()
+        await asyncio.gather(self.running, return_exceptions=True)
+
+
+@asynccontextmanager
+async def riding(*fields: str, state: Path = Path(), manifest: Manifest = COPTER) -> AsyncIterator[list[Ride]]:
+    """Drivers of robots with these fields, in one process, while the block lasts; their links are open."""
+    shared: dict[str, Any] = {}
+    rides = [Ride(f"uav{at}", robot_of(one), shared, state, manifest) for at, one in enumerate(fields, 1)]
+    try:
+        async with asyncio.timeout(20):
+            while not all(ride.open or ride.running.done() for ride in rides):
+                await asyncio.sleep(0.005)
+        yield rides
+    finally:
+        for ride in rides:
+            await ride.leave()
