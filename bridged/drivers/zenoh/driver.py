@@ -92,13 +92,13 @@ class ZenohDriver:
             execution.end(Outcome("refused", str(error)))
             return execution
         if entry.service:
-            self._begin(execution, self._ask(execution, entry.service, self._services[entry.service], payload))
+            self._begin(execution, self._ask(execution, entry, self._services[entry.service], payload))
             return execution
         topic = self._topics[entry.topic, entry.latch]
         if topic.heard:
             execution.end(self._put(topic, payload))
         else:
-            self._begin(execution, self._put_when_heard(execution, topic, payload))
+            self._begin(execution, self._put_when_heard(execution, entry, topic, payload))
         return execution
 
     def refuses(self, entry: ActionEntry) -> str:
@@ -180,17 +180,18 @@ class ZenohDriver:
         self._counts["puts"] += 1
         return Outcome("succeeded")
 
-    async def _put_when_heard(self, execution: Execution, topic: Topic, payload: bytes) -> Outcome:
+    async def _put_when_heard(self, execution: Execution, entry: ActionEntry, topic: Topic, payload: bytes) -> Outcome:
         execution.waits_for = f"somebody to listen on {topic.key}"
-        if not await _seen(lambda: topic.heard):
+        if not await self._seen(lambda: topic.heard, entry):
             return self._nobody(f"nobody listens on {topic.key}")
         return self._put(topic, payload)
 
-    async def _ask(self, execution: Execution, name: str, querier: Querier, payload: bytes) -> Outcome:
+    async def _ask(self, execution: Execution, entry: ActionEntry, querier: Querier, payload: bytes) -> Outcome:
         """Ask all who serve a key: the first that says no decides, and otherwise all must have said yes."""
+        name = entry.service
         key = self._key(name)
         execution.waits_for = f"somebody to serve {key}"
-        if not await _seen(lambda: querier.matching):
+        if not await self._seen(lambda: querier.matching, entry):
             return self._nobody(f"nobody serves {key}")
         execution.waits_for = f"the reply of {key}"
         self._counts["asked"] += 1
@@ -214,6 +215,16 @@ class ZenohDriver:
             return Outcome("failed", f"{key}: {error}")
         return good or Outcome("failed", f"{key} ended without a reply")
 
+    async def _seen(self, look: Callable[[], bool], entry: ActionEntry) -> bool:
+        """Whether somebody is seen within `DISCOVERY`, and well before the deadline."""
+        loop = asyncio.get_running_loop()
+        until = loop.time() + min(DISCOVERY, self._clock.to_wall(entry.deadline) / 2)
+        while not look():
+            if loop.time() >= until:
+                return False
+            await asyncio.sleep(LOOK_EVERY)
+        return True
+
     def _nobody(self, said: str) -> Outcome:
         self._counts["unheard"] += 1
         away = "" if self._bus.router_up else ": the router is away"
@@ -230,14 +241,3 @@ def _renew(declared: dict[Any, Any], wanted: set[Any], declare: Callable[[Any], 
         declared.pop(name).close()
     for name in wanted - declared.keys():
         declared[name] = declare(name)
-
-
-async def _seen(look: Callable[[], bool]) -> bool:
-    """Whether somebody is seen within `DISCOVERY`."""
-    loop = asyncio.get_running_loop()
-    until = loop.time() + DISCOVERY
-    while not look():
-        if loop.time() >= until:
-            return False
-        await asyncio.sleep(LOOK_EVERY)
-    return True

@@ -1,0 +1,296 @@
+"""The simulated turtle: how it moves, and how agents drive it through the bridge daemon on real Zenoh."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import signal
+import time
+from argparse import Namespace
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bridged.daemon import serve
+from bridged.simulation.turtle import FIELD, STEP, Pen, Turtle, svg
+from bridged.simulation.turtle_process import simulate
+from commd.bus import Bus, open_bus
+from commd.raw import Sample
+from schemas import keys
+from schemas.mission import Mission, load_mission, read_mission
+from schemas.records import Action, ActionStatus, Health, Outcome, Perception, StopOrder
+from schemas.terms import Term
+from tests.support.buses import subscribed, until
+from tests.support.processes import running
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+LAMP = """
+mission: lamp
+agents: {artist: {program: a.asl, robot: turtle}}
+robots: {turtle: {manifest: lamp.toml, prefix: hall}}
+"""
+LAMP_MANIFEST = """
+[robot]
+driver = "zenoh"
+[percepts.count]
+source = "count"
+args = ["n"]
+rate = 20
+[percepts.names]
+source = "count"
+args = ["name.first"]
+"""
+
+
+def moved(turtle: Turtle, seconds: float) -> Turtle:
+    for _ in range(round(seconds / STEP)):
+        turtle.step()
+    return turtle
+
+
+def test_a_command_holds_for_a_second() -> None:
+    turtle = Turtle(x=1, y=2)
+    turtle.command(1.5, 0, 0)
+    assert moved(turtle, 0.496).pose() == {
+        "x": pytest.approx(1.744),
+        "y": 2,
+        "theta": 0,
+        "linear_velocity": 1.5,
+        "angular_velocity": 0,
+    }
+    assert moved(turtle, 5).x == pytest.approx(2.5, abs=0.03)
+    assert turtle.pose()["linear_velocity"] == 0
+
+
+def test_it_turns_to_the_left_and_moves_where_it_looks() -> None:
+    turtle = Turtle(x=5, y=5)
+    turtle.command(0, 0, math.pi / 2)
+    moved(turtle, 2)
+    assert turtle.theta == pytest.approx(math.pi / 2, abs=0.03)
+    turtle.command(1, 1, 0)
+    moved(turtle, 2)
+    assert (turtle.x, turtle.y) == (pytest.approx(4, abs=0.05), pytest.approx(6, abs=0.05))
+    turtle.command(0, 0, 4)
+    moved(turtle, 2)
+    assert -math.pi <= turtle.theta <= math.pi
+
+
+def test_walls_stop_it() -> None:
+    turtle = Turtle()
+    turtle.command(10, 0, 0)
+    moved(turtle, 2)
+    assert turtle.x == FIELD
+    assert turtle.walls_hit == 1
+
+
+def test_it_draws_straight_lines_in_one_stroke_and_nothing_with_the_pen_off() -> None:
+    turtle = Turtle(x=1, y=1)
+    turtle.command(2, 0, 0)
+    moved(turtle, 1)
+    assert len(turtle.strokes) == 1
+    turtle.pen = Pen(off=True)
+    turtle.teleport(5, 5, 1)
+    assert len(turtle.strokes) == 1
+    turtle.pen = Pen(r=255, width=5)
+    turtle.teleport_by(1, -1)
+    assert (turtle.strokes[1].start, turtle.strokes[1].end) == ((5, 5), (6, 5))
+    assert svg(turtle).count("<line") == 2
+    turtle.clear()
+    assert turtle.strokes == []
+    turtle.reset()
+    assert turtle == Turtle()
+
+
+def test_it_is_not_teleported_out_of_its_field() -> None:
+    turtle = Turtle()
+    with pytest.raises(ValueError, match=r"x: 20 is outside the field, 0\.\.11\.11"):
+        turtle.teleport(20, 1, 0)
+    assert turtle == Turtle()
+
+
+class Studio:
+    """The bridge daemon with a turtle, a client that is its agent, and what both say."""
+
+    def __init__(self, mission: Mission, bus: Bus, turtle: Turtle) -> None:
+        self.mission, self.bus, self.turtle = mission, bus, turtle
+        self.agent = next(iter(mission.agents))
+        self.percepts: dict[str, Perception] = {}
+        self.told = 0
+        self.health = Health()
+        self.leave = asyncio.Event()
+        """Ends the turtle."""
+        self._ids = 0
+        bus.subscribe(keys.percept(bus.fleet, self.agent, "*"), Perception, self._perceive)
+        bus.subscribe(keys.health(bus.fleet, "turtle", "bridged"), Health, self._hear)
+
+    async def do(self, name: str, *parameters: Term) -> ActionStatus:
+        """Perform an action by a query, as an agent does."""
+        self._ids += 1
+        action = Action(id=f"{self.agent}:t:{self._ids}", parameters=parameters)
+        key = keys.action(self.bus.fleet, self.agent, name)
+        heard = [one.record async for one in self.bus.query(key, action, ActionStatus, 20)]
+        assert heard, "nobody serves the action"
+        assert heard[-1] is not None
+        return heard[-1]
+
+    def values(self, name: str) -> tuple[Term, ...]:
+        """The arguments of a percept, none if it is not there."""
+        perception = self.percepts.get(name)
+        return () if perception is None or perception.update == "remove" else perception.parameters
+
+    def _perceive(self, key: str, perception: Perception) -> None:
+        self.told += 1
+        self.percepts[perception.name] = perception
+
+    def _hear(self, key: str, health: Health) -> None:
+        self.health = health
+
+
+def in_the_studio(
+    endpoint: str,
+    state: Path,
+    body: Callable[[Studio], Coroutine[Any, Any, None]],
+    *,
+    mission: Mission | None = None,
+    simulated: bool = True,
+) -> None:
+    """Run `body(studio)` while the daemon serves; bounded in wall seconds."""
+    declared = mission or load_mission(MISSIONS / "turtle.yaml")
+
+    def bus(name: str, mode: str) -> Any:
+        kind = "router" if mode == "router" else "client"
+        return open_bus(
+            endpoint, fleet=declared.fleet, name=name, daemon="agentd", stamp=time.time_ns, mode=kind, patience=10
+        )
+
+    async def everything() -> None:
+        async with asyncio.timeout(40), bus("board", "router"), bus("artist", "client") as client:
+            studio, stop = Studio(declared, client, Turtle()), asyncio.Event()
+            arguments = Namespace(
+                robots=["turtle"], router=endpoint, speed=None, state=state, link=None, simulated=True
+            )
+            daemon = asyncio.create_task(serve(declared, arguments, stop))
+            tasks = [daemon]
+            if simulated:
+                living = simulate(studio.turtle, endpoint, "turtle1/", declared.speed, studio.leave)
+                tasks.append(asyncio.create_task(living))  # type: ignore[arg-type]
+            try:
+                await body(studio)
+                stop.set()
+                assert await daemon == 0
+            finally:
+                studio.leave.set()
+                stop.set()
+                await asyncio.gather(*tasks, return_exceptions=True)
+
+    asyncio.run(everything())
+
+
+def test_an_agent_drives_it_and_perceives_where_it_is(endpoint: str, tmp_path: Path) -> None:
+    async def body(studio: Studio) -> None:
+        await until(lambda: bool(studio.values("pose")), "the pose is perceived")
+        x, y, _ = studio.values("pose")
+        assert (await studio.do("cmd_vel", 1.5, 0, 0)).state == "succeeded"
+        await until(lambda: studio.values("pose")[0] > x + 1.4, "it has moved")  # type: ignore[operator]
+        assert studio.values("pose")[1] == y
+        assert (await studio.do("set_pen", 255, 0, 0, 2, True)).state == "succeeded"
+        assert studio.turtle.pen == Pen(255, 0, 0, 2, True)
+        assert (await studio.do("teleport", 2, 3, 0.5)).state == "succeeded"
+        await until(lambda: studio.values("pose") == (2, 3, 0.5), "it is perceived there")
+        status = await studio.do("teleport", 20, 3, 0.5)
+        assert status.state == "failed"
+        assert status.reason == "turtle1/teleport_absolute: x: 20 is outside the field, 0..11.11"
+        assert (await studio.do("set_pen", 256, 0, 0, 2, True)).state == "refused"
+        assert (await studio.do("reset")).state == "succeeded"
+        assert (studio.turtle.x, studio.turtle.pen) == (FIELD / 2, Pen())
+
+    in_the_studio(endpoint, tmp_path, body)
+
+
+def test_it_stands_at_the_operators_word_and_is_missed_when_it_is_gone(endpoint: str, tmp_path: Path) -> None:
+    async def body(studio: Studio) -> None:
+        await until(lambda: bool(studio.values("pose")), "the pose is perceived")
+        assert (await studio.do("cmd_vel", 1, 0, 0)).state == "succeeded"
+        await until(lambda: studio.turtle.linear[0] == 1, "it moves")
+        stop = keys.stop(studio.bus.fleet, "turtle")
+        (reply,) = [one async for one in studio.bus.query(stop, StopOrder(order="hold"), Outcome, 10)]
+        assert reply.record is not None
+        assert reply.record.ok
+        await until(lambda: studio.turtle.linear == (0, 0), "it stands")
+        assert (await studio.do("cmd_vel", 1, 0, 0)).reason == "operator: hold"
+        assert [one async for one in studio.bus.query(stop, StopOrder(order="release"), Outcome, 10)]
+        studio.leave.set()
+        await until(lambda: not studio.values("pose"), "the pose is gone")
+        status = await studio.do("cmd_vel", 1, 0, 0)
+        assert (status.state, status.reason) == ("failed", "nobody listens on turtle1/cmd_vel")
+        status = await studio.do("clear")
+        assert (status.state, status.reason) == ("failed", "nobody serves turtle1/clear")
+
+    in_the_studio(endpoint, tmp_path, body)
+
+
+def test_the_papers_listings_drive_it_unchanged(endpoint: str, tmp_path: Path) -> None:
+    async def body(studio: Studio) -> None:
+        await until(lambda: bool(studio.values("pose")), "the pose is perceived")
+        x, _, _ = studio.values("pose")
+        assert isinstance(x, float)
+        assert (await studio.do("cmd_vel", 1.5, 0.0, 0.0)).state == "succeeded"
+        await until(lambda: studio.values("pose")[0] > x + 1.4, "it has moved")  # type: ignore[operator]
+
+    in_the_studio(endpoint, tmp_path, body, mission=load_mission(MISSIONS / "paper_turtle.yaml"))
+
+
+def test_500_samples_a_second_are_read_and_told_as_often_as_the_manifest_says(endpoint: str, tmp_path: Path) -> None:
+    seconds, rate = 2, 500
+
+    async def body(studio: Studio) -> None:
+        await subscribed(studio.bus, "hall/count")
+        publisher = studio.bus.raw.publisher("hall/count")
+        await until(lambda: publisher.matching, "the bridge listens")
+        begin = asyncio.get_running_loop().time()
+        for number in range(seconds * rate):
+            publisher.put(json.dumps({"n": number, "name": "x"}).encode(), "application/json")
+            await asyncio.sleep(begin + number / rate - asyncio.get_running_loop().time())
+        await until(lambda: studio.values("count") == (seconds * rate - 1,), "the newest is told")
+        assert 5 < studio.told < 1.5 * seconds * 20 + 5
+        await until(lambda: studio.health.counters.get("samples", 0) >= seconds * rate, "all are counted")
+        assert studio.health.counters["samples_dropped"] == 0
+        assert studio.health.counters["percepts_unreadable"] == seconds * rate, "a text has no field `first`"
+        publisher.put(b"{", "application/json")
+        await until(lambda: studio.health.bad_input == 1, "what cannot be read is counted")
+        assert any(note.startswith("hall/count: 1 of 1001 samples cannot") for note in studio.health.notes)
+
+    (tmp_path / "lamp.toml").write_text(LAMP_MANIFEST)
+    mission = read_mission(LAMP, tmp_path / "lamp.yaml")
+    in_the_studio(endpoint, tmp_path, body, mission=mission, simulated=False)
+
+
+def test_as_a_process_it_ends_when_it_is_told_and_leaves_its_drawing(endpoint: str, tmp_path: Path) -> None:
+    async def draw(process: Any) -> None:
+        async with open_bus(endpoint, fleet="t", name="b", daemon="commd", stamp=time.time_ns, mode="router") as bus:
+            await asyncio.to_thread(process.says, "simulated turtle on zoo/leo/*")
+            poses: list[Sample] = []
+            bus.raw.subscribe("zoo/leo/pose", poses.append)
+            driver = bus.raw.publisher("zoo/leo/cmd_vel")
+            await until(lambda: driver.matching and bool(poses), "the turtle is there")
+            driver.put(b'{"linear": {"x": 4}}', "")
+            await until(lambda: json.loads(poses[-1].payload)["x"] > 7, "it moves")
+            driver.put(b'{"linear": {"x": "fast"}}', "")
+            await asyncio.to_thread(process.says, "zoo/leo/cmd_vel: Expected `float`, got `str` - at `$.linear.x`")
+            process.signal(signal.SIGTERM)
+            assert await asyncio.to_thread(process.ends) == 0
+
+    picture = tmp_path / "turtle.svg"
+    options = ["--router", endpoint, "--prefix", "zoo", "--name", "leo", "--draw", str(picture)]
+    with running("bridged", "simulate", "turtle", *options) as process:
+        asyncio.run(draw(process))
+    assert "<line" in picture.read_text()
+
+
+def test_it_is_told_what_is_wrong_with_its_name() -> None:
+    with running("bridged", "simulate", "turtle", "--name", "a*") as process:
+        assert process.ends() == 2
+        assert "`a*`: expected a key without wildcards" in process.text
