@@ -19,10 +19,7 @@ Rule = Callable[[Any], Iterator[Wrong]]
 
 FUNCTOR = re.compile(r"[a-z][A-Za-z0-9_]*", re.ASCII)
 RESERVED = {
-    "percepts": {
-        "feedback": "what the bridge itself tells of running actions",
-        "link": "what the bridge itself tells of the robot's link",
-    },
+    "percepts": {"feedback": "what the bridge itself tells of running actions"},
     "actions": {
         "hand_over": "how an agent hands the robot to another one",
         "release": "how an agent lets go of the robot",
