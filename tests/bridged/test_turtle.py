@@ -9,6 +9,7 @@ import signal
 import time
 from argparse import Namespace
 from collections.abc import Callable, Coroutine
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -241,6 +242,25 @@ def test_the_papers_listings_drive_it_unchanged(endpoint: str, tmp_path: Path) -
         await until(lambda: studio.values("pose")[0] > x + 1.4, "it has moved")  # type: ignore[operator]
 
     in_the_studio(endpoint, tmp_path, body, mission=load_mission(MISSIONS / "paper_turtle.yaml"))
+
+
+def test_the_missions_agent_draws_a_square(endpoint: str, tmp_path: Path) -> None:
+    speed = 10.0
+    file = MISSIONS / "turtle.yaml"
+
+    async def body(studio: Studio) -> None:
+        options = ["--router", endpoint, "--state", str(tmp_path), "--speed", f"{speed:g}"]
+        with running("agentd", "serve", str(file), "artist", *options) as agent:
+            await asyncio.to_thread(agent.says, "[artist] drawn")
+        turtle = studio.turtle
+        assert (turtle.x, turtle.y) == (pytest.approx(3, abs=0.2), pytest.approx(3, abs=0.2))
+        drawn = [stroke.end for stroke in turtle.strokes if not stroke.pen.off]
+        for corner in ((8, 3), (8, 8), (3, 8)):
+            assert min(math.dist(corner, end) for end in drawn) < 0.2, corner
+        off_the_edges = [(x, y) for x, y in drawn if min(abs(x - 3), abs(x - 8), abs(y - 3), abs(y - 8)) > 0.5]
+        assert off_the_edges == []
+
+    in_the_studio(endpoint, tmp_path, body, mission=replace(load_mission(file), speed=speed))
 
 
 def test_500_samples_a_second_are_read_and_told_as_often_as_the_manifest_says(endpoint: str, tmp_path: Path) -> None:
