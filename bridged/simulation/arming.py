@@ -27,4 +27,6 @@ def arming_problems(copter: "Copter") -> list[str]:
         problems.append("Need Position Estimate")
     if copter.home is not None and copter.fence.breach(copter.motion.position, copter.home_on_chart):
         problems.append("vehicle outside fence")
+    if copter.battery.shortage or copter.battery.empty:
+        problems.append("Battery failsafe")
     return problems

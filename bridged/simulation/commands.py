@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation import telemetry
 from bridged.simulation.arming import arming_problems
-from bridged.simulation.copter import Copter, Result
+from bridged.simulation.copter import Copter, Result, whole
 from bridged.simulation.events import Severity
 from bridged.simulation.geo import Place
 from bridged.simulation.mission import GLOBAL_FRAMES, RELATIVE_FRAMES
@@ -70,11 +70,6 @@ class Desk:
         return action(self, command) if action is not None else Result.UNSUPPORTED
 
 
-def _number(value: float) -> int:
-    """A whole number from a field that any sender can fill with anything."""
-    return int(value) if math.isfinite(value) and abs(value) < 2**31 else -1
-
-
 def altitude(copter: Copter, frame: int, z: float) -> float | None:
     """Metres above mean sea level of an altitude in a frame; None if the frame has none or the value is no altitude."""
     if not math.isfinite(z) or abs(z) > 100_000:
@@ -86,9 +81,9 @@ def altitude(copter: Copter, frame: int, z: float) -> float | None:
 
 
 def _set_mode(desk: Desk, command: Command) -> Result:
-    if not _number(command.params[0]) & 1:
+    if not whole(command.params[0]) & 1:
         return Result.DENIED
-    return desk.copter.set_mode(_number(command.params[1]))
+    return desk.copter.set_mode(whole(command.params[1]))
 
 
 def _enter(mode: Mode) -> "Action":
@@ -132,7 +127,7 @@ def _reposition(desk: Desk, command: Command) -> Result:
     except ValueError:
         return Result.DENIED
     if copter.mode is not Mode.GUIDED:
-        if not _number(command.params[1]) & 1:
+        if not whole(command.params[1]) & 1:
             return Result.DENIED
         if copter.set_mode(Mode.GUIDED) is not Result.ACCEPTED:
             return Result.FAILED
@@ -142,22 +137,29 @@ def _reposition(desk: Desk, command: Command) -> Result:
 
 
 def _turn(desk: Desk, command: Command) -> Result:
-    copter = desk.copter
-    angle, _, direction, relative = command.params
-    if copter.mode is not Mode.GUIDED or not math.isfinite(angle) or not 0 <= angle <= 360:
-        return Result.FAILED
-    heading = math.radians(angle)
-    if relative == 1.0:
-        heading = copter.motion.heading + (heading if direction >= 0 else -heading)
-    copter.flight.heading_wish = heading % (2 * math.pi)
-    return Result.ACCEPTED
+    return desk.copter.turn(*command.params)
 
 
 def _change_speed(desk: Desk, command: Command) -> Result:
-    kind, speed = _number(command.params[0]), command.params[1]
-    if kind not in (0, 1) or not math.isfinite(speed) or not 0.2 <= speed <= 50:
+    return desk.copter.change_speed(command.params[0], command.params[1])
+
+
+def _set_servo(desk: Desk, command: Command) -> Result:
+    return desk.copter.set_servo(command.params[0], command.params[1])
+
+
+def _repeat_servo(desk: Desk, command: Command) -> Result:
+    return desk.copter.repeat_servo(*command.params)
+
+
+def _grip(desk: Desk, command: Command) -> Result:
+    return desk.copter.grip(command.params[1])
+
+
+def _set_mission_item(desk: Desk, command: Command) -> Result:
+    if not desk.copter.jump_to(whole(command.params[0])):
         return Result.FAILED
-    desk.copter.flight.cruise_speed = speed
+    desk.after.append(telemetry.mission_current(desk.copter))
     return Result.ACCEPTED
 
 
@@ -210,12 +212,12 @@ def _send(message: int) -> "Action":
 
 
 def _request_message(desk: Desk, command: Command) -> Result:
-    wanted = _number(command.params[0])
+    wanted = whole(command.params[0])
     return _send(wanted)(desk, command) if wanted in telemetry.BUILDERS else Result.FAILED
 
 
 def _set_interval(desk: Desk, command: Command) -> Result:
-    wanted, interval_us = _number(command.params[0]), command.params[1]
+    wanted, interval_us = whole(command.params[0]), command.params[1]
     if not math.isfinite(interval_us):
         return Result.DENIED
     if desk.streams.set(wanted, interval_us, desk.copter.now):
@@ -225,7 +227,7 @@ def _set_interval(desk: Desk, command: Command) -> Result:
 
 
 def _get_interval(desk: Desk, command: Command) -> Result:
-    wanted = _number(command.params[0])
+    wanted = whole(command.params[0])
     if not 0 <= wanted <= 65535:
         return Result.FAILED
     desk.ahead.append(dialect.MAVLink_message_interval_message(wanted, desk.streams.interval_us(wanted)))
@@ -244,7 +246,11 @@ _ACTIONS: dict[int, Action] = {
     dialect.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
     dialect.MAV_CMD_DO_SET_HOME: _set_home,
     dialect.MAV_CMD_DO_REPOSITION: _reposition,
+    dialect.MAV_CMD_DO_SET_SERVO: _set_servo,
+    dialect.MAV_CMD_DO_REPEAT_SERVO: _repeat_servo,
     dialect.MAV_CMD_DO_FENCE_ENABLE: _enable_fence,
+    dialect.MAV_CMD_DO_GRIPPER: _grip,
+    dialect.MAV_CMD_DO_SET_MISSION_CURRENT: _set_mission_item,
     dialect.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: _reboot,
     dialect.MAV_CMD_MISSION_START: _start_mission,
     dialect.MAV_CMD_COMPONENT_ARM_DISARM: _arm,

@@ -1,9 +1,11 @@
 """The simulated copter without its MAVLink face: what it knows, what it refuses, what it does by itself."""
 
+import math
 from enum import IntEnum
 
+from bridged.simulation import mission
 from bridged.simulation.arming import arming_problems
-from bridged.simulation.battery import Battery
+from bridged.simulation.battery import HOME_RADIUS, Battery, Shortage
 from bridged.simulation.boot import FIRST_HEARTBEAT_S, Boot, BootKind, Milestone
 from bridged.simulation.events import (
     Event,
@@ -17,11 +19,13 @@ from bridged.simulation.events import (
 from bridged.simulation.flight import TOUCHDOWN_TO_DISARM_S, Flight
 from bridged.simulation.geo import FlatMap, Place
 from bridged.simulation.guards import Fence, StationLink, StationWatch
-from bridged.simulation.mission import NAMES, Item, Mission, task_of
+from bridged.simulation.mission import DEEDS, NAMES, Item, Mission, task_of
 from bridged.simulation.modes import Mode
 from bridged.simulation.motion import Axis, Motion, Vector
+from bridged.simulation.outputs import Grip, Outputs
 from bridged.simulation.parameters import Parameters
 from bridged.simulation.tasks import Drift, GoTo, Land, Landed, Return, Stop, TakeOff, Task
+from bridged.simulation.transmitter import Transmitter
 
 _GUARD_PERIOD_S = 0.2
 _YAW_ALIGNMENT_HEIGHT = 1.9
@@ -48,9 +52,9 @@ class Copter:
         heading: float = 0.0,
         boot: BootKind = "quick",
         parameters: Parameters | None = None,
-        mission: Mission | None = None,
+        stored: Mission | None = None,
     ) -> None:
-        """`parameters` and `mission` are what an earlier life left in the vehicle's memory."""
+        """`parameters` and the `stored` mission are what an earlier life left in the vehicle's memory."""
         self.now = FIRST_HEARTBEAT_S
         self.chart = FlatMap(start)
         self.parameters = parameters or Parameters()
@@ -60,13 +64,16 @@ class Copter:
         self.battery = Battery(self.parameters)
         self.fence = Fence(self.parameters)
         self.station = StationWatch(self.parameters)
-        self.mission = mission or Mission()
+        self.outputs = Outputs(self.parameters)
+        self.transmitter = Transmitter(self.parameters)
+        self.mission = stored or Mission()
         self.mode = Mode.STABILIZE
         self.home: Place | None = None
         self.events: list[Event] = []
         self._next_guard = 0.0
         self._compass_checked = False
-        self._fence_breached = False
+        self._deeds: list[Item] = []  # mission items to be done on the way
+        self._deeds_wait_until = 0.0
 
     @property
     def armed(self) -> bool:
@@ -105,6 +112,7 @@ class Copter:
             self.say(f"Mode change to {mode.name} failed: {problem}", Severity.WARNING)
             return Result.FAILED
         self.mode = mode
+        self.flight.cruise_speed = None
         self.events.append(ModeChanged())
         match mode:
             case Mode.RTL:
@@ -112,7 +120,7 @@ class Copter:
             case Mode.LAND:
                 self.flight.begin(Land())
             case Mode.AUTO:
-                self._fly_item(self.mission.next_flyable(max(0, self.mission.current - 1)))
+                self._fly_from(max(1, self.mission.current))
             case _:
                 self.flight.begin(Stop(hard=mode is Mode.BRAKE))
         return Result.ACCEPTED
@@ -122,7 +130,7 @@ class Copter:
             return "not simulated"
         if self.armed and mode.needs_position and not self.passed(Milestone.POSITION):
             return "requires position"
-        if mode is Mode.AUTO and self.mission.next_flyable(0) is None:
+        if mode is Mode.AUTO and not self.mission.flyable:
             return "init failed"
         return None
 
@@ -213,6 +221,9 @@ class Copter:
         was_airborne = flight.airborne
         flight.step(dt)
         self.battery.step(dt, flying=flight.airborne and flight.armed)
+        if flight.armed and self.battery.empty:
+            flight.disarm()
+            self.say("SIM battery is empty", Severity.CRITICAL)
         if was_airborne and not flight.airborne:
             self.say(f"SIM Hit ground at {flight.touchdown_speed:f} m/s")
         if flight.airborne and not self._compass_checked and flight.height > _YAW_ALIGNMENT_HEIGHT:
@@ -235,6 +246,27 @@ class Copter:
             self.disarm()
 
     def _guard(self) -> None:
+        self._listen_to_pilot()
+        self._watch_station()
+        self._watch_fence()
+        self._watch_battery()
+        said = self.outputs.step(self.now)
+        if said is not None:
+            self.say(said)
+
+    def _listen_to_pilot(self) -> None:
+        pilot = self.transmitter
+        if not pilot.touched:
+            return
+        wanted = pilot.switched_mode(self.now)
+        if wanted is not None and self.passed(Milestone.MODE_SWITCH):
+            self.set_mode(wanted)
+        if self.mode.piloted and self.flight.airborne:
+            drift = pilot.drift(self.motion.heading, self.now)
+            if drift is not None:
+                self.flight.begin(drift)
+
+    def _watch_station(self) -> None:
         change = self.station.check(self.now, armed=self.armed)
         if change is StationLink.LOST:
             if self.flight.airborne:
@@ -242,12 +274,42 @@ class Copter:
             self.say(change.value, Severity.WARNING)
         elif change is StationLink.FOUND:
             self.say(change.value, Severity.WARNING)
-        breach = self.fence.breach(self.motion.position, self.home_on_chart) if self.flight.airborne else None
-        if breach is not None and not self._fence_breached:
-            self.say(breach, Severity.WARNING)
-            if self.parameters["FENCE_ACTION"] >= 1:
-                self._bring_home()
-        self._fence_breached = breach is not None
+
+    def _watch_fence(self) -> None:
+        fence = self.fence
+        breach = fence.breach(self.motion.position, self.home_on_chart) if self.flight.airborne else None
+        if fence.notice(breach, self.now):
+            self.say(f"{breach} fence breached", Severity.WARNING)
+            match self.parameters["FENCE_ACTION"]:
+                case 0:
+                    pass
+                case 2:
+                    self.set_mode(Mode.LAND)
+                case 4:
+                    self.set_mode(Mode.BRAKE)
+                case _:
+                    self._bring_home()
+
+    def _watch_battery(self) -> None:
+        battery, flight = self.battery, self.flight
+        if not self.armed and not flight.airborne and self.home is not None:
+            away = self.motion.position.distance(self.home_on_chart)
+            battery.rest(_GUARD_PERIOD_S, at_home=away <= HOME_RADIUS)
+        shortage = battery.check(self.now)
+        if shortage is None:
+            return
+        name = shortage.name.lower()
+        self.say(f"Battery 1 is {name} {battery.voltage:.2f}V used {battery.used:.0f} mAh", Severity.WARNING)
+        action = self.parameters["BATT_FS_LOW_ACT" if shortage is Shortage.LOW else "BATT_FS_CRT_ACT"]
+        if not self.armed or action == 0:
+            return
+        self.say("Battery Failsafe", Severity.WARNING)
+        if not flight.airborne or action == 5:
+            self.disarm(force=True)
+        elif action in (1, 4):
+            self.set_mode(Mode.LAND)
+        else:
+            self._bring_home()
 
     def _bring_home(self) -> None:
         if self.mode not in (Mode.RTL, Mode.LAND) and self.set_mode(Mode.RTL) is not Result.ACCEPTED:
@@ -261,7 +323,7 @@ class Copter:
 
     def start_mission(self) -> Result:
         """MAV_CMD_MISSION_START: AUTO from its first item."""
-        if self.mission.next_flyable(0) is None:
+        if not self.mission.flyable:
             return Result.FAILED
         if self.mode is not Mode.AUTO:
             return self.set_mode(Mode.AUTO)
@@ -269,18 +331,24 @@ class Copter:
             self._begin_item(self.mission.item(self.mission.current))
         return Result.ACCEPTED
 
-    def jump_to(self, item: Item) -> None:
-        """MISSION_SET_CURRENT: AUTO goes on, or will begin, with this item."""
+    def jump_to(self, seq: int) -> bool:
+        """MISSION_SET_CURRENT: AUTO goes on, or will begin, with this item; False if there is none."""
+        if self.mission.item(seq) is None:
+            return False
         self.mission.complete = False
         if self.mode is Mode.AUTO:
-            self._fly_item(self.mission.next_flyable(item.seq - 1))
+            self._fly_from(seq)
         else:
-            self.mission.current = item.seq
+            self.mission.current = seq
+        return True
 
-    def _fly_item(self, item: Item | None) -> None:
+    def _fly_from(self, seq: int) -> None:
+        """Goes to the next place of the mission; what is to be done before is done on the way there."""
+        self._deeds, item = self.mission.next_place(seq)
+        self._deeds_wait_until = self.now
         if item is None:
             self.mission.complete = True
-            self.set_mode(Mode.LOITER)
+            self.flight.begin(Stop())  # AUTO hovers where the mission ends (ArduCopter)
             return
         self.mission.start(item, self.now)
         self.say(f"Mission: {item.seq} {NAMES[item.command]}")
@@ -296,10 +364,80 @@ class Copter:
         self.flight.begin(task)
 
     def _follow_mission(self) -> None:
+        if self._deeds and self.now >= self._deeds_wait_until:
+            self._do(self._deeds.pop(0))
         item = self.mission.item(self.mission.current)
-        if item is None or not self.flight.airborne or not self.mission.done(item, self.flight, self.now):
+        if item is None or self.mission.complete or not self.flight.airborne:
             return
+        if self.mission.done(item, self.flight, self.now):
+            self.events.append(ItemReached(item.seq))
+            if NAMES[item.command] == "WP":
+                self.say(f"Reached command #{item.seq}")
+            self._fly_from(item.seq + 1)
+
+    def _do(self, item: Item) -> None:
+        self.say(f"Mission: {item.seq} {DEEDS[item.command]}")
+        match item.command:
+            case mission.CONDITION_DELAY:
+                self._deeds_wait_until = self.now + item.params[0]
+            case mission.CONDITION_YAW:
+                self.turn(*item.params)
+            case mission.CHANGE_SPEED:
+                self.change_speed(item.params[0], item.params[1])
+            case mission.SET_HOME:
+                self.set_home(self.place)
+            case mission.FENCE_ENABLE:
+                self.parameters.set("FENCE_ENABLE", item.params[0])
+            case mission.SET_SERVO:
+                self.set_servo(item.params[0], item.params[1])
+            case mission.REPEAT_SERVO:
+                self.repeat_servo(*item.params)
+            case mission.GRIPPER:
+                self.grip(item.params[1])
         self.events.append(ItemReached(item.seq))
-        if NAMES[item.command] == "WP":
-            self.say(f"Reached command #{item.seq}")
-        self._fly_item(self.mission.next_flyable(item.seq))
+
+    def change_speed(self, kind: float, speed: float) -> Result:
+        """MAV_CMD_DO_CHANGE_SPEED: m/s over the ground, until another mode."""
+        if kind not in (0.0, 1.0) or not 0.2 <= speed <= 50:
+            return Result.FAILED
+        self.flight.cruise_speed = speed
+        return Result.ACCEPTED
+
+    def turn(self, angle: float, rate: float, direction: float, relative: float) -> Result:
+        """MAV_CMD_CONDITION_YAW: degrees from north, or from where the nose points; `rate` is not simulated."""
+        del rate
+        if self.mode not in (Mode.GUIDED, Mode.AUTO) or not 0 <= angle <= 360:
+            return Result.FAILED
+        heading = math.radians(angle)
+        if relative == 1.0:
+            heading = self.motion.heading + (heading if direction >= 0 else -heading)
+        self.flight.heading_wish = heading % (2 * math.pi)
+        return Result.ACCEPTED
+
+    def set_servo(self, channel: float, pulse: float) -> Result:
+        """MAV_CMD_DO_SET_SERVO: microseconds on an output that drives no motor."""
+        return self._unless(self.outputs.set(whole(channel), whole(pulse)))
+
+    def repeat_servo(self, channel: float, pulse: float, times: float, period: float) -> Result:
+        """MAV_CMD_DO_REPEAT_SERVO"""
+        return self._unless(self.outputs.repeat(whole(channel), whole(pulse), whole(times), period, self.now))
+
+    def grip(self, action: float) -> Result:
+        """MAV_CMD_DO_GRIPPER"""
+        if self.parameters["GRIP_ENABLE"] < 1:
+            return Result.FAILED
+        if action not in (0.0, 1.0):
+            return Result.DENIED
+        self.say(self.outputs.grip(Grip(int(action)), self.now))
+        return Result.ACCEPTED
+
+    def _unless(self, problem: str | None) -> Result:
+        if problem is None:
+            return Result.ACCEPTED
+        self.say(problem)
+        return Result.FAILED
+
+
+def whole(value: float) -> int:
+    """A whole number from a field that any sender can fill with anything; -1 for what is none."""
+    return int(value) if math.isfinite(value) and abs(value) < 2**31 else -1

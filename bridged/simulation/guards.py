@@ -16,6 +16,9 @@ class Fence:
     """Circle around home and ceiling above it, as FENCE_ parameters say."""
 
     parameters: Parameters
+    breached: str | None = None
+    breaches: int = 0
+    breached_at: float = 0.0  # vehicle seconds
 
     @property
     def enabled(self) -> bool:
@@ -33,7 +36,15 @@ class Fence:
         away = math.hypot(at.north - home.north, at.east - home.east)
         if kinds & FENCE_CIRCLE and away > self.parameters["FENCE_RADIUS"]:
             parts.append("Circle")
-        return f"{', '.join(parts)} fence breached" if parts else None
+        return ", ".join(parts) or None
+
+    def notice(self, breach: str | None, now: float) -> bool:
+        """Takes in whether the copter is outside; True at the moment when it gets there."""
+        new = breach is not None and self.breached is None
+        if new:
+            self.breaches, self.breached_at = self.breaches + 1, now
+        self.breached = breach
+        return new
 
 
 class StationLink(Enum):

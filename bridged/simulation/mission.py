@@ -6,13 +6,48 @@ from dataclasses import dataclass
 from bridged.simulation.flight import Flight
 from bridged.simulation.geo import FlatMap, Place
 from bridged.simulation.motion import Vector
-from bridged.simulation.tasks import GoTo, Land, Return, Stage, TakeOff, Task
+from bridged.simulation.tasks import GoTo, Land, Return, Stage, Stop, TakeOff, Task
 
-WAYPOINT, LOITER_TIME, RETURN_TO_LAUNCH, LAND, TAKEOFF = 16, 19, 20, 21, 22
-"""Mission commands that AUTO flies (MAV_CMD)."""
+WAYPOINT, LOITER_UNLIMITED, LOITER_TIME, RETURN_TO_LAUNCH, LAND, TAKEOFF = 16, 17, 19, 20, 21, 22
+SPLINE, DELAY = 82, 93
+CONDITION_DELAY, CONDITION_YAW, JUMP, CHANGE_SPEED, SET_HOME = 112, 115, 177, 178, 179
+SET_SERVO, REPEAT_SERVO, FENCE_ENABLE, GRIPPER = 183, 184, 207, 211
+"""Mission commands (MAV_CMD)."""
 
-NAMES = {WAYPOINT: "WP", LOITER_TIME: "LoitTime", RETURN_TO_LAUNCH: "RTL", LAND: "Land", TAKEOFF: "Takeoff"}
-"""How the vehicle calls them in its texts."""
+NAMES = {
+    WAYPOINT: "WP",
+    LOITER_UNLIMITED: "LoitUnlim",
+    LOITER_TIME: "LoitTime",
+    RETURN_TO_LAUNCH: "RTL",
+    LAND: "Land",
+    TAKEOFF: "Takeoff",
+    SPLINE: "SplineWP",
+    DELAY: "Delay",
+}
+"""What AUTO flies, and how the vehicle calls it in its texts."""
+
+DEEDS = {
+    CONDITION_DELAY: "CondDelay",
+    CONDITION_YAW: "CondYaw",
+    CHANGE_SPEED: "ChangeSpeed",
+    SET_HOME: "SetHome",
+    SET_SERVO: "SetServo",
+    REPEAT_SERVO: "RepeatServo",
+    FENCE_ENABLE: "FenceEnable",
+    GRIPPER: "Gripper",
+}
+"""What AUTO does on the way to the next place."""
+
+PASSED_OVER = frozenset(
+    (18, 92, 94, 114, 181, 182, 188, 189, 195, 197, 201, 202, 203, 205, 206, 208, 216, 217, 218, 222, 223)
+)
+"""Commands that a real one would obey (cameras, relays, circles, ...): they are stored, and do nothing."""
+
+KNOWN = frozenset((JUMP, *NAMES, *DEEDS)) | PASSED_OVER
+"""A mission with other commands is refused."""
+
+MOST_STEPS = 255
+"""Items without a place that are looked at for the next one with a place; a mission of jumps alone ends."""
 
 GLOBAL_FRAMES = (0, 5)
 """Coordinate frames whose altitude is above mean sea level."""
@@ -43,26 +78,54 @@ class Mission:
         self.current = 0
         self.complete = False
         self._entered_at = 0.0
+        self._jumped: dict[int, int] = {}
 
     def clear(self) -> None:
         """Forgets all items."""
-        self.items, self.current, self.complete = [], 0, False
+        self.items = []
+        self.rewind()
 
     def rewind(self) -> None:
         """The next AUTO begins with the first item."""
         self.current, self.complete = 0, False
+        self._jumped.clear()
 
     def store(self, items: list[Item]) -> None:
         """Replaces the items; `items[0]` stands for home and is not kept."""
-        self.items, self.current, self.complete = items[1:], 0, False
+        self.items = items[1:]
+        self.rewind()
 
     def item(self, seq: int) -> Item | None:
         """The item of this number, from 1."""
         return self.items[seq - 1] if 1 <= seq <= len(self.items) else None
 
-    def next_flyable(self, after: int) -> Item | None:
-        """The next item that AUTO can fly; others (cameras, jumps, ...) are passed over."""
-        return next((item for item in self.items[after:] if item.command in NAMES), None)
+    @property
+    def flyable(self) -> bool:
+        """Whether there is anything that AUTO can fly."""
+        return any(item.command in NAMES for item in self.items)
+
+    def next_place(self, seq: int) -> tuple[list[Item], Item | None]:
+        """What is to be done from item `seq` on, and then the next item to fly; None at the end of the mission."""
+        deeds: list[Item] = []
+        for _ in range(MOST_STEPS):
+            item = self.item(seq)
+            if item is None or item.command in NAMES:
+                return deeds, item
+            if item.command == JUMP:
+                seq = self._jump(item)
+                continue
+            if item.command in DEEDS:
+                deeds.append(item)
+            seq += 1
+        return deeds, None
+
+    def _jump(self, item: Item) -> int:
+        """Where a DO_JUMP leads: to its item so many times (for ever if negative), then past it."""
+        times = self._jumped.get(item.seq, 0)
+        if 0 <= item.params[1] <= times or self.item(int(item.params[0])) is None:
+            return item.seq + 1
+        self._jumped[item.seq] = times + 1
+        return int(item.params[0])
 
     def start(self, item: Item, now: float) -> None:
         """This item is flown from now on."""
@@ -70,11 +133,13 @@ class Mission:
 
     def done(self, item: Item, flight: Flight, now: float) -> bool:
         """Whether the item that is flown is over."""
-        if item.command in (RETURN_TO_LAUNCH, LAND):
-            return False  # they end with the motors
+        if item.command in (RETURN_TO_LAUNCH, LAND, LOITER_UNLIMITED):
+            return False  # the first two end with the motors, the last one never
+        if item.command == DELAY:
+            return now - self._entered_at >= item.params[0]
         if not flight.reached:
             self._entered_at = now
-        stay = item.params[0] if item.command in (WAYPOINT, LOITER_TIME) else 0.0
+        stay = item.params[0] if item.command in (WAYPOINT, LOITER_TIME, SPLINE) else 0.0
         return flight.reached and now - self._entered_at >= stay
 
 
@@ -85,6 +150,8 @@ def task_of(item: Item, flight: Flight, chart: FlatMap, home: Place) -> Task:
         return TakeOff(_height(item, chart, home))
     if item.command == RETURN_TO_LAUNCH:
         return Return(chart.vector(home))
+    if item.command == DELAY:
+        return Stop()
     goal = goal_of(item, chart, home)
     if item.command == LAND:
         if goal is None:

@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.simulation import telemetry
 from bridged.simulation.copter import Copter
 from bridged.simulation.events import Severity
-from bridged.simulation.mission import RETURN_TO_LAUNCH, Item, goal_of
+from bridged.simulation.mission import KNOWN, RETURN_TO_LAUNCH, Item, goal_of
 from bridged.simulation.modes import Mode
 from bridged.simulation.tasks import GoTo
 
@@ -65,7 +66,7 @@ class MissionProtocol:
                 self._copter.count_mission(0)
                 return [dialect.MAVLink_mission_ack_message(*peer, _ACCEPTED)]
             case "MISSION_SET_CURRENT":
-                return self._set_current(message.seq, peer)
+                return self._set_current(message.seq)
         return []
 
     def advance(self) -> Messages:
@@ -111,6 +112,9 @@ class MissionProtocol:
         if item is None:
             self._upload = None
             return [dialect.MAVLink_mission_ack_message(*peer, _INVALID)]
+        if item.command not in KNOWN:
+            self._upload = None
+            return [dialect.MAVLink_mission_ack_message(*peer, _UNSUPPORTED)]
         upload.items.append(item)
         upload.heard = self._copter.now
         if len(upload.items) > 1:
@@ -153,12 +157,9 @@ class MissionProtocol:
             )
         ]
 
-    def _set_current(self, seq: int, peer: tuple[int, int]) -> Messages:
-        item = self._copter.mission.item(seq)
-        if item is None:
-            return [dialect.MAVLink_mission_ack_message(*peer, _BAD_SEQUENCE)]
-        self._copter.jump_to(item)
-        return []
+    def _set_current(self, seq: int) -> Messages:
+        """Answered by MISSION_CURRENT, or by silence if there is no such item (ArduPilot)."""
+        return [telemetry.mission_current(self._copter)] if self._copter.jump_to(seq) else []
 
     def _guide(self, message: dialect.MAVLink_message, peer: tuple[int, int]) -> dialect.MAVLink_message:
         item, copter = _item_of(message), self._copter

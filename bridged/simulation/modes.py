@@ -49,6 +49,11 @@ class Mode(IntEnum):
         return self in _ARMABLE
 
     @property
+    def piloted(self) -> bool:
+        """Whether the pilot's sticks move the vehicle."""
+        return self in (Mode.STABILIZE, Mode.ALT_HOLD, Mode.LOITER, Mode.POSHOLD)
+
+    @property
     def autonomous(self) -> bool:
         """Whether no pilot steers: the guided bit of HEARTBEAT's base_mode."""
         return self in (Mode.AUTO, Mode.GUIDED, Mode.RTL, Mode.LAND, Mode.BRAKE, Mode.LOITER, Mode.POSHOLD)

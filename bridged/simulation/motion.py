@@ -45,6 +45,10 @@ class Vector:
         """Length of the horizontal part."""
         return math.hypot(self.north, self.east)
 
+    def distance(self, other: "Vector") -> float:
+        """How far away another place is on the map, heights left aside."""
+        return math.hypot(self.north - other.north, self.east - other.east)
+
 
 @dataclass(frozen=True, slots=True)
 class Limits:

@@ -16,6 +16,22 @@ class Kind(IntEnum):
 
 _RANGES = {Kind.INT8: (-128, 127), Kind.INT16: (-32768, 32767), Kind.INT32: (-(2**31), 2**31 - 1)}
 
+SERVOS = 16
+"""Servo outputs; the first four drive the motors."""
+
+_MOTOR_FUNCTIONS = (33, 34, 35, 36)
+
+
+def _servo(number: int) -> tuple[tuple[str, float, Kind], ...]:
+    function = _MOTOR_FUNCTIONS[number - 1] if number <= len(_MOTOR_FUNCTIONS) else 0
+    return (
+        (f"SERVO{number}_FUNCTION", function, Kind.INT16),
+        (f"SERVO{number}_MIN", 1100, Kind.INT16),
+        (f"SERVO{number}_MAX", 1900, Kind.INT16),
+        (f"SERVO{number}_TRIM", 1500, Kind.INT16),
+    )
+
+
 _TABLE: tuple[tuple[str, float, Kind], ...] = (
     ("FORMAT_VERSION", 120, Kind.INT16),
     ("MAV_SYSID", 1, Kind.INT16),
@@ -58,7 +74,12 @@ _TABLE: tuple[tuple[str, float, Kind], ...] = (
     ("BATT_MONITOR", 4, Kind.INT8),
     ("BATT_CAPACITY", 3300, Kind.INT32),
     ("BATT_LOW_VOLT", 0, Kind.REAL32),
+    ("BATT_LOW_MAH", 0, Kind.REAL32),
+    ("BATT_LOW_TIMER", 10, Kind.INT8),
+    ("BATT_CRT_VOLT", 0, Kind.REAL32),
+    ("BATT_CRT_MAH", 0, Kind.REAL32),
     ("BATT_FS_LOW_ACT", 0, Kind.INT8),
+    ("BATT_FS_CRT_ACT", 0, Kind.INT8),
     ("FLTMODE_CH", 5, Kind.INT8),
     ("FLTMODE1", 7, Kind.INT8),
     ("FLTMODE2", 9, Kind.INT8),
@@ -75,10 +96,19 @@ _TABLE: tuple[tuple[str, float, Kind], ...] = (
     ("RCMAP_PITCH", 2, Kind.INT8),
     ("RCMAP_THROTTLE", 3, Kind.INT8),
     ("RCMAP_YAW", 4, Kind.INT8),
+    ("RC_OVERRIDE_TIME", 3, Kind.REAL32),
+    ("LOIT_SPEED", 1250, Kind.REAL32),
+    ("GRIP_ENABLE", 0, Kind.INT8),
+    ("GRIP_TYPE", 1, Kind.INT8),
+    ("GRIP_GRAB", 1900, Kind.INT16),
+    ("GRIP_RELEASE", 1100, Kind.INT16),
+    ("SIM_BATT_VOLTAGE", 12.6, Kind.REAL32),
+    ("SIM_BATT_CAP_AH", 0, Kind.REAL32),
     ("SERIAL0_PROTOCOL", 2, Kind.INT8),
     ("STAT_RUNTIME", 0, Kind.INT32),
     ("STAT_FLTTIME", 0, Kind.INT32),
     ("WP_YAW_BEHAVIOR", 2, Kind.INT8),
+    *(row for number in range(1, SERVOS + 1) for row in _servo(number)),
 )
 
 

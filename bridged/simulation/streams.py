@@ -12,7 +12,7 @@ DEFAULTS_S = {0: 1.0}
 
 GROUPS: dict[int, tuple[int, ...]] = {
     1: (),  # RAW_SENSORS: no raw sensors are simulated
-    2: (1, 24, 42, 62, 87, 125, 152),  # EXTENDED_STATUS
+    2: (1, 24, 42, 62, 87, 125, 152, 162),  # EXTENDED_STATUS
     3: (36, 65),  # RC_CHANNELS
     6: (32, 33),  # POSITION
     10: (30,),  # EXTRA1

@@ -5,11 +5,11 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.battery import VOLTAGE
 from bridged.simulation.boot import Milestone
 from bridged.simulation.copter import Copter
 from bridged.simulation.modes import Mode
-from bridged.simulation.tasks import GoTo
+from bridged.simulation.motion import Vector
+from bridged.simulation.tasks import Drift, GoTo, TakeOff
 
 SATELLITES = 10
 FIX_TYPE = 6
@@ -17,6 +17,10 @@ FIX_TYPE = 6
 
 TARGET_TYPE_MASK = 65016
 """type_mask of POSITION_TARGET_GLOBAL_INT: only the position counts."""
+
+LOCAL_POSITION_MASK = 3576
+LOCAL_VELOCITY_MASK = 3527
+"""type_mask of POSITION_TARGET_LOCAL_NED: only the position counts, or only the velocity."""
 
 CAPABILITIES = 1 | 2 | 4 | 8 | 128 | 256 | 8192
 """capabilities of AUTOPILOT_VERSION: float missions and parameters, MISSION_INT, COMMAND_INT, local and global
@@ -61,7 +65,7 @@ def sys_status(copter: Copter) -> dialect.MAVLink_message:
         healthy |= _PREARM
     battery = copter.battery
     return dialect.MAVLink_sys_status_message(
-        present, enabled, healthy, 0, round(VOLTAGE * 1000), round(battery.current * 100), battery.remaining,
+        present, enabled, healthy, 0, _milli(battery.voltage), round(battery.current * 100), battery.remaining,
         0, 0, 0, 0, 0, 0,
     )  # fmt: skip
 
@@ -131,8 +135,8 @@ def battery_status(copter: Copter) -> dialect.MAVLink_message:
     """BATTERY_STATUS"""
     battery = copter.battery
     return dialect.MAVLink_battery_status_message(
-        0, 0, 0, _INT16, [round(VOLTAGE * 1000), *([_UNKNOWN_16] * 9)], round(battery.current * 100),
-        round(battery.used), round(battery.used * VOLTAGE * 0.036), battery.remaining, 0, 1,
+        0, 0, 0, _INT16, [_milli(battery.voltage), *([_UNKNOWN_16] * 9)], round(battery.current * 100),
+        round(battery.used), round(battery.used * battery.voltage * 0.036), battery.remaining, 0, battery.state,
     )  # fmt: skip
 
 
@@ -208,15 +212,43 @@ def autopilot_version(copter: Copter) -> dialect.MAVLink_message:
 
 
 def rc_channels(copter: Copter) -> dialect.MAVLink_message:
-    """RC_CHANNELS: sticks in the middle, throttle down, 16 channels."""
-    channels = [1500, 1500, 1000, 1500, 1800, 1000, 1000, 1800, *([0] * 10)]
-    return dialect.MAVLink_rc_channels_message(_boot_ms(copter), 16, *channels, 255)
+    """RC_CHANNELS: the pilot's transmitter, with the overrides of a ground station."""
+    pulses = copter.transmitter.pulses(copter.now)
+    return dialect.MAVLink_rc_channels_message(_boot_ms(copter), len(pulses), *pulses, 0, 0, 255)
 
 
 def servo_output_raw(copter: Copter) -> dialect.MAVLink_message:
-    """SERVO_OUTPUT_RAW: four motors."""
-    power = 1000 if not copter.armed else 1520 if copter.flight.airborne else 1150
-    return dialect.MAVLink_servo_output_raw_message(_boot_us(copter) % 2**32, 0, *([power] * 4), 0, 0, 0, 0)
+    """SERVO_OUTPUT_RAW: 16 outputs, the first four are motors; 0 is no pulse."""
+    pulses = copter.outputs.pulses(armed=copter.armed, airborne=copter.flight.airborne)
+    return dialect.MAVLink_servo_output_raw_message(_boot_us(copter) % 2**32, 0, *pulses)
+
+
+def fence_status(copter: Copter) -> dialect.MAVLink_message | None:
+    """FENCE_STATUS, while the fence is enabled."""
+    fence = copter.fence
+    if not fence.enabled:
+        return None
+    kind = 0 if fence.breached is None else 2 if "Alt" in fence.breached else 3
+    return dialect.MAVLink_fence_status_message(
+        int(fence.breached is not None), fence.breaches, kind, round(fence.breached_at * 1000)
+    )
+
+
+def position_target_local_ned(copter: Copter) -> dialect.MAVLink_message | None:
+    """POSITION_TARGET_LOCAL_NED in GUIDED: the goal, or the velocity that is flown (0 while it hovers)."""
+    if copter.mode is not Mode.GUIDED:
+        return None
+    task, target = copter.flight.task, copter.flight.target
+    if isinstance(task, TakeOff):
+        target = Vector(copter.motion.north.target, copter.motion.east.target, task.up)
+    mask, at, velocity = LOCAL_POSITION_MASK, target or Vector(), Vector()
+    if target is None:
+        mask = LOCAL_VELOCITY_MASK
+        velocity = task.velocity if isinstance(task, Drift) else velocity
+    return dialect.MAVLink_position_target_local_ned_message(
+        _boot_ms(copter), dialect.MAV_FRAME_LOCAL_NED, mask, at.north, at.east, -at.up,
+        velocity.north, velocity.east, -velocity.up, 0, 0, 0, 0, 0,
+    )  # fmt: skip
 
 
 def vibration(copter: Copter) -> dialect.MAVLink_message:
@@ -250,11 +282,13 @@ BUILDERS: dict[int, Builder] = {
     62: nav_controller_output,
     65: rc_channels,
     74: vfr_hud,
+    85: position_target_local_ned,
     87: position_target_global_int,
     125: power_status,
     147: battery_status,
     148: autopilot_version,
     152: meminfo,
+    162: fence_status,
     193: ekf_status_report,
     241: vibration,
     242: home_position,
@@ -269,6 +303,10 @@ def _boot_ms(copter: Copter) -> int:
 
 def _boot_us(copter: Copter) -> int:
     return round(copter.now * 1e6)
+
+
+def _milli(value: float) -> int:
+    return max(0, min(_UNKNOWN_16 - 1, round(value * 1000)))
 
 
 def _centi(value: float) -> int:

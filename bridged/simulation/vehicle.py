@@ -109,7 +109,7 @@ class Vehicle:
         self._power_on(start, heading, stored, Mission())
 
     def _power_on(self, place: Place, heading: float, parameters: Parameters, mission: Mission) -> None:
-        self.copter = Copter(place, heading=heading, boot=self._boot, parameters=parameters, mission=mission)
+        self.copter = Copter(place, heading=heading, boot=self._boot, parameters=parameters, stored=mission)
         self.channels = [Channel() for _ in range(self._channel_count)]
         self._mission = MissionProtocol(self.copter)
         self._next_timesync = TIMESYNC_PERIOD_S
@@ -261,6 +261,8 @@ class Vehicle:
                 setpoints.global_setpoint(self.copter, message)
             case "SET_POSITION_TARGET_LOCAL_NED":
                 setpoints.local_setpoint(self.copter, message)
+            case "RC_CHANNELS_OVERRIDE":
+                self.copter.transmitter.override(message, self.copter.now)
             case "REQUEST_DATA_STREAM":
                 channel.streams.request(
                     message.req_stream_id, message.req_message_rate, self.copter.now, on=bool(message.start_stop)
