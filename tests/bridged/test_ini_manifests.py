@@ -21,7 +21,6 @@ from schemas.manifest_text import write_toml
 from schemas.terms import Atom, Structure, Term, Variable
 from tests.bridged.sky import Sky
 
-DATA = Path(__file__).parents[1] / "data"
 MISSIONS = Path(__file__).parents[2] / "missions"
 
 
@@ -73,7 +72,7 @@ def test_the_shipped_pair_is_carried_out_as_the_copters_own_manifest_says() -> N
 
 
 def test_the_turtle_of_the_paper_is_a_robot_on_zenoh_keys() -> None:
-    manifest = load_robot_manifest(("actions_manifest", "perceptions_manifest"), DATA / "paper_turtle")
+    manifest = load_robot_manifest(("actions_manifest", "perceptions_manifest"), MISSIONS / "paper_turtle")
     assert check_manifest(manifest) == []
     assert (manifest.robot.driver, manifest.robot.vehicle) == ("zenoh", "")
     assert manifest.percepts == {"pose": PerceptEntry(source="turtle1/pose", args=("x", "y", "theta"), rate=30.0)}
@@ -315,3 +314,111 @@ def test_an_action_of_the_paper_that_the_vehicle_does_not_do_fails(sky: Sky) -> 
     status = sky.do("takeoff", 5)
     assert (status.state, status.result) == ("refused", False)
     assert status.reason
+
+
+WHOLE_VOCABULARY = """
+[set_mode]
+method = service
+name = mavros/set_mode
+params_name = custom_mode
+[arm_motors]
+method = service
+name = mavros/cmd/arming
+params_name = value
+[takeoff]
+method = service
+name = mavros/cmd/takeoff
+params_name = altitude
+[move]
+method = topic
+name = mavros/setpoint_position/local
+params_name = pose.position.x, pose.position.y, pose.position.z
+params_type = float, float, float
+[velocity]
+method = topic
+name = mavros/setpoint_velocity/cmd_vel_unstamped
+params_name = linear.x, linear.y, linear.z, angular.z
+params_type = float, float, float, float
+[command]
+method = service
+name = mavros/cmd/command
+params_name = command, param1, param2
+params_type = int, float, float
+[push]
+method = service
+name = mavros/mission/push
+params_name = waypoints
+params_type = mavros_msgs/Waypoint[](frame, command, is_current, autocontinue, x_lat, y_long, z_alt)
+[pull]
+method = service
+name = mavros/mission/pull
+[set_parameter]
+method = service
+name = mavros/param/set
+params_name = param_id, value.real
+params_type = str, float
+"""
+PERCEPTS = """
+[state]
+name = mavros/state
+args = mode, guided, system_status
+[local]
+name = mavros/global_position/local
+args = pose.pose.position.x, pose.pose.position.y, pose.pose.position.z
+[waypoints]
+name = mavros/mission/waypoints
+args = waypoints[](command, x_lat, z_alt)
+[parameter]
+name = mavros/param/param_value
+args = param_id, value.real
+"""
+
+
+@pytest.fixture
+def full(tmp_path: Path) -> Sky:
+    return Sky(tmp_path, manifest=pair(WHOLE_VOCABULARY, PERCEPTS))
+
+
+def succeeds(sky: Sky, name: str, *arguments: Term) -> None:
+    """Do an action, which must succeed."""
+    status = sky.do(name, *arguments)
+    assert status.state == "succeeded", status.reason
+
+
+def local(sky: Sky) -> list[float]:
+    """Where the vehicle is, as an agent perceives it: east, north, up."""
+    at = sky.belief("local")
+    assert at is not None
+    return [float(one) for one in at]  # type: ignore[arg-type]
+
+
+def test_local_positions_and_velocities_are_east_north_and_up(full: Sky) -> None:
+    full.flying(5)
+    assert full.belief("state") == ("GUIDED", "True", 4)
+    succeeds(full, "move", 10.0, -4.0, 8.0)
+    full.forward(lambda: max(abs(a - b) for a, b in zip(local(full), (10, -4, 8), strict=True)) < 0.3, "arrival")
+    succeeds(full, "velocity", 0.0, 2.0, 1.0, 0.0)
+    full.wait(2.0)
+    east, north, up = local(full)
+    assert abs(east - 10) < 1
+    assert north > -3
+    assert up > 8.5
+
+
+def test_a_mission_a_parameter_and_a_raw_command_go_the_ways_of_mavros(full: Sky) -> None:
+    home = [0, 16, True, True, -27.604033, -48.518363, 21.0]
+    point = [3, 16, False, True, -27.6038, -48.5182, 15.0]
+    succeeds(full, "set_mode", "GUIDED")
+    full.forward(lambda: full.vehicle.copter.home is not None, "the vehicle to know its home")
+    succeeds(full, "push", [home, point])
+    succeeds(full, "pull")
+    told = full.belief("waypoints")
+    assert told is not None
+    [items] = told
+    assert isinstance(items, list)
+    assert len(items) == 2, "home, and the one point"
+    assert items[1] == [16, -27.6038, 15.0]
+    succeeds(full, "set_parameter", "FENCE_RADIUS", 120.0)
+    assert full.belief("parameter") == ("FENCE_RADIUS", 120.0)
+    succeeds(full, "command", dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0)
+    assert full.vehicle.copter.armed, "a raw command too is proved by the vehicle's state where it can be"
