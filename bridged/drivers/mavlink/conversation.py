@@ -21,6 +21,7 @@ from bridged.drivers.mavlink.offers import Offer
 from bridged.drivers.mavlink.parameters import spellings
 from bridged.drivers.mavlink.procedures import arm, mode_call, secure, stay
 from bridged.drivers.mavlink.streams import Streams
+from bridged.drivers.mavlink.telemetry import MessageFields
 from bridged.drivers.mavlink.texts import Texts
 from bridged.drivers.mavlink.vehicle import Vehicle
 from bridged.drivers.robot import OnReading, Order, Outcome, Reading
@@ -120,7 +121,7 @@ class Conversation:
         if self.vehicle.reboots != reboots:
             self._rebooted()
         if name in self._sources and name != "HEARTBEAT":
-            self._on_reading(Reading(name, message.to_dict()))
+            self._on_reading(Reading(name, MessageFields(message)))
         self._step()
         self.flight.message = None
 

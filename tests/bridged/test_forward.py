@@ -1,0 +1,301 @@
+"""Ground stations behind a bridge: they see the vehicle as it is, may fly it, and what they do is seen here."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink import links
+from bridged.drivers.mavlink.forward import target_of
+from bridged.drivers.mavlink.signing import Signing, key_of
+from bridged.drivers.mavlink.wire import Encoder
+from tests.bridged.radio import BEAT, STATION_BEAT, Speaker, place, riding, spoken_as
+from tests.support.buses import until
+from tests.support.ports import free_port
+
+GUIDED = dialect.MAVLink_heartbeat_message(2, 3, 129, 4, 4, 3)
+RTL = dialect.MAVLink_heartbeat_message(2, 3, 129, 6, 4, 3)
+
+
+def run(body: Callable[[], Coroutine[Any, Any, None]]) -> None:
+    async def bounded() -> None:
+        async with asyncio.timeout(60):
+            await body()
+
+    asyncio.run(bounded())
+
+
+def link(port: int, forward: str, system: int = 1) -> str:
+    return f"link: 'udpin:127.0.0.1:{port}', sysid: {system}, forward: {forward}"
+
+
+def command(system: int, number: int = 176, mode: float = 6.0) -> dialect.MAVLink_message:
+    return dialect.MAVLink_command_long_message(system, 1, number, 0, 1.0, mode, 0, 0, 0, 0, 0)
+
+
+def test_a_station_gets_every_packet_of_the_vehicle_as_it_came_and_none_of_ours() -> None:
+    async def body() -> None:
+        port, station = free_port(), Speaker(system=255, component=230)
+        async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")) as [ride]:
+            vehicle = Speaker(port)
+            unknown = bytearray(vehicle.encoder.pack(BEAT))
+            unknown[7:10] = (60000).to_bytes(3, "little")
+            attitude = dialect.MAVLink_attitude_message(0, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0)  # which nobody here reads
+            sent = [vehicle.encoder.pack(one) for one in (BEAT, place(), attitude)] + [bytes(unknown)]
+            version_1 = BEAT.pack(dialect.MAVLink(None, srcSystem=1, srcComponent=1), force_mavlink1=True)
+            for packet in (*sent, version_1, b"noise"):
+                vehicle.send(packet)
+            await until(lambda: bool(station.listen()) and len(station.raw) == 5, "five packets at the station")
+            assert station.raw == [*sent, version_1]
+            await until(lambda: (1, 191) in {spoken_as(one) for one in vehicle.listen()}, "we speak to the vehicle")
+            assert {spoken_as(one) for one in station.listen()} == {(1, 1)}
+            assert ride.driver.counters()["forwarded"] == 5
+            vehicle.close()
+        station.close()
+
+    run(body)
+
+
+def test_what_a_station_sends_reaches_the_vehicles_that_it_is_meant_for() -> None:
+    async def body() -> None:
+        port, station = free_port(), Speaker(system=255, component=230)
+        forward = f"'udpout:127.0.0.1:{station.port}'"
+        async with riding(link(port, forward, 1), link(port, forward, 2)) as rides:
+            vehicles = [Speaker(port, 1), Speaker(port, 2)]
+            for vehicle in vehicles:
+                vehicle.say(BEAT)
+            await until(
+                lambda: {spoken_as(one) for one in station.listen()} == {(1, 1), (2, 1)}, "the station sees two"
+            )
+            for_two = station.say(command(2))
+            await until(lambda: vehicles[1].kinds(255, 230) == {"COMMAND_LONG"}, "the second hears its command")
+            assert for_two in vehicles[1].raw
+            for_all = station.say(STATION_BEAT, command(0, 410))
+            for vehicle in vehicles:
+                await until(lambda vehicle=vehicle: "HEARTBEAT" in vehicle.kinds(255, 230), "all hear the heartbeat")
+                await until(lambda vehicle=vehicle: vehicle.listen() is not None and for_all in vehicle.raw, "and 0/0")
+            assert for_two not in vehicles[0].raw
+            station.say(command(9))
+            counters = rides[0].driver._rider.stations[0].counters
+            await until(lambda: counters.astray == 1, "a command for nobody is counted")
+            for vehicle in vehicles:
+                vehicle.close()
+        station.close()
+
+    run(body)
+
+
+def test_a_packet_of_the_vehicle_that_comes_back_is_not_sent_on_again() -> None:
+    """A station that sends everything on to our own link, or back to us, makes a circle: it is cut at once."""
+
+    async def body() -> None:
+        port, station = free_port(), Speaker(system=255, component=230)
+        async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")) as [ride]:
+            vehicle, mirror = Speaker(port), Speaker(port)
+            counters = ride.driver._rider.stations[0].counters
+            vehicle.say(BEAT)
+            await until(lambda: len(station.listen()) == 1, "the station sees the vehicle")
+            for _ in range(20):
+                for packet in station.raw:
+                    station.send(packet)
+                    mirror.send(packet)
+            await until(lambda: counters.echoes == 20, "what came back is counted")
+            vehicle.say(place())
+            await until(lambda: len(station.listen()) >= 2, "the vehicle is still seen")
+            assert len(station.raw) == 2
+            for one in (vehicle, mirror):
+                one.close()
+        station.close()
+
+    run(body)
+
+
+def test_a_vehicle_that_comes_back_from_another_port_is_seen_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(links, "HOME_AFTER", 0.2)
+
+    async def body() -> None:
+        port, station = free_port(), Speaker()
+        async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")):
+            before, after = Speaker(port), Speaker(port)
+            before.say(BEAT)
+            await until(lambda: len(station.listen()) == 1, "it is seen")
+            before.close()
+
+            def seen() -> bool:
+                after.say(BEAT)
+                return len(station.listen()) > 1
+
+            await until(seen, "it is seen at its new port")
+            after.close()
+        station.close()
+
+    run(body)
+
+
+def test_a_station_may_call_at_a_port_of_ours_by_udp_and_by_tcp() -> None:
+    async def body() -> None:
+        port, udp, tcp = free_port(), free_port(), free_port()
+        forward = f"['udpin:127.0.0.1:{udp}', 'tcpin:127.0.0.1:{tcp}']"
+        async with riding(link(port, forward)):
+            vehicle, station = Speaker(port), Speaker(udp, 255, 230)
+            reader, writer = await asyncio.open_connection("127.0.0.1", tcp)
+            station.say(STATION_BEAT)
+            writer.write(Encoder(254, 1).pack(STATION_BEAT))
+
+            def seen() -> bool:
+                vehicle.say(BEAT)
+                return "HEARTBEAT" in station.kinds(1, 1)
+
+            await until(seen, "the station at udpin sees the vehicle")
+            assert (await reader.readexactly(1))[0] == dialect.PROTOCOL_MARKER_V2
+            station.say(command(1))
+            writer.write(Encoder(254, 1).pack(command(1)))
+            await until(lambda: "COMMAND_LONG" in vehicle.kinds(255, 230) & vehicle.kinds(254, 1), "both command it")
+            writer.close()
+            for one in (vehicle, station):
+                one.close()
+
+    run(body)
+
+
+def test_an_absent_station_and_one_that_does_not_read_cost_dropped_packets_only() -> None:
+    async def body() -> None:
+        port, nobody, deaf = free_port(), free_port(), free_port()
+        forward = f"['udpout:127.0.0.1:{nobody}', 'tcp:127.0.0.1:{free_port()}', 'tcpin:127.0.0.1:{deaf}']"
+        async with riding(link(port, forward)) as [ride]:
+            vehicle = Speaker(port)
+            asleep = socket.socket()
+            asleep.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            asleep.connect(("127.0.0.1", deaf))
+            asleep.send(Encoder(255, 230).pack(STATION_BEAT))
+            texts = vehicle.encoder.pack(dialect.MAVLink_statustext_message(6, b"x" * 50)) * 500
+
+            def dropped() -> bool:
+                vehicle.send(texts)
+                counters = ride.driver._rider.stations[2].counters
+                return counters.to_station > 0 and counters.dropped > 100
+
+            vehicle.say(BEAT)
+            begun = ride.driver.counters()["messages"]
+            await until(dropped, "packets for the station that does not read are dropped", 40)
+            assert ride.driver.counters()["messages"] > begun
+            asleep.close()
+            vehicle.close()
+
+    run(body)
+
+
+def test_a_port_for_stations_that_is_taken_is_a_note_and_no_end_of_the_flight() -> None:
+    async def body() -> None:
+        port, taken = free_port(), Speaker()
+        async with riding(link(port, f"'udpin:127.0.0.1:{taken.port}'")) as [ride]:
+            vehicle = Speaker(port)
+            vehicle.say(BEAT)
+            said = f"forward: link udpin:127.0.0.1:{taken.port} cannot be opened: address already in use"
+            await until(lambda: said in ride.driver.notes(), "the note")
+            await until(lambda: ride.driver.heard, "the vehicle is heard all the same")
+            vehicle.close()
+        taken.close()
+
+    run(body)
+
+
+def test_a_station_that_speaks_under_our_ids_is_told() -> None:
+    async def body() -> None:
+        port, station = free_port(), Speaker(system=255, component=190)
+        fields = link(port, f"'udpout:127.0.0.1:{station.port}'") + ", failsafe: {gcs: bridge}"
+        async with riding(fields) as [ride]:
+            vehicle = Speaker(port)
+            vehicle.say(BEAT)
+            await until(lambda: bool(station.listen()), "the station sees the vehicle")
+            station.say(STATION_BEAT)
+            said = f"the ground station at udpout:127.0.0.1:{station.port} speaks as 255/190, as this bridge does"
+            await until(lambda: any(note.startswith(said) for note in ride.driver.notes()), "the note")
+            vehicle.close()
+        station.close()
+
+    run(body)
+
+
+def test_a_mode_that_a_station_sets_is_an_override_here() -> None:
+    async def body() -> None:
+        port, station = free_port(), Speaker(system=255, component=230)
+        async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")) as [ride]:
+            vehicle = Speaker(port)
+            await fly_until(vehicle, lambda: bool(station.kinds(1, 1)), "the station sees the vehicle")
+            station.say(command(1))
+            await until(lambda: "COMMAND_LONG" in vehicle.kinds(255, 230), "the vehicle is told")
+            vehicle.say(RTL)
+            await until(lambda: ride.driver.overridden == "RTL", "nobody here asked for that")
+            vehicle.close()
+        station.close()
+
+    run(body)
+
+
+async def fly_until(
+    vehicle: Speaker, wish: Callable[[], bool], what: str, mode: dialect.MAVLink_message = GUIDED
+) -> None:
+    """Let the vehicle say that it flies until the wish is true."""
+
+    def said() -> bool:
+        vehicle.say(mode, place())
+        return wish()
+
+    await until(said, what)
+
+
+def test_packets_of_a_signed_link_pass_as_they_are_and_the_station_signs_its_own(tmp_path: Path) -> None:
+    phrase, key = tmp_path / "phrase", key_of(b"argo")
+    phrase.write_text("argo\n")
+    phrase.chmod(0o600)
+
+    async def body() -> None:
+        port, station = free_port(), Speaker(system=255, component=230, signing=Signing(key))
+        fields = link(port, f"'udpout:127.0.0.1:{station.port}'") + f", signing: {{passphrase_file: '{phrase}'}}"
+        async with riding(fields, state=tmp_path) as [ride]:
+            vehicle, forger = Speaker(port, signing=Signing(key)), Speaker(port)
+            await fly_until(vehicle, lambda: bool(station.listen()) and ride.driver.heard, "both hear the vehicle")
+            assert all(packet[2] & dialect.MAVLINK_IFLAG_SIGNED for packet in station.raw)
+            station.say(command(1))
+            await until(lambda: "COMMAND_LONG" in vehicle.kinds(255, 230), "the vehicle hears the station")
+            forger.say(RTL)
+            said = f"unsigned packets of system 1 from udp:127.0.0.1:{forger.port} are not taken"
+            await until(lambda: said in ride.driver.notes(), "the note")
+            assert ride.driver.overridden == ""
+            assert ride.driver.counters()["refused_packets"] == 1
+            checked = Signing(key)
+            ours = [one for one in vehicle.raw if one[5:7] == bytes((1, 191))]
+            assert ours
+            assert [checked.objection(packet) for packet in ours] == [""] * len(ours)
+            for one in (vehicle, forger):
+                one.close()
+        station.close()
+        assert int((tmp_path / f"udpin_127.0.0.1_{port}.signing").read_text()) > 0
+
+    run(body)
+
+
+def test_for_which_system_a_packet_is_meant_is_read_from_every_kind_of_message() -> None:
+    """Messages are made by pymavlink with system 77 as their target, cut zeros included."""
+    encoder, kinds = Encoder(255, 190), 0
+    for number, kind in dialect.mavlink_map.items():
+        empty = [b"" if "char" in one else 0 for one in kind.fieldtypes]
+        fields: list[Any] = [
+            [value] * kind.array_lengths[kind.ordered_fieldnames.index(name)]
+            if kind.array_lengths[kind.ordered_fieldnames.index(name)] and value == 0
+            else value
+            for name, value in zip(kind.fieldnames, empty, strict=True)
+        ]
+        assert target_of(encoder.pack(kind(*fields)), number) == 0, kind.msgname
+        if "target_system" in kind.fieldnames:
+            fields[kind.fieldnames.index("target_system")] = 77
+            assert target_of(encoder.pack(kind(*fields)), number) == 77, kind.msgname
+            kinds += 1
+    assert kinds > 50
