@@ -7,27 +7,22 @@ import json
 import math
 import signal
 import time
-from argparse import Namespace
-from collections.abc import Callable, Coroutine
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from bridged.daemon import serve
 from bridged.simulation.turtle import FIELD, STEP, Pen, Turtle, svg
-from bridged.simulation.turtle_process import simulate
-from commd.bus import Bus, open_bus
+from commd.bus import open_bus
 from commd.raw import Sample
 from schemas import keys
-from schemas.mission import Mission, load_mission, read_mission
-from schemas.records import Action, ActionStatus, Health, Outcome, Perception, StopOrder
-from schemas.terms import Term
+from schemas.mission import load_mission, read_mission
+from schemas.records import Outcome, StopOrder
+from tests.bridged.studio import MISSIONS, Studio, in_the_studio
 from tests.support.buses import subscribed, until
 from tests.support.processes import running
 
-MISSIONS = Path(__file__).parents[2] / "missions"
 LAMP = """
 mission: lamp
 agents: {artist: {program: a.asl, robot: turtle}}
@@ -110,84 +105,6 @@ def test_it_is_not_teleported_out_of_its_field() -> None:
     with pytest.raises(ValueError, match=r"x: 20 is outside the field, 0\.\.11\.11"):
         turtle.teleport(20, 1, 0)
     assert turtle == Turtle()
-
-
-class Studio:
-    """The bridge daemon with a turtle, a client that is its agent, and what both say."""
-
-    def __init__(self, mission: Mission, bus: Bus, turtle: Turtle) -> None:
-        self.mission, self.bus, self.turtle = mission, bus, turtle
-        self.agent = next(iter(mission.agents))
-        self.percepts: dict[str, Perception] = {}
-        self.told = 0
-        self.health = Health()
-        self.leave = asyncio.Event()
-        """Ends the turtle."""
-        self._ids = 0
-        bus.subscribe(keys.percept(bus.fleet, self.agent, "*"), Perception, self._perceive)
-        bus.subscribe(keys.health(bus.fleet, "turtle", "bridged"), Health, self._hear)
-
-    async def do(self, name: str, *parameters: Term) -> ActionStatus:
-        """Perform an action by a query, as an agent does."""
-        self._ids += 1
-        action = Action(id=f"{self.agent}:t:{self._ids}", parameters=parameters)
-        key = keys.action(self.bus.fleet, self.agent, name)
-        heard = [one.record async for one in self.bus.query(key, action, ActionStatus, 20)]
-        assert heard, "nobody serves the action"
-        assert heard[-1] is not None
-        return heard[-1]
-
-    def values(self, name: str) -> tuple[Term, ...]:
-        """The arguments of a percept, none if it is not there."""
-        perception = self.percepts.get(name)
-        return () if perception is None or perception.update == "remove" else perception.parameters
-
-    def _perceive(self, key: str, perception: Perception) -> None:
-        self.told += 1
-        self.percepts[perception.name] = perception
-
-    def _hear(self, key: str, health: Health) -> None:
-        self.health = health
-
-
-def in_the_studio(
-    endpoint: str,
-    state: Path,
-    body: Callable[[Studio], Coroutine[Any, Any, None]],
-    *,
-    mission: Mission | None = None,
-    simulated: bool = True,
-) -> None:
-    """Run `body(studio)` while the daemon serves; bounded in wall seconds."""
-    declared = mission or load_mission(MISSIONS / "turtle.yaml")
-
-    def bus(name: str, mode: str) -> Any:
-        kind = "router" if mode == "router" else "client"
-        return open_bus(
-            endpoint, fleet=declared.fleet, name=name, daemon="agentd", stamp=time.time_ns, mode=kind, patience=10
-        )
-
-    async def everything() -> None:
-        async with asyncio.timeout(40), bus("board", "router"), bus("artist", "client") as client:
-            studio, stop = Studio(declared, client, Turtle()), asyncio.Event()
-            arguments = Namespace(
-                robots=["turtle"], router=endpoint, speed=None, state=state, link=None, simulated=True
-            )
-            daemon = asyncio.create_task(serve(declared, arguments, stop))
-            tasks = [daemon]
-            if simulated:
-                living = simulate(studio.turtle, endpoint, "turtle1/", declared.speed, studio.leave)
-                tasks.append(asyncio.create_task(living))  # type: ignore[arg-type]
-            try:
-                await body(studio)
-                stop.set()
-                assert await daemon == 0
-            finally:
-                studio.leave.set()
-                stop.set()
-                await asyncio.gather(*tasks, return_exceptions=True)
-
-    asyncio.run(everything())
 
 
 def test_an_agent_drives_it_and_perceives_where_it_is(endpoint: str, tmp_path: Path) -> None:
