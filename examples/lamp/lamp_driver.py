@@ -60,9 +60,10 @@ class LampDriver(PlainDriver):
                     self._heard(*line.decode().strip().partition(" ")[::2])
             except (OSError, ValueError) as error:  # not there, silent, or no text
                 why = f"the lamp is not there: {error or 'it is silent'}"
-            if self._writer is not None:
-                self._writer.close()
-            self._writer = None
+            finally:
+                if self._writer is not None:
+                    self._writer.close()
+                self._writer = None
             while self._asked:
                 self.finish(self._asked.popleft(), Outcome("failed", why))
             await asyncio.sleep(AGAIN)

@@ -52,7 +52,8 @@ def test_the_mission_is_flown_to_its_end(start: Start, single_uav: Path, tmp_pat
 
 def test_three_copters_on_one_link_are_flown_by_one_bridge(start: Start, three_uavs: Path) -> None:
     running = start(three_uavs, "--speed", "20", real_daemons=True)
-    running.until("uav_c: home again")
+    running.until("argosy: done", 60)
+    running.process.send_signal(signal.SIGINT)  # there is no need to measure idle use
     assert sum("bridged serve" in line for line in running.family) == 2  # by its kind and by its command line: one
     code, out, err = flown(running, 60)
     assert code == 0, out + err
@@ -60,7 +61,7 @@ def test_three_copters_on_one_link_are_flown_by_one_bridge(start: Start, three_u
     for agent, height in (("uav_a", 10), ("uav_b", 15), ("uav_c", 20)):
         assert re.search(rf"{agent}: takeoff\({height}\) succeeded after", out)
         assert re.search(rf"{agent}: return_to_launch succeeded after", out)
-    for robot, height in (("uav1", 10), ("uav2", 15), ("uav3", 20)):
+    for robot, height in (("uav1", 15), ("uav2", 15), ("uav3", 20)):  # a copter returns at 15 m at least
         left = re.search(rf"{robot} +RTL, disarmed, (-?[\d.]+) m above home; flew (\d+) m, ([\d.]+) m high", out)
         assert left is not None, out
         assert 70 < float(left[2]) < 100  # there and back over 40 m

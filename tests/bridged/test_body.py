@@ -64,7 +64,7 @@ class Rigged:
             assert self.sky.clock.time < end, f"{wish} did not happen within {within:g} s"
             for _ in range(5):
                 self.sky.step()
-            await asyncio.sleep(0.001)
+            await asyncio.sleep(0.01)
 
 
 def rigged(state: Path, body: Callable[[Rigged], object]) -> None:
