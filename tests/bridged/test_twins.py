@@ -17,6 +17,7 @@ from bridged.drivers.robot import Setup
 from commd.clock import Clock
 from schemas.manifest import load_manifest
 from schemas.mission import read_mission
+from tests.bridged.radio import Speaker, riding
 from tests.bridged.sky import MISSION
 from tests.support.buses import until
 from tests.support.ports import free_port
@@ -96,3 +97,42 @@ def test_two_vehicles_at_one_port_of_a_real_link_are_told_and_not_armed_and_thei
 
     asyncio.run(body())
     assert "two vehicles are system 1" in caplog.text
+
+
+FLYING = dialect.MAVLink_heartbeat_message(2, 3, 129, 4, 4, 3)
+
+
+def test_two_vehicles_of_one_id_in_flight_are_left_their_ways_down_which_go_to_both() -> None:
+    async def body() -> None:
+        port = free_port()
+        async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
+            driver, one, other = ride.driver, Speaker(port), Speaker(port)
+
+            def both_told() -> bool:
+                one.say(FLYING)
+                other.say(FLYING)
+                return any("two vehicles" in note for note in driver.notes())
+
+            await until(both_told, "the warning")
+            where = sorted(f"udp:127.0.0.1:{vehicle.port}" for vehicle in (one, other))
+            said = f"two vehicles are system 1, at {' and '.join(where)}"
+            for name in ("takeoff", "goto", "setpoint"):
+                assert driver.refuses(MANIFEST.actions[name]).startswith(said)
+            for name in ("land", "return_to_launch", "set_mode", "arm_motors"):
+                assert driver.refuses(MANIFEST.actions[name]) == ""
+            for name, arguments in (("set_mode", {"mode": "GUIDED"}), ("arm_motors", {"arm": True})):
+                outcome = driver.perform(name, MANIFEST.actions[name], arguments).outcome
+                assert outcome is not None
+                assert (outcome.state, outcome.reason.startswith(said)) == ("refused", True)
+            rtl = driver.perform("set_mode", MANIFEST.actions["set_mode"], {"mode": "RTL"})
+            assert not rtl.over
+
+            def told_to_return(vehicle: Speaker) -> bool:
+                commands = [heard for heard in vehicle.listen() if heard.get_type() == "COMMAND_LONG"]
+                return any((heard.command, heard.param2) == (176, 6.0) for heard in commands)
+
+            await until(lambda: told_to_return(one) and told_to_return(other), "both are told to return")
+            for vehicle in (one, other):
+                vehicle.close()
+
+    asyncio.run(body())
