@@ -406,8 +406,8 @@ def test_local_positions_and_velocities_are_east_north_and_up(full: Sky) -> None
 
 
 def test_a_mission_a_parameter_and_a_raw_command_go_the_ways_of_mavros(full: Sky) -> None:
-    home = [0, 16, True, True, -27.604033, -48.518363, 21.0]
-    point = [3, 16, False, True, -27.6038, -48.5182, 15.0]
+    home: list[Term] = [0, 16, True, True, -27.604033, -48.518363, 21.0]
+    point: list[Term] = [3, 16, False, True, -27.6038, -48.5182, 15.0]
     succeeds(full, "set_mode", "GUIDED")
     full.forward(lambda: full.vehicle.copter.home is not None, "the vehicle to know its home")
     succeeds(full, "push", [home, point])
