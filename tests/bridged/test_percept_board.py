@@ -38,6 +38,27 @@ source = "MODE"
 args = ["name", "armed"]
 """
 
+LISTS = """
+[robot]
+driver = "zenoh"
+[percepts.sonar]
+source = "SONAR"
+args = ["id", "range"]
+key = [0]
+rate = 2
+ttl = "3s"
+deadband = 0.1
+[percepts.track]
+source = "TRACK"
+args = [{field = "points", each = ["name", {field = "at", each = ["x", "y"]}]}]
+deadband = 0.5
+[percepts.seen]
+source = "SEEN"
+args = ["what", "where"]
+buf = "add"
+ttl = "3s"
+"""
+
 
 class Board:
     """A percept board with its time and what it has told."""
@@ -133,6 +154,102 @@ def test_keyed_beliefs_stand_beside_each_other_and_age_alone(board: Board) -> No
     board.wait(6)
     assert board.taken() == [("remove", "battery", (0, 12.6))]
     assert [one.parameters for one in board.board.sets["uav"].present()] == [(1, 11.0)]
+
+
+def test_three_sonars_have_each_their_own_rate_deadband_and_age() -> None:
+    board = Board(read_manifest(LISTS, "m.toml"))
+    for sonar in range(3):
+        board.hear("SONAR", id=sonar, range=1.0)
+    assert board.taken() == [("replace", "sonar", (sonar, 1.0)) for sonar in range(3)]
+    board.now += 0.1
+    board.hear("SONAR", id=0, range=1.05)
+    board.hear("SONAR", id=1, range=2.0)
+    assert board.taken() == [], "one has not moved, the other's rate is not over"
+    board.wait(2)
+    assert board.taken() == [("replace", "sonar", (1, 2.0))]
+    board.hear("SONAR", id=1, range=2.0)
+    board.wait(2)
+    assert board.taken() == [("remove", "sonar", (2, 1.0)), ("remove", "sonar", (0, 1.0))]
+    assert [one.parameters for one in board.board.sets["uav"].present()] == [(1, 2.0)]
+
+
+def test_the_deadband_holds_for_numbers_inside_nested_lists() -> None:
+    board = Board(read_manifest(LISTS, "m.toml"))
+
+    def hear(*points: tuple[str, list[tuple[float, float]]]) -> list[Any]:
+        told = [{"name": name, "at": [{"x": x, "y": y} for x, y in at]} for name, at in points]
+        board.hear("TRACK", points=told)
+        return board.taken()
+
+    assert hear(("a", [(1, 2)])) == [("replace", "track", ([["a", [[1, 2]]]],))]
+    assert hear(("a", [(1.4, 1.6)])) == []
+    assert hear(("a", [(1.4, 2.6)])) == [("replace", "track", ([["a", [[1.4, 2.6]]]],))]
+    assert hear(("b", [(1.4, 2.6)])) == [("replace", "track", ([["b", [[1.4, 2.6]]]],))]
+    assert hear(("b", [])) == [("replace", "track", ([["b", []]],))]
+    assert hear() == [("replace", "track", ([],))]
+
+
+def test_events_stand_beside_each_other_and_age_by_their_own_last_time() -> None:
+    board = Board(read_manifest(LISTS, "m.toml"))
+    board.hear("SEEN", what="boat", where=[1, 2])
+    board.hear("SEEN", what="boat", where=[3, 4])
+    board.wait(2)
+    board.hear("SEEN", what="boat", where=[3, 4])
+    assert board.taken() == [("add", "seen", ("boat", at)) for at in ([1, 2], [3, 4], [3, 4])]
+    board.wait(2)
+    assert board.taken() == [("remove", "seen", ("boat", [1, 2]))]
+
+
+def changed(text: str) -> Board:
+    """A board that has heard of everything, and then goes on by another manifest."""
+    board = Board()
+    board.hear("POSITION", alt=5000)
+    board.hear("BATTERY", id=0, volts=[12600, 0])
+    board.hear("MODE", name="GUIDED", armed=False)
+    board.hear("EVENT", text="bump")
+    board.taken()
+    board.board.adopt(read_manifest(text, "m.toml"))
+    return board
+
+
+def test_entries_that_another_manifest_leaves_as_they_are_keep_belief_seq_and_age() -> None:
+    board = changed(MANIFEST + '[percepts.more]\nsource = "MODE"\nargs = ["name"]\n')
+    assert board.taken() == []
+    assert board.board.last_seq("uav") == 4
+    board.hear("BATTERY", id=0, volts=[12600, 0])
+    board.hear("MODE", name="GUIDED", armed=False)
+    assert board.taken() == [("replace", "more", ("GUIDED",))]
+    board.wait(4)
+    assert board.taken() == [("remove", "altitude", (5.0,))], "it ages from when it was heard before the change"
+
+
+def test_a_percept_that_another_manifest_does_not_declare_is_withdrawn() -> None:
+    board = changed(MANIFEST.replace("percepts.mode", "percepts.fly_mode"))
+    assert board.taken() == [("remove", "mode", ("GUIDED", False))]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "name"),
+    [
+        ('source = "MODE"', 'source = "FLY_MODE"', "mode"),
+        ('args = ["name", "armed"]', 'args = ["name"]', "mode"),
+        ("key = [0]", "", "battery"),
+        ('buf = "add"', "", "event"),
+    ],
+)
+def test_a_belief_that_another_manifest_would_not_have_is_withdrawn_first(old: str, new: str, name: str) -> None:
+    board = changed(MANIFEST.replace(old, new))
+    assert [(update, gone) for update, gone, _ in board.taken()] == [("remove", name)]
+
+
+def test_a_percept_that_is_converted_otherwise_keeps_its_belief_until_the_next_reading() -> None:
+    board = changed(MANIFEST.replace("scale = 0.001}]\nrate = 10", "scale = 0.01}]\nrate = 1"))
+    assert board.taken() == []
+    board.now += 0.5
+    board.hear("POSITION", alt=5000)
+    assert board.taken() == [], "the new rate holds at once"
+    board.wait(0.6)
+    assert board.taken() == [("replace", "altitude", (50.0,))]
 
 
 def test_a_value_that_the_robot_does_not_know_is_no_percept(board: Board) -> None:
