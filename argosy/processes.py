@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from argosy import simulators
-from argosy.links import sharers, together
+from argosy.links import together
 from schemas.mission import THIS_MACHINE, Mission
 
 ALL = "all"
@@ -44,10 +44,10 @@ class Setup:
         robots = self.mission.robots.items()
         return [name for name, robot in robots if name not in self.real and simulators.vehicle_of(robot)]
 
-    def mixed(self) -> tuple[str, str] | None:
-        """Return a real robot and a simulated one that share a link, if there are such."""
-        pairs = ((name, other) for name in sorted(self.real) for other in sharers(self.mission, name))
-        return next(((name, other) for name, other in pairs if other not in self.real), None)
+    def mixed(self) -> list[str]:
+        """Return the robots of a link of which some are real and some simulated, if there is such a link."""
+        groups = together(self.mission)
+        return next((group for group in groups if 0 < len(self.real.intersection(group)) < len(group)), [])
 
     def agents_by_board(self) -> dict[str, list[str]]:
         """Return the agents of each board: those of one board share a daemon."""

@@ -101,11 +101,10 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
         raise Refused(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")
     setup = Setup(mission, args.router or mission.router.endpoint, speed, real, state, _telling(mission))
     if mixed := setup.mixed():
-        name, other = mixed
-        link = mission.robots[name].link
-        raise Refused(
-            f"{name} is real and {other} on the same link {link} is simulated: name both, --real {name},{other}"
-        )
+        real_ones, others = ([one for one in mixed if (one in real) == wanted] for wanted in (True, False))
+        link = mission.robots[mixed[0]].link
+        told = f"{', '.join(real_ones)} is real, and {', '.join(others)} on the same link {link} would be simulated"
+        raise Refused(f"{told}: fly all of them with --real {','.join(mixed)}")
     return setup
 
 

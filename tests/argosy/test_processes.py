@@ -96,12 +96,12 @@ def test_a_bridge_is_told_that_its_robots_are_simulated_only_if_they_are() -> No
 
 
 def test_a_real_robot_and_a_simulated_one_on_one_link_are_found() -> None:
-    def mixed(*real: str) -> tuple[str, str] | None:
+    def mixed(*real: str) -> list[str]:
         return Setup(mission(SHARED), "tcp/127.0.0.1:9000", 1.0, frozenset(real), Path("/state")).mixed()
 
-    assert mixed("uav2") == ("uav2", "uav1")
-    assert mixed() is None
-    assert mixed("uav1", "uav2") is None
+    assert mixed("uav2") == ["uav1", "uav2"]
+    assert mixed() == []
+    assert mixed("uav1", "uav2") == []
 
 
 def test_robots_that_are_no_vehicles_have_the_simulator_that_they_declare_or_none() -> None:

@@ -259,6 +259,15 @@ def test_a_serial_link_is_flown_with_real_and_refused_without(start: Start, sing
     running.until("bridged uav1: started")
 
 
+def test_robots_of_one_link_are_all_real_or_all_simulated(start: Start, three_uavs: Path) -> None:
+    code, out, err = ended(start(three_uavs, "--real", "uav2", "--yes"))
+    assert (code, out) == (2, "")
+    link = re.search(r"udpin:\S+", three_uavs.read_text())
+    assert link is not None
+    told = f"uav2 is real, and uav1, uav3 on the same link {link[0]} would be simulated"
+    assert err == f"error: {told}: fly all of them with --real uav1,uav2,uav3\n"
+
+
 @pytest.mark.parametrize("kind", ["udpin", "tcpin", "udpout", "tcp"])
 def test_a_link_that_is_taken_is_told_before_anything_starts(start: Start, single_uav: Path, kind: str) -> None:
     single_uav.write_text(single_uav.read_text().replace("udpin:", f"{kind}:"))
