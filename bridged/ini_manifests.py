@@ -145,7 +145,7 @@ def _action(action: IniAction, problem: Problem) -> ActionEntry:
         hint = "is not done but perceived: it belongs into the perceptions manifest" if below in TOPICS else ""
         problem("name", _unknown(below, hint, CALLS))
         return _on_zenoh(action)
-    if action.method != taken.method:
+    if action.method != taken.method and not action.wrong:
         problem("method", f"mavros/{below} is a {taken.method}, not a {action.method}")
     fields: dict[str, Value | FieldValue] = dict(taken.entry.fields)
     params: list[Parameter] = []
@@ -161,7 +161,7 @@ def _action(action: IniAction, problem: Problem) -> ActionEntry:
             problem("params_name", f"`{param.name}` of mavros/{below} says the same as another field here")
         params.append(_parameter(param, into, typed=action.typed))
         fields[into.field] = into.value(param.name)
-    for lacking in [name for name in taken.needed if name not in _names(action.params)]:
+    for lacking in [name for name in taken.needed if name not in _names(action.params) and not action.wrong]:
         problem("params_name", f"mavros/{below} needs `{lacking}`")
     return replace(taken.entry, driver="mavlink", params=tuple(params), fields=fields)
 

@@ -59,10 +59,12 @@ class IniAction:
     """Whether `params_type` says what they are; they are texts otherwise."""
     latch: bool
     lines: Mapping[str, int]
+    wrong: bool = False
+    """Something of it is told already as wrong; what follows from that need not be told."""
 
 
 def read_actions(text: str, file: str) -> tuple[list[IniAction], list[Finding]]:
-    """Return what an actions manifest declares, and everything that is wrong with it."""
+    """Return what an actions manifest declares as far as it reads, and everything that is wrong with it."""
     reader = _Reader(text, file, ACTION_OPTIONS)
     if not reader.is_of(ONLY_PERCEPTS, ONLY_ACTIONS, "a perceptions manifest"):
         return [], reader.findings
@@ -70,7 +72,7 @@ def read_actions(text: str, file: str) -> tuple[list[IniAction], list[Finding]]:
 
 
 def read_percepts(text: str, file: str) -> tuple[list[IniPercept], list[Finding]]:
-    """Return what a perceptions manifest declares, and everything that is wrong with it."""
+    """Return what a perceptions manifest declares as far as it reads, and everything that is wrong with it."""
     reader = _Reader(text, file, PERCEPT_OPTIONS)
     if not reader.is_of(ONLY_ACTIONS, ONLY_PERCEPTS, "an actions manifest"):
         return [], reader.findings
@@ -168,16 +170,14 @@ class _Options:
 
 
 def _percept(options: _Options) -> IniPercept | None:
-    before = len(options.findings)
     topic = options.ros_name()
     options.one_of("method", ("topic",), "topic")
     buf = options.one_of("buf", ("update", "add"), "update")
     args = options.listed("args", read_fields)
     rate = _rate(options)
-    if len(options.findings) > before:
+    if not topic:
         return None
-    name = options.section.name
-    return IniPercept(name, topic, args, "add" if buf == "add" else "update", rate, options.lines)
+    return IniPercept(options.section.name, topic, args, "add" if buf == "add" else "update", rate, options.lines)
 
 
 def _rate(options: _Options) -> float:
@@ -203,10 +203,11 @@ def _action(options: _Options) -> IniAction | None:
         options.problem(f"expected True or False, got `{options.text('latch')}`", "latch")
     typed = "params_type" in options.options
     params = _parameters(options, typed)
-    if len(options.findings) > before or latch is None:
+    if not target:
         return None
     way: Method = "service" if method == "service" else "topic"
-    return IniAction(options.section.name, way, target, params, typed, latch, options.lines)
+    wrong = len(options.findings) > before
+    return IniAction(options.section.name, way, target, params, typed, bool(latch), options.lines, wrong)
 
 
 def _parameters(options: _Options, typed: bool) -> tuple[Parameter, ...]:

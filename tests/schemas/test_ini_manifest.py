@@ -177,7 +177,7 @@ params_type = float, eval, Point[](
 nonsense
 """
     entries, findings = read_actions(text, "actions")
-    assert entries == []
+    assert [(one.name, one.wrong) for one in entries] == [("Takeoff", True)], "what has a name can be looked up"
     assert [f"{one.line}: {one.message}" for one in sorted(findings)] == [
         "1: expected a section such as `[takeoff]` before `before = 1`",
         "3: [DEFAULT]: no option `lacht`, did you mean `latch`?",
