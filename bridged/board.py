@@ -107,6 +107,17 @@ class PerceptBoard:
             if slot.waiting is not None:
                 self._tell(slot, slot.waiting, now)
 
+    def show(self, agent: str, name: str, parameters: Parameters, key: tuple[int, ...] = ()) -> None:
+        """Tell one agent what only it perceives, if it has changed: about its action, or about it."""
+        if not any(one.name == name and one.parameters == parameters for one in self.sets[agent].present()):
+            self._send_to(agent, name, parameters, "replace", key)
+
+    def withdraw(self, agent: str, name: str, first: Parameters = ()) -> None:
+        """Remove what was shown to one agent under a name, if its first arguments are these."""
+        for one in self.sets[agent].present():
+            if one.name == name and one.parameters[: len(first)] == first:
+                self._send_to(agent, name, one.parameters, "remove", tuple(range(len(one.parameters))))
+
     def last_seq(self, agent: str) -> int:
         """Seq of the last perception that was published to an agent."""
         return self.sets[agent].seq
@@ -144,17 +155,15 @@ class PerceptBoard:
         self._send(slot.name, slot.told, "remove", tuple(range(len(slot.told))))
 
     def _send(self, name: str, parameters: Parameters, update: Update, key: tuple[int, ...]) -> None:
-        for agent, present in self.sets.items():
-            header = Header(seq=present.seq + 1, stamp=self._stamp(), source=self._robot, boot=self._boot)
-            perception = Perception(
-                header=header,
-                name=name,
-                parameters=parameters,
-                update=update,
-                key=key,
-            )
-            present.apply(perception)
-            self._publish(agent, perception)
+        for agent in self.sets:
+            self._send_to(agent, name, parameters, update, key)
+
+    def _send_to(self, agent: str, name: str, parameters: Parameters, update: Update, key: tuple[int, ...]) -> None:
+        present = self.sets[agent]
+        header = Header(seq=present.seq + 1, stamp=self._stamp(), source=self._robot, boot=self._boot)
+        perception = Perception(header=header, name=name, parameters=parameters, update=update, key=key)
+        present.apply(perception)
+        self._publish(agent, perception)
 
 
 def _identity(entry: PerceptEntry, manifest: Manifest) -> tuple[object, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,17 +11,21 @@ from bridged.board import PerceptBoard, Publish
 from bridged.body import Body
 from bridged.desk import ActionDesk
 from bridged.drivers.robot import Setup
+from bridged.lease import Lease
 from bridged.ledger import Ledger
 from bridged.live import RunningManifest
 from bridged.orders import Orders
 from commd.bus import Bus
 from commd.clock import Clock
 from schemas.manifest import Manifest
+from schemas.manifest_rules import FUNCTOR
 from schemas.mission import Mission
 from schemas.records import ActionStatus, Health
+from schemas.terms import Atom
 
 UNREADABLE = ("bad_checksums", "unreadable_packets", "samples_unreadable")
 """Counters of drivers that are bad input."""
+log = logging.getLogger("bridged")
 
 
 class Bridge:
@@ -68,12 +73,16 @@ class Bridge:
             )
         )
         self.ledger = Ledger(ledger)
+        self.lease = Lease(
+            agents, mission.robots[robot].lease.priority, self._lease_changed, arms=bool(self.driver.own.orders)
+        )
         self.desk = ActionDesk(
             manifest,
             self.driver,
             self.board,
             self.ledger,
             publish_status,
+            self.lease,
             robot=robot,
             boot=boot,
             stamp=clock.stamp,
@@ -82,15 +91,33 @@ class Bridge:
         )
         self.live = RunningManifest(manifest, self._adopt)
         self.orders = Orders(self.desk, self.driver, clock)
-        holder = self.ledger.last_agent()
-        if holder in agents:  # whoever had the robot in our last life is still answered for
-            self.desk.holder = holder
+        self.lease.restore(*self.ledger.held())  # whoever had the robot in our last life is still answered for
+        self._tell_holder()
 
     def _adopt(self, manifest: Manifest) -> None:
         """Go on by another manifest. Raises what the drivers raise, before anything else has changed."""
         self.driver.adopt(manifest)
         self.board.adopt(manifest)
         self.desk.adopt(manifest)
+
+    def _lease_changed(self) -> None:
+        log.info("%s: %s", self.name, f"held by {self.lease.holder}" if self.lease.holder else "free")
+        try:
+            self.ledger.hold(self.lease.answers, self.lease.free)
+        except OSError as error:
+            log.error("who has %s cannot be kept on disk: %s", self.name, error.strerror)
+        self._tell_holder()
+
+    def _tell_holder(self) -> None:
+        """Let the agents that share the robot perceive which of them has it."""
+        if len(self.board.sets) < 2:
+            return
+        holder = self.lease.holder
+        for agent in self.board.sets:
+            if holder:
+                self.board.show(agent, "holder", (Atom(holder if FUNCTOR.fullmatch(holder) else f"'{holder}'"),))
+            else:
+                self.board.withdraw(agent, "holder")
 
     def step(self) -> None:
         """After the driver has looked at the robot: age percepts, pass on what became of actions."""

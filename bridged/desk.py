@@ -14,9 +14,13 @@ from msgspec.structs import replace
 from bridged.arguments import BadArgument, read_arguments
 from bridged.board import PerceptBoard
 from bridged.drivers.robot import Driver, Execution, Order, Outcome
+from bridged.lease import Lease
 from bridged.ledger import Ledger
-from schemas.manifest import ActionEntry, Manifest
+from schemas.built_in import ACTIONS
+from schemas.manifest import ActionEntry, Argument, Manifest
+from schemas.manifest_rules import FUNCTOR
 from schemas.records import Action, ActionStatus, Header, State
+from schemas.terms import Atom, number
 
 FEEDBACK_EVERY = 1.0
 """Wall seconds between two `running` statuses of one action."""
@@ -24,6 +28,9 @@ MAX_RUNNING = 8
 """Actions that may run at once, counted over all agents."""
 MAX_FOLLOWERS = 16
 """Queries that may wait for the end of one action; the newest: an asker whose link flaps has given up the others."""
+
+MAX_FEEDBACK = 16
+"""Figures of one action's progress that its agent perceives at most."""
 
 Follower = Callable[[ActionStatus | None], None]
 """Called with each status of an action from now on; the last one is final, or None if a newer asker took the place."""
@@ -42,6 +49,8 @@ class _Job:
     status: ActionStatus
     told_at: float
     followers: list[Follower] = field(default_factory=list)
+    shown: set[str] = field(default_factory=set)
+    """Of what in its feedback the agent has a percept."""
 
 
 class ActionDesk:
@@ -54,6 +63,7 @@ class ActionDesk:
         board: PerceptBoard,
         ledger: Ledger,
         publish: Callable[[str, ActionStatus], None],
+        lease: Lease,
         *,
         robot: str,
         boot: str,
@@ -63,15 +73,13 @@ class ActionDesk:
     ) -> None:
         self.blocked = ""
         """Why no action is taken now (the operator, or the end of the bridge); empty = they are."""
-        self.holder = ""
-        """The agent whose action was taken last, until the robot disarms; its loss is the loss of the pilot."""
+        self.lease = lease
+        """Which agent has the robot."""
         self._manifest, self._driver, self._board, self._ledger = manifest, driver, board, ledger
         self._publish = publish
         self.robot, self._boot, self._stamp, self._now = robot, boot, stamp, now
         self._feedback_every = FEEDBACK_EVERY * speed
         self._jobs: dict[str, _Job] = {}
-        self._held = True
-        """Whether the robot may have been active since the holder was released; before it is heard nobody knows."""
         self._seq = 0
         self._by_hand = 0
 
@@ -147,14 +155,8 @@ class ActionDesk:
                 job.told_at = now
                 running = self._status(job.action, "running", job.execution.waits_for, job.execution.feedback)
                 self._tell(job, replace(running, deadline=max(0.0, job.deadline_at - now)))
-        self._release_holder()
-
-    def _release_holder(self) -> None:
-        """A robot that was seen to disarm is nobody's: who flies it next need not be who flew it last."""
-        if self._driver.active:
-            self._held = True
-        elif self._held and self._driver.heard and not any(j.action.agent == self.holder for j in self._jobs.values()):
-            self._held, self.holder = False, ""
+                self._show(job)
+        self.lease.step(active=self._driver.active, heard=self._driver.heard, busy=bool(self._jobs), now=now)
 
     def _known(self, request: Action, follower: Follower) -> bool:
         """Answer a request for an id that was begun before."""
@@ -175,9 +177,9 @@ class ActionDesk:
         return True
 
     def _begin(self, action: Action, follower: Follower) -> None:
-        entry = self._manifest.actions.get(action.name)
+        entry = ACTIONS.get(action.name) or self._manifest.actions.get(action.name)
         if entry is None:
-            known = ", ".join(f"{name}/{one.arity}" for name, one in self._manifest.actions.items())
+            known = ", ".join(f"{name}/{one.arity}" for name, one in (self._manifest.actions | ACTIONS).items())
             self._refuse(action, f"{self.robot} has no action {action.name}; it has {known}", follower)
             return
         try:
@@ -185,7 +187,13 @@ class ActionDesk:
         except BadArgument as error:
             self._refuse(action, str(error), follower)
             return
-        if reason := self.blocked or self._driver.refuses(entry) or self._busy(action, entry):
+        now = self._now()
+        held = self.lease.refuses(action.agent, ", ".join(self.running), now)
+        if action.name in ACTIONS:
+            self._answer_built_in(action, arguments, self.blocked or held, follower)
+            return
+        rival = self.lease.holder not in ("", action.agent)
+        if reason := self.blocked or held or self._driver.refuses(entry) or self._busy(action, entry, rival):
             self._refuse(action, reason, follower)
             return
         try:
@@ -195,10 +203,10 @@ class ActionDesk:
                 self._refuse(action, f"its id cannot be kept on disk: {error.strerror}", follower)
                 return
             log.error("the id of %s cannot be kept on disk: %s", action.id, error.strerror)  # a way down must stay
+        taken = self._take(action, entry) if rival else []
         for other in self._superseded(entry):
             self._end(other, Outcome("cancelled", f"superseded by {action.name} of {action.agent}"), hold=False)
-        self.holder = action.agent
-        now = self._now()
+        self.lease.take(action.agent, now)
         deadline = float(entry.deadline) if action.deadline is None else action.deadline
         accepted = replace(self._status(action, "accepted"), deadline=deadline)
         log.info("action %s %s%s", action.id, action.name, list(arguments.values()))
@@ -207,16 +215,52 @@ class ActionDesk:
         execution = self._driver.perform(action.name, entry, arguments)
         job = _Job(action, entry, execution, now + deadline, deadline, accepted, now, [follower])
         self._jobs[action.id] = job
+        if execution.outcome is not None and execution.outcome.state == "refused":
+            self._hold_for(taken)
         self.step()
 
-    def _busy(self, action: Action, entry: ActionEntry) -> str:
-        """Why an action cannot begin beside those that run, empty if it can."""
+    def _answer_built_in(self, action: Action, arguments: dict[str, Argument], reason: str, follower: Follower) -> None:
+        """`release` and `hand_over`: done at once, and never while an action of the holder runs."""
+        if not reason and self.lease.holder == action.agent and self._jobs:
+            reason = f"busy: {', '.join(self.running)} is running; cancel it first, or wait for its end"
+        if not reason and action.name == "release":
+            reason = self.lease.release(action.agent)
+        elif not reason:
+            reason = self.lease.give(action.agent, str(arguments["agent"]), self._now())
+        if reason:
+            self._refuse(action, reason, follower)
+            return
+        status = replace(self._status(action, "succeeded"), result=True)
+        self._record(status)
+        log.info("action %s %s succeeded", action.id, action.name)
+        follower(status)
+        self._publish(action.agent, status)
+
+    def _take(self, action: Action, entry: ActionEntry) -> list[_Job]:
+        """Take the robot from an agent of lower rank: what runs for it fails. Returns what moved the robot."""
+        taken = list(self._jobs.values())
+        for job in taken:
+            self._end(job, Outcome("failed", f"lease taken by {action.agent}"), hold=False)
+        moving = [job for job in taken if job.entry.motion]
+        if not entry.motion and not entry.supersedes:
+            self._hold_for(moving)
+            return []
+        return moving
+
+    def _hold_for(self, taken: list[_Job]) -> None:
+        """Let the robot stay where it is: whoever has taken it does not move it."""
+        for job in taken:
+            self._driver.stop(job.execution, Outcome("failed", job.status.reason), hold=True)
+
+    def _busy(self, action: Action, entry: ActionEntry, rival: bool) -> str:
+        """Why an action cannot begin beside those that run, empty if it can; what runs for a `rival` would end."""
+        if rival:
+            return ""
         ending = self._superseded(entry)
         for job in self._jobs.values():
             both_move = entry.motion and job.entry.motion
             if job not in ending and (both_move or job.action.name == action.name):
-                whose = "" if job.action.agent == action.agent else f" for {job.action.agent}"
-                return f"busy: {job.action.name} is running{whose}"
+                return f"busy: {job.action.name} is running"
         return f"busy: {MAX_RUNNING} actions are running" if len(self._jobs) >= MAX_RUNNING else ""
 
     def _superseded(self, entry: ActionEntry) -> list[_Job]:
@@ -237,12 +281,23 @@ class ActionDesk:
         if job.action.id not in self._jobs:
             return job.status
         del self._jobs[job.action.id]
+        for what in sorted(job.shown):
+            self._board.withdraw(job.action.agent, "feedback", (Atom(job.action.name), Atom(what)))
         self._board.flush(self._now())
         status = self._status(job.action, outcome.state, outcome.reason, job.execution.feedback)
         self._record(status)
         log.info("action %s %s %s %s", job.action.id, job.action.name, status.state, status.reason)
         self._tell(job, status)
         return status
+
+    def _show(self, job: _Job) -> None:
+        """Let the agent that performs an action perceive how far it is."""
+        wanted = job.entry.feedback
+        for what, value in sorted(job.execution.feedback.items())[:MAX_FEEDBACK]:
+            if (wanted is None or what in wanted) and FUNCTOR.fullmatch(what):
+                job.shown.add(what)
+                parameters = (Atom(job.action.name), Atom(what), number(value))
+                self._board.show(job.action.agent, "feedback", parameters, (0, 1))
 
     def _tell(self, job: _Job, status: ActionStatus) -> None:
         job.status = status

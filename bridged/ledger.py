@@ -20,6 +20,8 @@ MAX_ENTRIES = 20_000
 """Ids remembered at most; the oldest goes first. An hour of five actions a second."""
 REWRITE_AT = 4 * 1024 * 1024
 """Bytes of the file at which what is older than an hour is left out of it."""
+_LEASE = ""
+"""In the place of an id: the line tells who has the robot."""
 log = logging.getLogger("ledger")
 
 
@@ -31,6 +33,10 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
     """Unix time in seconds."""
     final: str = ""
     """The final status as JSON; empty = begun."""
+    holder: str = ""
+    """Of the one line without an id: which agent answers for the robot."""
+    free: bool = False
+    """Whether any other agent may take it."""
 
 
 class Ledger:
@@ -73,13 +79,19 @@ class Ledger:
         except BadRecord:
             return None
 
-    def last_agent(self) -> str:
-        """Whose action was begun last, empty if none was: ids are `agent:boot:counter`."""
+    def hold(self, agent: str, free: bool) -> None:
+        """Note which agent answers for the robot from now on, and whether another may take it. Raises OSError."""
+        self._append(Entry(_LEASE, self._wall(), holder=agent, free=free), sync=False)
+
+    def held(self) -> tuple[str, bool]:
+        """Return what was noted by `hold`; if that is older than an hour, whose action was begun last."""
+        if lease := self._entries.get(_LEASE):
+            return lease.holder, lease.free
         for action in reversed(self._entries):
             final = self.final(action)
             if final is None or final.state != "refused":
-                return action.partition(":")[0]
-        return ""
+                return action.partition(":")[0], False
+        return "", False
 
     def close(self) -> None:
         """Close the file; a sync under way ends by itself."""

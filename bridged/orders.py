@@ -96,6 +96,8 @@ class Orders:
 
     async def operator(self, order: Order) -> Outcome:
         """The operator's order: it ends every action, and no agent acts until `release`."""
+        if self._sequence is not None:  # its agent is lost, and is answered for by now
+            self._desk.lease.let_go()
         self.call_off()
         return await self.carry_out(order, f"operator: {order}", block=True, insist=True)
 
@@ -111,13 +113,17 @@ class Orders:
         self._desk.end_all(agent, Outcome("failed", f"agent {agent} is lost: {why}"))
         if (self._driver.active or arming) and not self._desk.blocked:
             self.call_off()
+            self._desk.lease.closed = f"agent {agent} is lost: the bridge brings the robot to safety first"
             self._sequence = asyncio.create_task(self._steps(agent, steps))
+        else:
+            self._desk.lease.let_go()
 
     def call_off(self) -> None:
         """Leave out the steps that are still to come: the agent is back, or somebody above it has spoken."""
         if self._sequence is not None:
             self._sequence.cancel()
             self._sequence = None
+            self._desk.lease.closed = ""
         self._left = ""
 
     async def _steps(self, agent: str, steps: Sequence[Step]) -> None:
@@ -139,6 +145,8 @@ class Orders:
             others = "which others set (pilot, ground station or failsafe)"
             self._left = f"agent {agent} is lost; the vehicle is left in {mode}, {others}: nothing is ordered"
             log.error("%s: %s", self._desk.robot, self._left)
+        self._sequence, self._desk.lease.closed = None, ""
+        self._desk.lease.let_go()
 
     async def _until_heard(self, order: Order, agent: str) -> Outcome:
         """Give an order; a vehicle that is out of reach may come back, so it is told until it answers."""

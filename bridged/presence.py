@@ -61,6 +61,10 @@ class Presence:
         """Whether somebody came, nobody is missing and the router is there: only an event can change what holds."""
         return self._router_up and not self._absent_since and any(self._tokens.values())
 
+    def there(self) -> set[str]:
+        """The agents that are there."""
+        return {agent for agent, tokens in self._tokens.items() if tokens}
+
     def known(self) -> set[str]:
         """The agents that are there, or were."""
         return {agent for agent, tokens in self._tokens.items() if tokens or agent in self._absent_since}

@@ -17,6 +17,7 @@ from bridged.live import RunningManifest
 from bridged.orders import Orders
 from commd.bus import Bus, Query
 from schemas import keys
+from schemas.built_in import ACTIONS
 from schemas.manifest import ActionDescription, Manifest
 from schemas.percepts import PerceptSet
 from schemas.records import (
@@ -95,7 +96,7 @@ class Service:
 
     def _describe(self, agent: str, manifest: Manifest, query: Query[Action]) -> None:
         asked = zenoh.KeyExpr(query.key)
-        for name, entry in manifest.actions.items():
+        for name, entry in (manifest.actions | ACTIONS).items():
             key = keys.action(self._bus.fleet, agent, name)
             if asked.intersects(zenoh.KeyExpr(key)):
                 description = ActionDescription(

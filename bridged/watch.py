@@ -24,6 +24,7 @@ async def watch_agents(bus: Bus, agents: list[str], bridge: Bridge, steps: tuple
     def token(key: str, alive: bool) -> None:
         if parsed := keys.parse(key):
             presence.token(parsed[1], parsed[2][-1], alive, clock.wall())
+            bridge.lease.present = presence.there()
             changed.set()
 
     def router(up: bool) -> None:
@@ -34,17 +35,19 @@ async def watch_agents(bus: Bus, agents: list[str], bridge: Bridge, steps: tuple
     for agent in agents:
         bus.watch(keys.alive(bus.fleet, agent, "agentd", "*"), token)
     lost: set[str] = set()
+    bridge.lease.present = presence.there()
     while True:
         now_lost = presence.lost(clock.wall())
         for agent, why in now_lost.items():
-            if agent not in lost and agent == bridge.desk.holder:
+            if agent not in lost and agent == bridge.lease.answers:
                 bridge.orders.agent_lost(agent, why, steps)
         for agent in lost - set(now_lost):
             log.info("agent %s is back", agent)
-            bridge.orders.call_off()
+            if agent == bridge.lease.answers:
+                bridge.orders.call_off()
         lost = set(now_lost)
         somebody = bool(presence.known() - lost) or not bridge.driver.active
-        bridge.driver.speak_for_agent(bridge.desk.holder not in lost and somebody)
+        bridge.driver.speak_for_agent(bridge.lease.answers not in lost and somebody)
         changed.clear()
         if presence.complete:
             await changed.wait()

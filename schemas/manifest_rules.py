@@ -19,7 +19,10 @@ Rule = Callable[[Any], Iterator[Wrong]]
 
 FUNCTOR = re.compile(r"[a-z][A-Za-z0-9_]*", re.ASCII)
 RESERVED = {
-    "percepts": {"feedback": "what the bridge itself tells of running actions"},
+    "percepts": {
+        "feedback": "what the bridge itself tells of running actions",
+        "holder": "which of its agents has the robot",
+    },
     "actions": {
         "hand_over": "how an agent hands the robot to another one",
         "release": "how an agent lets go of the robot",

@@ -166,22 +166,22 @@ def test_the_operators_order_goes_through_against_any_mode(sky: Sky) -> None:
 
 
 def test_who_flew_last_is_not_answered_for_in_a_later_flight(sky: Sky) -> None:
-    assert sky.bridge.desk.holder == "uav"
+    assert sky.bridge.lease.answers == "uav"
     assert sky.do("land").state == "succeeded"
     sky.wait(2)
-    assert sky.bridge.desk.holder == ""
+    assert sky.bridge.lease.answers == ""
     sky.begin("set_mode", "GUIDED")
-    assert sky.bridge.desk.holder == "uav", "the next one that acts holds it again"
+    assert sky.bridge.lease.answers == "uav", "the next one that acts holds it again"
 
 
 def test_a_restarted_bridge_answers_for_nobody_if_its_vehicle_is_not_armed(sky: Sky, tmp_path: Path) -> None:
     flying = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)
     flying.wait(2)
-    assert flying.bridge.desk.holder == "uav"
+    assert flying.bridge.lease.answers == "uav"
     assert sky.do("land").state == "succeeded"
     parked = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)
     parked.wait(2)
-    assert parked.bridge.desk.holder == ""
+    assert parked.bridge.lease.answers == ""
 
 
 def test_a_lost_agents_vehicle_that_refuses_to_return_lands_and_it_is_said(

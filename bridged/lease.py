@@ -1,0 +1,117 @@
+"""The lease on a robot: one of its agents has it at a time (design section 5; docs/actions.md).
+
+Pure: who acts, what the robot shows and the time (mission seconds) go in; whether they may comes out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+
+IDLE = 10.0
+"""Mission seconds without an action after which a robot that is not armed, or knows no arming, is anybody's."""
+
+
+class Lease:
+    """Who has a robot, and who answers for it."""
+
+    def __init__(
+        self,
+        agents: Collection[str],
+        priority: Sequence[str],
+        on_change: Callable[[], None] = lambda: None,
+        *,
+        arms: bool = True,
+    ) -> None:
+        """`on_change` is called when somebody else has it, or nobody; `arms`: the robot shows whether it is in use."""
+        self.answers = ""
+        """The agent whose action was taken last, until the robot is seen to be left; its loss is the pilot's loss."""
+        self.free = False
+        """Whether another agent may take it from the one that answers for it."""
+        self.closed = ""
+        """Why no other agent may take it now although its holder is no more; empty = one may."""
+        self.present: Collection[str] | None = None
+        """The agents that are alive; None while nobody looks."""
+        self._agents, self._priority, self._on_change, self._arms = agents, list(priority), on_change, arms
+        self._since = self._acted = 0.0
+        self._held = True
+        """Whether the robot may have been active since it was left; before it is heard nobody knows."""
+
+    @property
+    def holder(self) -> str:
+        """Who has it: others are refused. Empty if nobody has."""
+        return "" if self.free else self.answers
+
+    def restore(self, agent: str, free: bool) -> None:
+        """Go on as a former life of the bridge left it."""
+        if agent in self._agents:
+            self.answers, self.free = agent, free
+
+    def refuses(self, agent: str, doing: str, now: float) -> str:
+        """Why an agent may not act, empty if it may; `doing` is what runs for the holder."""
+        if agent == self.answers:
+            return ""
+        if self.closed:
+            return self.closed
+        if not self.holder or self.outranks(agent):
+            return ""
+        does = f"it does {doing}" if doing else "it does nothing now"
+        return f"held by {self.holder} for {now - self._since:.0f} s; {does}"
+
+    def outranks(self, agent: str) -> bool:
+        """Whether an agent may take the robot from its holder."""
+        rank = {name: place for place, name in enumerate(self._priority)}
+        return agent in rank and rank[agent] < rank.get(self.holder, len(rank))
+
+    def take(self, agent: str, now: float) -> None:
+        """An agent's action begins: from now on it has the robot."""
+        self._acted = now
+        if agent != self.holder:
+            self._since = now
+            self._become(agent, free=False)
+
+    def give(self, agent: str, to: str, now: float) -> str:
+        """The holder hands the robot over. Returns why it cannot, empty if it has."""
+        if agent != self.holder:
+            return self._not_held()
+        if to not in self._agents:
+            return f"hand_over: {to} is no agent of this robot; its agents are {', '.join(self._agents)}"
+        if self.present is not None and to not in self.present:
+            return f"hand_over: agent {to} is not alive"
+        self.take(to, now)
+        return ""
+
+    def release(self, agent: str) -> str:
+        """The holder lets go of it; it goes on to answer for a robot in use until another takes it.
+
+        Returns why it cannot, empty if it has, or if nobody held it.
+        """
+        if self.holder not in ("", agent):
+            return self._not_held()
+        self.let_go()
+        return ""
+
+    def let_go(self) -> None:
+        """From now on any agent may take the robot."""
+        if self.holder:
+            self._become(self.answers, free=True)
+
+    def step(self, *, active: bool, heard: bool, busy: bool, now: float) -> None:
+        """Look at the robot: one that is seen to be left is nobody's."""
+        if busy:
+            self._acted = now
+        idle = not busy and now - self._acted >= IDLE
+        if active:
+            self._held = True
+            if idle and not self._arms:
+                self.let_go()
+        elif heard and not busy and (idle or (self._arms and self._held)):
+            self._held = False
+            if self.answers:
+                self._become("", free=False)
+
+    def _become(self, agent: str, *, free: bool) -> None:
+        self.answers, self.free = agent, free
+        self._on_change()
+
+    def _not_held(self) -> str:
+        return f"held by {self.holder}" if self.holder else "nobody holds this robot"
