@@ -12,11 +12,13 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation import telemetry
 from bridged.simulation.arming import arming_problems
-from bridged.simulation.copter import Copter, Result, whole
+from bridged.simulation.copter import Copter
+from bridged.simulation.deeds import do, whole
 from bridged.simulation.events import Severity
 from bridged.simulation.geo import Place
 from bridged.simulation.mission import GLOBAL_FRAMES, RELATIVE_FRAMES
 from bridged.simulation.modes import Mode
+from bridged.simulation.results import Result
 from bridged.simulation.streams import Streams
 from bridged.simulation.tasks import GoTo
 
@@ -136,24 +138,8 @@ def _reposition(desk: Desk, command: Command) -> Result:
     return Result.ACCEPTED if copter.guide(GoTo(goal, heading)) else Result.FAILED
 
 
-def _turn(desk: Desk, command: Command) -> Result:
-    return desk.copter.turn(*command.params)
-
-
-def _change_speed(desk: Desk, command: Command) -> Result:
-    return desk.copter.change_speed(command.params[0], command.params[1])
-
-
-def _set_servo(desk: Desk, command: Command) -> Result:
-    return desk.copter.set_servo(command.params[0], command.params[1])
-
-
-def _repeat_servo(desk: Desk, command: Command) -> Result:
-    return desk.copter.repeat_servo(*command.params)
-
-
-def _grip(desk: Desk, command: Command) -> Result:
-    return desk.copter.grip(command.params[1])
+def _do(desk: Desk, command: Command) -> Result:
+    return do(desk.copter, command.number, command.params)
 
 
 def _set_mission_item(desk: Desk, command: Command) -> Result:
@@ -184,13 +170,6 @@ def _reboot(desk: Desk, command: Command) -> Result:
     if desk.copter.armed:
         return Result.FAILED
     desk.reboot_wanted = True
-    return Result.ACCEPTED
-
-
-def _enable_fence(desk: Desk, command: Command) -> Result:
-    if command.params[0] not in (0.0, 1.0):
-        return Result.FAILED
-    desk.copter.parameters.set("FENCE_ENABLE", command.params[0])
     return Result.ACCEPTED
 
 
@@ -241,15 +220,15 @@ _ACTIONS: dict[int, Action] = {
     dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: _enter(Mode.RTL),
     dialect.MAV_CMD_NAV_LAND: _enter(Mode.LAND),
     dialect.MAV_CMD_NAV_TAKEOFF: _take_off,
-    dialect.MAV_CMD_CONDITION_YAW: _turn,
+    dialect.MAV_CMD_CONDITION_YAW: _do,
     dialect.MAV_CMD_DO_SET_MODE: _set_mode,
-    dialect.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
+    dialect.MAV_CMD_DO_CHANGE_SPEED: _do,
     dialect.MAV_CMD_DO_SET_HOME: _set_home,
     dialect.MAV_CMD_DO_REPOSITION: _reposition,
-    dialect.MAV_CMD_DO_SET_SERVO: _set_servo,
-    dialect.MAV_CMD_DO_REPEAT_SERVO: _repeat_servo,
-    dialect.MAV_CMD_DO_FENCE_ENABLE: _enable_fence,
-    dialect.MAV_CMD_DO_GRIPPER: _grip,
+    dialect.MAV_CMD_DO_SET_SERVO: _do,
+    dialect.MAV_CMD_DO_REPEAT_SERVO: _do,
+    dialect.MAV_CMD_DO_FENCE_ENABLE: _do,
+    dialect.MAV_CMD_DO_GRIPPER: _do,
     dialect.MAV_CMD_DO_SET_MISSION_CURRENT: _set_mission_item,
     dialect.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: _reboot,
     dialect.MAV_CMD_MISSION_START: _start_mission,

@@ -1,12 +1,9 @@
 """The simulated copter without its MAVLink face: what it knows, what it refuses, what it does by itself."""
 
-import math
-from enum import IntEnum
-
-from bridged.simulation import mission
 from bridged.simulation.arming import arming_problems
-from bridged.simulation.battery import HOME_RADIUS, Battery, Shortage
+from bridged.simulation.battery import Battery
 from bridged.simulation.boot import FIRST_HEARTBEAT_S, Boot, BootKind, Milestone
+from bridged.simulation.deeds import do
 from bridged.simulation.events import (
     Event,
     HomeChanged,
@@ -18,28 +15,21 @@ from bridged.simulation.events import (
 )
 from bridged.simulation.flight import TOUCHDOWN_TO_DISARM_S, Flight
 from bridged.simulation.geo import FlatMap, Place
-from bridged.simulation.guards import Fence, StationLink, StationWatch
-from bridged.simulation.mission import DEEDS, NAMES, Item, Mission, task_of
+from bridged.simulation.guards import Fence, StationWatch
+from bridged.simulation.mission import CONDITION_DELAY, DEEDS, NAMES, Item, Mission, task_of
 from bridged.simulation.modes import Mode
 from bridged.simulation.motion import Axis, Motion, Vector
-from bridged.simulation.outputs import Grip, Outputs
+from bridged.simulation.outputs import Outputs
 from bridged.simulation.parameters import Parameters
+from bridged.simulation.results import Result
 from bridged.simulation.tasks import Drift, GoTo, Land, Landed, Return, Stop, TakeOff, Task
 from bridged.simulation.transmitter import Transmitter
+from bridged.simulation.watch import watch_over
 
-_GUARD_PERIOD_S = 0.2
+GUARD_PERIOD_S = 0.2
+"""Vehicle seconds between two looks at what can go wrong."""
 _YAW_ALIGNMENT_HEIGHT = 1.9
 """m above the ground at which the compass is checked in flight (recorded text)."""
-
-
-class Result(IntEnum):
-    """result of COMMAND_ACK (MAV_RESULT)."""
-
-    ACCEPTED = 0
-    TEMPORARILY_REJECTED = 1
-    DENIED = 2
-    UNSUPPORTED = 3
-    FAILED = 4
 
 
 class Copter:
@@ -204,8 +194,8 @@ class Copter:
         if self.armed or self.flight.airborne or self.flight.touchdown_at is not None:
             self._fly(dt)
         if self.now >= self._next_guard:
-            self._next_guard = self.now + _GUARD_PERIOD_S
-            self._guard()
+            self._next_guard = self.now + GUARD_PERIOD_S
+            watch_over(self, GUARD_PERIOD_S)
 
     def _reach(self, milestone: Milestone, texts: tuple[str, ...]) -> None:
         if milestone is Milestone.HOME:
@@ -245,73 +235,8 @@ class Copter:
         if delay > 0 and self.now - idle_since >= delay:
             self.disarm()
 
-    def _guard(self) -> None:
-        self._listen_to_pilot()
-        self._watch_station()
-        self._watch_fence()
-        self._watch_battery()
-        said = self.outputs.step(self.now)
-        if said is not None:
-            self.say(said)
-
-    def _listen_to_pilot(self) -> None:
-        pilot = self.transmitter
-        if not pilot.touched:
-            return
-        wanted = pilot.switched_mode(self.now)
-        if wanted is not None and self.passed(Milestone.MODE_SWITCH):
-            self.set_mode(wanted)
-        if self.mode.piloted and self.flight.airborne:
-            drift = pilot.drift(self.motion.heading, self.now)
-            if drift is not None:
-                self.flight.begin(drift)
-
-    def _watch_station(self) -> None:
-        change = self.station.check(self.now, armed=self.armed)
-        if change is StationLink.LOST:
-            if self.flight.airborne:
-                self._bring_home()
-            self.say(change.value, Severity.WARNING)
-        elif change is StationLink.FOUND:
-            self.say(change.value, Severity.WARNING)
-
-    def _watch_fence(self) -> None:
-        fence = self.fence
-        breach = fence.breach(self.motion.position, self.home_on_chart) if self.flight.airborne else None
-        if fence.notice(breach, self.now):
-            self.say(f"{breach} fence breached", Severity.WARNING)
-            match self.parameters["FENCE_ACTION"]:
-                case 0:
-                    pass
-                case 2:
-                    self.set_mode(Mode.LAND)
-                case 4:
-                    self.set_mode(Mode.BRAKE)
-                case _:
-                    self._bring_home()
-
-    def _watch_battery(self) -> None:
-        battery, flight = self.battery, self.flight
-        if not self.armed and not flight.airborne and self.home is not None:
-            away = self.motion.position.distance(self.home_on_chart)
-            battery.rest(_GUARD_PERIOD_S, at_home=away <= HOME_RADIUS)
-        shortage = battery.check(self.now)
-        if shortage is None:
-            return
-        name = shortage.name.lower()
-        self.say(f"Battery 1 is {name} {battery.voltage:.2f}V used {battery.used:.0f} mAh", Severity.WARNING)
-        action = self.parameters["BATT_FS_LOW_ACT" if shortage is Shortage.LOW else "BATT_FS_CRT_ACT"]
-        if not self.armed or action == 0:
-            return
-        self.say("Battery Failsafe", Severity.WARNING)
-        if not flight.airborne or action == 5:
-            self.disarm(force=True)
-        elif action in (1, 4):
-            self.set_mode(Mode.LAND)
-        else:
-            self._bring_home()
-
-    def _bring_home(self) -> None:
+    def bring_home(self) -> None:
+        """RTL, or LAND where that is refused."""
         if self.mode not in (Mode.RTL, Mode.LAND) and self.set_mode(Mode.RTL) is not Result.ACCEPTED:
             self.set_mode(Mode.LAND)
 
@@ -377,67 +302,8 @@ class Copter:
 
     def _do(self, item: Item) -> None:
         self.say(f"Mission: {item.seq} {DEEDS[item.command]}")
-        match item.command:
-            case mission.CONDITION_DELAY:
-                self._deeds_wait_until = self.now + item.params[0]
-            case mission.CONDITION_YAW:
-                self.turn(*item.params)
-            case mission.CHANGE_SPEED:
-                self.change_speed(item.params[0], item.params[1])
-            case mission.SET_HOME:
-                self.set_home(self.place)
-            case mission.FENCE_ENABLE:
-                self.parameters.set("FENCE_ENABLE", item.params[0])
-            case mission.SET_SERVO:
-                self.set_servo(item.params[0], item.params[1])
-            case mission.REPEAT_SERVO:
-                self.repeat_servo(*item.params)
-            case mission.GRIPPER:
-                self.grip(item.params[1])
+        if item.command == CONDITION_DELAY:
+            self._deeds_wait_until = self.now + item.params[0]
+        else:
+            do(self, item.command, item.params)
         self.events.append(ItemReached(item.seq))
-
-    def change_speed(self, kind: float, speed: float) -> Result:
-        """MAV_CMD_DO_CHANGE_SPEED: m/s over the ground, until another mode."""
-        if kind not in (0.0, 1.0) or not 0.2 <= speed <= 50:
-            return Result.FAILED
-        self.flight.cruise_speed = speed
-        return Result.ACCEPTED
-
-    def turn(self, angle: float, rate: float, direction: float, relative: float) -> Result:
-        """MAV_CMD_CONDITION_YAW: degrees from north, or from where the nose points; `rate` is not simulated."""
-        del rate
-        if self.mode not in (Mode.GUIDED, Mode.AUTO) or not 0 <= angle <= 360:
-            return Result.FAILED
-        heading = math.radians(angle)
-        if relative == 1.0:
-            heading = self.motion.heading + (heading if direction >= 0 else -heading)
-        self.flight.heading_wish = heading % (2 * math.pi)
-        return Result.ACCEPTED
-
-    def set_servo(self, channel: float, pulse: float) -> Result:
-        """MAV_CMD_DO_SET_SERVO: microseconds on an output that drives no motor."""
-        return self._unless(self.outputs.set(whole(channel), whole(pulse)))
-
-    def repeat_servo(self, channel: float, pulse: float, times: float, period: float) -> Result:
-        """MAV_CMD_DO_REPEAT_SERVO"""
-        return self._unless(self.outputs.repeat(whole(channel), whole(pulse), whole(times), period, self.now))
-
-    def grip(self, action: float) -> Result:
-        """MAV_CMD_DO_GRIPPER"""
-        if self.parameters["GRIP_ENABLE"] < 1:
-            return Result.FAILED
-        if action not in (0.0, 1.0):
-            return Result.DENIED
-        self.say(self.outputs.grip(Grip(int(action)), self.now))
-        return Result.ACCEPTED
-
-    def _unless(self, problem: str | None) -> Result:
-        if problem is None:
-            return Result.ACCEPTED
-        self.say(problem)
-        return Result.FAILED
-
-
-def whole(value: float) -> int:
-    """A whole number from a field that any sender can fill with anything; -1 for what is none."""
-    return int(value) if math.isfinite(value) and abs(value) < 2**31 else -1
