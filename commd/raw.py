@@ -108,9 +108,9 @@ class Publisher(_Handle):
 class Querier(_Handle):
     """Asks on one key."""
 
-    def __init__(self, querier: zenoh.Querier, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, session: zenoh.Session, querier: zenoh.Querier, loop: asyncio.AbstractEventLoop) -> None:
         super().__init__(querier)
-        self._querier, self._loop = querier, loop
+        self._session, self._querier, self._loop = session, querier, loop
 
     @property
     def matching(self) -> bool:
@@ -118,7 +118,8 @@ class Querier(_Handle):
         return _matching(self._querier)
 
     async def ask(self, payload: bytes, encoding: str) -> AsyncGenerator[Sample, None]:
-        """Ask everybody who serves the key and yield each reply as it is made, until all have ended.
+        """Ask everybody who serves the key and yield each reply as it is made, until all have ended, also if this is
+        closed meanwhile.
 
         Leaving the loop early cancels the query. Raises OSError if the session is closed.
         """
@@ -133,8 +134,13 @@ class Querier(_Handle):
             self._soon(arrived, _read_reply(reply))
 
         try:
-            self._querier.get(
+            self._session.get(  # the querier's own `get` would end when it is closed
+                self._querier.key_expr,
                 zenoh.handlers.Callback(callback, lambda: self._soon(arrived, None), indirect=False),
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                timeout=QUERY_AT_MOST,
+                allowed_destination=zenoh.Locality.REMOTE,
                 payload=payload,
                 encoding=encoding,
                 cancellation_token=token,
@@ -189,13 +195,9 @@ class RawBus:
     def querier(self, key: str) -> Querier:
         """Declare that this process asks on a key."""
         querier = self._session.declare_querier(
-            key,
-            target=zenoh.QueryTarget.ALL,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            timeout=QUERY_AT_MOST,
-            allowed_destination=zenoh.Locality.REMOTE,
+            key, target=zenoh.QueryTarget.ALL, allowed_destination=zenoh.Locality.REMOTE
         )
-        return Querier(querier, self._loop)
+        return Querier(self._session, querier, self._loop)
 
     def serve(self, key: str, answer: Callable[[Sample], Sample | None]) -> _Handle:
         """Answer queries of others on a key with what `answer` says on the event loop at once; None = no reply."""

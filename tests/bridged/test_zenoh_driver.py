@@ -6,15 +6,18 @@ import asyncio
 import json
 import math
 import time
+from contextlib import AbstractAsyncContextManager, AsyncExitStack
+from typing import Literal
 
 import msgspec
 import pytest
 import zenoh
 
 from bridged.drivers.robot import Outcome
+from commd.bus import Bus, open_bus
 from commd.raw import BACKLOG, LARGEST, Sample
 from schemas.manifest import read_manifest
-from tests.bridged.pond import MANIFEST, Pond, in_a_pond, served, until
+from tests.bridged.pond import MANIFEST, Pond, in_a_pond, manifest, served, until
 
 
 def fields(pond: Pond) -> list[object]:
@@ -342,3 +345,44 @@ def test_another_manifest_takes_effect_without_a_pause(endpoint: str) -> None:
         assert list(pond.driver._sources.by_name) == ["lamp/state"]
 
     in_a_pond(endpoint, body)
+
+
+def test_what_runs_goes_on_when_another_manifest_has_it_no_longer(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        held: list[zenoh.Query] = []
+        pond.robot._session.declare_queryable("lamp/blink", zenoh.handlers.Callback(held.append, indirect=False))
+        execution = pond.begin("blink", times=3)
+        await until(lambda: bool(held), "the query arrives")
+        pond.driver.adopt(read_manifest(MANIFEST.partition("[actions.blink]")[0], "lamp.toml"))
+        with held.pop() as query:
+            query.reply("lamp/blink", b'{"success": true}')
+        del query
+        await until(lambda: execution.over, "the action ends")
+        assert execution.outcome == Outcome("succeeded")
+
+    in_a_pond(endpoint, body)
+
+
+def test_a_router_that_is_away_is_named(endpoint: str) -> None:
+    async def everything() -> None:
+        async with AsyncExitStack() as stack:
+            router = await stack.enter_async_context(_bus(endpoint, "router"))
+            lamp = await stack.enter_async_context(_bus(endpoint))
+            robot = await stack.enter_async_context(_bus(endpoint))
+            pond = Pond(lamp, robot, manifest())
+            robot.raw.subscribe("lamp/set", lambda _: None)
+            assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
+            await router.close()
+            await until(lambda: not lamp.router_up, "the router is missed")
+            outcome = await pond.do("set_light", on=True, colour="red")
+            assert outcome.reason == "nobody listens on lamp/set: the router is away"
+            async with _bus(endpoint, "router"):
+                await until(lambda: lamp.router_up and robot.router_up, "the router is back")
+                await until(lambda: pond.driver._topics["lamp/set", False].heard, "the lamp is seen again")
+                assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
+
+    asyncio.run(asyncio.wait_for(everything(), 30))
+
+
+def _bus(endpoint: str, mode: Literal["client", "router"] = "client") -> AbstractAsyncContextManager[Bus]:
+    return open_bus(endpoint, fleet="test", name=mode, daemon="lamp", stamp=time.time_ns, mode=mode)
