@@ -20,6 +20,12 @@ from schemas.manifest import read_manifest
 from tests.bridged.pond import MANIFEST, Pond, in_a_pond, manifest, served, until
 
 
+@pytest.fixture(autouse=True)
+def _short_discovery(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever is there is seen at once; whoever is not is not waited for long."""
+    monkeypatch.setattr("bridged.drivers.zenoh.driver.DISCOVERY", 0.4)
+
+
 def fields(pond: Pond) -> list[object]:
     return [reading.fields for reading in pond.readings]
 
@@ -127,10 +133,11 @@ def test_a_put_reaches_who_listens_nested_as_the_paths_say(endpoint: str) -> Non
     in_a_pond(endpoint, body)
 
 
-def test_nobody_listens_until_a_listener_appears(endpoint: str) -> None:
+def test_nobody_listens_until_a_listener_appears(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     async def body(pond: Pond) -> None:
         outcome = await pond.do("set_light", on=True, colour="red")
         assert (outcome.state, outcome.reason) == ("failed", "nobody listens on lamp/set")
+        monkeypatch.setattr("bridged.drivers.zenoh.driver.DISCOVERY", 10)
         waiting = pond.begin("set_light", on=True, colour="red")
         assert waiting.outcome is None
         heard: list[Sample] = []
