@@ -280,6 +280,13 @@ def test_the_papers_mission_is_flown_by_its_manifests_and_percepts_are_told_as_t
     assert 0 < float(battery[1]) <= 1, "a share of 1, as in ROS"  # type: ignore[arg-type]
 
 
+def test_a_lost_link_is_told_as_mavros_tells_it(sky: Sky) -> None:
+    sky.forward(lambda: sky.belief("altitude") is not None, "a position")
+    sky.we_hear = lambda message: False
+    sky.forward(lambda: sky.belief("state") == ("", "False", "False"), "the state of a lost link")
+    sky.forward(lambda: sky.belief("altitude") is None, "the end of a stale altitude")
+
+
 @pytest.mark.parametrize(
     ("argument", "armed"),
     [(Variable("True"), True), ("true", True), (True, True), (1, True), ("False", False), (Variable("False"), False)],
