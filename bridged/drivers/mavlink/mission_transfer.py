@@ -81,7 +81,8 @@ def upload(flight: Flight, task: Task, items: tuple[Item, ...]) -> Generator[Non
             return Outcome("failed", f"the vehicle did not acknowledge the mission; {plan.broken}")
     task.leaves = ""
     held_count = yield from count_items(flight, task)
-    if held_count != count:
+    uncounted = flight.vehicle.home is None  # home counts as an item once the vehicle has one
+    if held_count != count and not (uncounted and held_count == count - 1):
         said = "does not tell how many items it holds" if held_count is None else f"holds {held_count} items with home"
         return Outcome("failed", f"the mission of {count} items with home was acknowledged, but the vehicle {said}")
     plan.items, plan.broken = items, ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -10,7 +11,7 @@ from bridged.drivers.mavlink.asking import Poll, asked_message
 from bridged.drivers.mavlink.confirmation import acknowledged, enter
 from bridged.drivers.mavlink.flight import SUCCEEDED, Call, Flight, Steps, Task
 from bridged.drivers.mavlink.mission_items import AMSL, RELATIVE, Item, read_items
-from bridged.drivers.mavlink.mission_transfer import break_off, clear, download, upload
+from bridged.drivers.mavlink.mission_transfer import RESULTS, TRY_EVERY, break_off, clear, download, upload
 from bridged.drivers.mavlink.procedures import mode_call
 from bridged.drivers.mavlink.vehicle import Place
 from bridged.drivers.robot import Outcome, Reading
@@ -20,7 +21,7 @@ PROGRESS_EVERY = (1.0, 0.5)
 """Mission and wall seconds between requests for MISSION_CURRENT."""
 END_SHOWS = (3.0, 2.0)
 """Mission and wall seconds in which a vehicle that left AUTO by itself tells that its mission is over."""
-BEGINS_WITHIN = (20.0, 3.0)
+BEGINS_WITHIN = (15.0, 3.0)
 """Mission and wall seconds in which a vehicle on the ground must take off for its mission."""
 SET_CURRENT_TRIES = 4
 COMPLETE = dialect.MISSION_STATE_COMPLETE
@@ -76,13 +77,30 @@ def clear_mission(flight: Flight, task: Task, call: Call) -> Steps:
 def set_current(flight: Flight, task: Task, call: Call) -> Steps:
     """`mission_set_current`: MISSION_CURRENT shows the item."""
     wanted = call.arguments["seq"]
-    identity = flight.commands.identity
+    if not isinstance(wanted, int):
+        return Outcome("refused", f"an item is a whole number, got {wanted!r}")
+    known = flight.plan.items
+    if known is not None and not 0 < wanted < len(known):
+        return Outcome("refused", f"no item {wanted}; the mission has {max(0, len(known) - 1)}")
+    failure = yield from _go_to_item(flight, task, wanted)
+    return failure or SUCCEEDED
+
+
+def _go_to_item(flight: Flight, task: Task, wanted: int) -> Generator[None, None, Outcome | None]:
+    identity, poll = flight.commands.identity, Poll(flight, task, "MISSION_CURRENT")
     task.waits_for = f"the vehicle to tell that item {wanted} is its current one"
     for _ in range(SET_CURRENT_TRIES):
-        flight.send(dialect.MAVLink_mission_set_current_message(identity.vehicle, identity.autopilot, int(str(wanted))))
-        shown = yield from asked_message(flight, task, "MISSION_CURRENT", (1.0, 1.0), lambda one: one.seq == wanted)
-        if shown is not None:
-            return SUCCEEDED
+        flight.send(dialect.MAVLink_mission_set_current_message(identity.vehicle, identity.autopilot, wanted))
+        until = flight.now + flight.wait(*TRY_EVERY)
+        while flight.now <= until:
+            poll()
+            yield
+            message = flight.message
+            match message:
+                case dialect.MAVLink_mission_current_message() if message.seq == wanted:
+                    return None
+                case dialect.MAVLink_mission_ack_message() if message.type != dialect.MAV_MISSION_ACCEPTED:
+                    return Outcome("refused", f"the vehicle refused item {wanted}: {RESULTS.get(message.type)}")
     return Outcome("failed", f"the vehicle did not go to item {wanted}; has its mission so many?")
 
 
@@ -104,6 +122,11 @@ def start_mission(flight: Flight, task: Task, call: Call) -> Steps:
         return Outcome("refused", "the vehicle has no mission; upload one")
     if broken := _outside(flight, items[1:]):
         return Outcome("refused", broken)
+    told = yield from asked_message(flight, task, "MISSION_CURRENT", TRY_EVERY)
+    if told is not None and (told.mission_state == COMPLETE or told.seq > last):
+        failure = yield from _go_to_item(flight, task, 1)
+        if failure is not None:
+            return failure
     grounded = not vehicle.aloft or modes.ground
     if vehicle.mode != modes.auto:
         failure = yield from enter(flight, task, mode_call(modes.auto), modes.auto)
@@ -122,10 +145,14 @@ def _begin(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
 
 
 def _fly(flight: Flight, task: Task, items: tuple[Item, ...], last: int, *, grounded: bool) -> Steps:
-    """Watch the mission until it is over; the vehicle's own messages tell how far it is."""
+    """Watch the mission until it is over; the vehicle's own messages tell how far it is.
+
+    A vehicle that disarms calls its mission complete wherever it is, so the end in the air is believed at the next
+    HEARTBEAT, and the end on the ground when the motors have stopped at the last item.
+    """
     vehicle, asked = flight.vehicle, flight.now
-    poll, reached, current = Poll(flight, task, "MISSION_CURRENT", PROGRESS_EVERY), 0, 0
-    left_at, patience = None, flight.now + flight.wait(*BEGINS_WITHIN)
+    poll, patience = Poll(flight, task, "MISSION_CURRENT", PROGRESS_EVERY), flight.now + flight.wait(*BEGINS_WITHIN)
+    reached, current, running, over_at, left_at = 0, 0, False, math.inf, None
     while True:
         poll()
         message = flight.message
@@ -134,22 +161,25 @@ def _fly(flight: Flight, task: Task, items: tuple[Item, ...], last: int, *, grou
                 reached = max(reached, message.seq)
             case dialect.MAVLink_mission_current_message():
                 current = max(current, message.seq)
-                if message.mission_state == COMPLETE and flight.now - asked > flight.wait(*PROGRESS_EVERY):
+                if message.mission_state == COMPLETE and running and vehicle.armed:
                     reached = last
-        if reached >= last:
-            flight.expect_mode(vehicle.modes.after_mission)
-            return SUCCEEDED
+                running = running or message.mission_state == dialect.MISSION_STATE_ACTIVE
+        grounded = grounded and not vehicle.aloft
         _progress(flight, task, items, max(current, 1), last, reached)
-        if not vehicle.armed or vehicle.mode != vehicle.modes.auto:
-            left_at = flight.now if left_at is None else left_at
-            if not vehicle.armed and items[last].ends_on_ground and current >= last:
+        if items[last].ends_on_ground:
+            if not vehicle.armed and max(current, reached) >= last:
                 return SUCCEEDED
+        elif reached >= last and vehicle.armed and not grounded:
+            over_at = min(over_at, vehicle.heartbeats)
+            if vehicle.heartbeats > over_at:
+                flight.expect_mode(vehicle.modes.after_mission)
+                return SUCCEEDED
+        if vehicle.armed and (vehicle.mode == vehicle.modes.auto or over_at < math.inf):
+            left_at = None
+        else:
+            left_at = flight.now if left_at is None else left_at
             if flight.now - left_at > flight.wait(*END_SHOWS):
                 return _broken_off(flight, reached, last, asked)
-        else:
-            left_at = None
-        if grounded and vehicle.aloft:
-            grounded = False
         if grounded and flight.now > patience:
             said = "the mission was started, but the vehicle did not leave the ground; does it begin with a takeoff?"
             return Outcome("failed", flight.with_texts(said, asked))

@@ -1,0 +1,347 @@
+"""Missions as actions: sent, read back, flown with progress, and never left half done in silence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.mission_items import Item, read_items
+from schemas.records import ActionStatus
+from schemas.terms import Term
+from tests.bridged.sky import HOME, MISSION, Message, Passes, Sky
+
+NEAR, FAR = [-27.603683, -48.518052, 20], [-27.6038, -48.5182, 15]
+TOUR: list[Term] = [["takeoff", 0, 0, 10], NEAR, FAR]
+LIMITED = MISSION + "    limits: {altitude: 30, radius: 100}\n"
+
+
+@pytest.fixture
+def sky(tmp_path: Path) -> Sky:
+    return Sky(tmp_path)
+
+
+def every(n: int, kind: str = "") -> Passes:
+    """Loses every n-th message, or every n-th of a kind."""
+    count = 0
+
+    def passes(message: Message) -> bool:
+        nonlocal count
+        if not message.get_type().startswith(kind):
+            return True
+        count += 1
+        return count % n != 0
+
+    return passes
+
+
+def armed(sky: Sky) -> Sky:
+    for name, argument in (("set_mode", "GUIDED"), ("arm_motors", True)):
+        assert sky.do(name, argument).state == "succeeded"
+    return sky
+
+
+def held(sky: Sky) -> list[int]:
+    """The commands that the vehicle stores."""
+    return [item.command for item in sky.vehicle.copter.mission.items]
+
+
+def waypoints(sky: Sky) -> list[tuple[Term, ...]]:
+    return [one.parameters for one in sky.bridge.board.sets["uav"].present() if one.name == "waypoint"]
+
+
+def test_a_mission_is_uploaded_counted_back_and_told_as_percepts(sky: Sky) -> None:
+    assert sky.do("upload_mission", TOUR).state == "succeeded"
+    assert held(sky) == [22, 16, 16]
+    assert waypoints(sky) == [(1, "takeoff", 0.0, 0.0, 10.0), (2, "waypoint", *NEAR), (3, "waypoint", *FAR)]
+    item = sky.vehicle.copter.mission.items[1]
+    assert (item.x, item.y, item.z, item.frame) == (-276036830, -485180520, 20.0, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT)
+
+
+def test_a_mission_of_somebody_else_is_downloaded_and_replaces_what_was_believed(sky: Sky) -> None:
+    sky.forward(lambda: sky.belief("home_pos"), "home")
+    sky.do("upload_mission", TOUR)
+    sky.vehicle.copter.mission.items.pop()
+    assert sky.do("download_mission").state == "succeeded"
+    assert waypoints(sky) == [(1, "takeoff", 0.0, 0.0, 10.0), (2, "waypoint", *NEAR)]
+
+
+@pytest.mark.parametrize("n", [3, 4, 5])
+def test_a_mission_passes_a_link_that_loses_every_few_messages_both_ways(sky: Sky, n: int) -> None:
+    sky.wait(3)
+    sky.hears_us, sky.we_hear = every(n, "MISSION_"), every(n + 1, "MISSION_")
+    assert sky.do("upload_mission", TOUR).state == "succeeded"
+    assert held(sky) == [22, 16, 16]
+    assert sky.do("download_mission").state == "succeeded"
+    assert len(waypoints(sky)) == 3
+    assert sky.do("clear_mission").state == "succeeded"
+    assert held(sky) == []
+    assert waypoints(sky) == []
+
+
+def test_an_upload_whose_acknowledgement_is_lost_is_read_back_and_compared(sky: Sky) -> None:
+    sky.we_hear = lambda message: message.get_type() != "MISSION_ACK"
+    final = sky.do("upload_mission", TOUR)
+    assert (final.state, final.reason) == ("succeeded", "")
+
+
+def test_an_upload_that_the_vehicle_does_not_ask_for_fails_and_leaves_what_was(sky: Sky) -> None:
+    sky.wait(3)
+    sky.hears_us = lambda message: not message.get_type().startswith("MISSION_")
+    final = sky.do("upload_mission", TOUR)
+    assert (final.state, final.reason) == ("failed", "the vehicle did not ask for the mission, told of it 6 times")
+
+
+def test_an_upload_that_falls_silent_says_what_it_leaves_and_no_mission_is_started_on_it(sky: Sky) -> None:
+    armed(sky)
+    sky.hears_us = lambda message: not (message.get_type() == "MISSION_ITEM_INT" and message.seq == 2)
+    final = sky.do("upload_mission", TOUR)
+    left = (
+        "the upload was broken off at item 2 of 3: what mission the vehicle holds now is not known; "
+        "upload again or clear it"
+    )
+    assert final.state in ("failed", "refused")
+    assert final.reason.endswith(left)
+    assert left in sky.driver.notes()
+    sky.hears_us = lambda message: True
+    sky.do("arm_motors", True)
+    refused = sky.do("start_mission")
+    assert (refused.state, refused.reason) == ("refused", left)
+    assert sky.do("upload_mission", TOUR).state == "succeeded"
+    assert left not in sky.driver.notes()
+
+
+def test_an_upload_that_is_cancelled_is_broken_off_at_the_vehicle_too(sky: Sky) -> None:
+    sky.wait(3)
+    sky.hears_us = lambda message: not (message.get_type() == "MISSION_ITEM_INT" and message.seq == 1)
+    heard = sky.begin("upload_mission", TOUR)
+    sky.forward(lambda: any(one.get_type() == "MISSION_ITEM_INT" for one in sky.sent), "the first item")
+    sky.wait(1)
+    final = sky.bridge.desk.cancel("uav", heard[0].id)
+    assert final.state == "cancelled"
+    assert "the upload was broken off at item 1 of 3" in final.reason
+    sky.wait(0.1)
+    acks = [one for one in sky.sent if one.get_type() == "MISSION_ACK"]
+    assert [one.type for one in acks] == [dialect.MAV_MISSION_OPERATION_CANCELLED]
+
+
+def test_a_refused_mission_tells_why_in_words(sky: Sky) -> None:
+    def refuse(message: Message) -> bool:
+        if message.get_type() == "MISSION_COUNT":
+            sky.downlink.append(dialect.MAVLink_mission_ack_message(1, 191, dialect.MAV_MISSION_NO_SPACE))
+            return False
+        return True
+
+    sky.wait(2)
+    sky.hears_us = refuse
+    final = sky.do("upload_mission", TOUR)
+    assert final.state == "refused"
+    assert final.reason == "the vehicle refused the mission: there is no space for so many items"
+
+
+def test_answers_to_another_ground_station_are_not_taken_for_ours(sky: Sky) -> None:
+    def refuse_another(message: Message) -> bool:
+        if message.get_type() == "MISSION_COUNT":
+            sky.downlink.append(dialect.MAVLink_mission_ack_message(255, 190, dialect.MAV_MISSION_DENIED))
+        return True
+
+    sky.hears_us = refuse_another
+    assert sky.do("upload_mission", TOUR).state == "succeeded"
+
+
+@pytest.mark.parametrize(
+    ("items", "reason"),
+    [
+        ([], "a mission is a list of items, each [Lat, Lon, Alt] or [Command, Lat, Lon, Alt, P1, P2, P3, P4]"),
+        ([NEAR, [1, 2]], "item 2 of the mission: expected [Lat, Lon, Alt] or [Command, Lat, Lon, Alt, P1, P2, P3, P4]"),
+        ([["hover", 0, 0, 5]], "item 1 of the mission: no command 'hover'; there is waypoint, takeoff, land"),
+        ([[-97, 0, 5]], "item 1 of the mission: no place on earth: latitude -97, longitude 0"),
+        ([["waypoint", "x", 0, 5]], "item 1 of the mission: expected a number, got 'x'"),
+    ],
+)
+def test_a_mission_that_cannot_be_read_is_refused_with_its_item(sky: Sky, items: Term, reason: str) -> None:
+    sky.wait(1)
+    final = sky.do("upload_mission", items)
+    assert final.state == "refused"
+    assert final.reason.startswith(reason)
+    assert not any(one.get_type() == "MISSION_COUNT" for one in sky.sent)
+
+
+@pytest.mark.parametrize(
+    ("item", "reason"),
+    [
+        ([-27.603683, -48.518052, 31], "item 2 of the mission: altitude 31 m is above the mission's limit of 30 m"),
+        (
+            [-27.613683, -48.518052, 20],
+            "item 2 of the mission: 1073 m from home is outside the mission's limit of 100 m",
+        ),
+        (["takeoff", 0, 0, 40], "item 2 of the mission: altitude 40 m is above the mission's limit of 30 m"),
+    ],
+)
+def test_every_item_keeps_the_limits_of_the_mission_file(tmp_path: Path, item: Term, reason: str) -> None:
+    sky = Sky(tmp_path, mission=LIMITED)
+    sky.forward(lambda: sky.belief("home_pos"), "home")
+    final = sky.do("upload_mission", [["takeoff", 0, 0, 10], item, ["rtl"]])
+    assert (final.state, final.reason) == ("refused", reason)
+    assert not any(one.get_type() == "MISSION_COUNT" for one in sky.sent)
+
+
+def test_a_mission_of_somebody_else_is_read_before_it_is_flown_and_keeps_the_limits(tmp_path: Path) -> None:
+    sky = armed(Sky(tmp_path, mission=LIMITED))
+    from bridged.simulation.mission import Item as Stored
+
+    sky.vehicle.copter.mission.store([
+        Stored(0, 0, 16, (0, 0, 0, 0), 0, 0, 0.0), Stored(1, 3, 22, (0, 0, 0, 0), 0, 0, 50.0),
+    ])  # fmt: skip
+    final = sky.do("start_mission")
+    assert final.state == "refused"
+    assert final.reason == "item 1 of the mission: altitude 50 m is above the mission's limit of 30 m"
+
+
+def started(sky: Sky, items: Term = TOUR) -> list[ActionStatus]:
+    assert sky.do("upload_mission", items).state == "succeeded"
+    armed(sky)
+    return sky.begin("start_mission")
+
+
+def test_a_mission_is_flown_from_the_ground_with_progress_until_its_last_item_is_reached(sky: Sky) -> None:
+    heard = started(sky)
+    sky.forward(lambda: heard[-1].final, "the end of the mission")
+    assert (heard[-1].state, heard[-1].reason) == ("succeeded", "")
+    assert heard[-1].feedback["reached"] == heard[-1].feedback["items"] == 3
+    running = [one.feedback for one in heard if one.state == "running" and "item" in one.feedback]
+    assert [one["item"] for one in running] == sorted(one["item"] for one in running)
+    assert {one["item"] for one in running} == {1, 2, 3}
+    assert any("distance" in one for one in running)
+    reached = [one.parameters for _, one in sky.percepts if one.name == "item_reached" and _ == "uav"]
+    assert reached == [(1,), (2,), (3,)]
+    sky.wait(3)
+    assert sky.belief("override") is None, "leaving AUTO at its end is the mission's own doing"
+    assert sky.driver.overridden == ""
+
+
+def test_a_mission_is_flown_again_from_its_first_item_when_it_is_over(sky: Sky) -> None:
+    heard = started(sky)
+    sky.forward(lambda: heard[-1].final, "the end of the mission")
+    again = sky.begin("start_mission")
+    took = sky.forward(lambda: again[-1].final, "the end of the second flight")
+    assert again[-1].state == "succeeded", again[-1].reason
+    assert took > 8
+
+
+def test_a_mission_that_ends_on_the_ground_succeeds_with_the_motors_stopped(sky: Sky) -> None:
+    heard = started(sky, [["takeoff", 0, 0, 5], ["land", 0, 0, 0]])
+    sky.forward(lambda: heard[-1].final, "the landing")
+    assert heard[-1].state == "succeeded", heard[-1].reason
+    sky.wait(3)
+    assert sky.belief("state") == ("AUTO", True, False)
+
+
+@pytest.mark.parametrize("n", [3, 4])
+def test_a_mission_is_seen_to_its_end_although_every_few_messages_are_lost(sky: Sky, n: int) -> None:
+    heard = started(sky)
+    sky.we_hear = every(n)
+    sky.forward(lambda: heard[-1].final, "the end of the mission")
+    assert heard[-1].state == "succeeded", heard[-1].reason
+
+
+def test_a_mission_is_seen_to_its_end_without_a_single_item_reached(sky: Sky) -> None:
+    heard = started(sky)
+    sky.we_hear = lambda message: message.get_type() != "MISSION_ITEM_REACHED"
+    sky.forward(lambda: heard[-1].final, "the end of the mission")
+    assert heard[-1].state == "succeeded", heard[-1].reason
+
+
+def test_a_pilot_who_changes_the_mode_ends_the_mission_with_the_reason(sky: Sky) -> None:
+    heard = started(sky)
+    sky.forward(lambda: (heard[-1].feedback or {}).get("item") == 2, "item 2")
+    sky.vehicle.copter.set_mode(5)
+    sky.forward(lambda: heard[-1].final, "the end of the mission", 10)
+    assert heard[-1].state == "failed"
+    said = "the mode became LOITER, which nobody here asked for (pilot, ground station or failsafe)"
+    assert heard[-1].reason.startswith(f"{said} before the end of the mission (item 1 of 3)")
+    sky.wait(2)
+    assert sky.belief("override") == ("LOITER",)
+    assert sky.do("goto", *NEAR).state == "refused"
+
+
+def test_a_mission_whose_vehicle_disarms_before_its_end_fails(sky: Sky) -> None:
+    heard = started(sky)
+    sky.forward(lambda: (heard[-1].feedback or {}).get("item") == 2, "item 2")
+    sky.vehicle.copter.disarm(force=True)
+    sky.forward(lambda: heard[-1].final, "the end of the mission", 10)
+    assert heard[-1].state == "failed"
+    assert heard[-1].reason.startswith("the vehicle disarmed before the end of the mission")
+
+
+def test_a_mission_that_is_cancelled_holds_the_vehicle(sky: Sky) -> None:
+    heard = started(sky)
+    sky.forward(lambda: (heard[-1].feedback or {}).get("item") == 2, "item 2")
+    assert sky.bridge.desk.cancel("uav", heard[0].id).state == "cancelled"
+    sky.forward(lambda: sky.belief("state") == ("GUIDED", True, True), "GUIDED", 5)
+    sky.wait(3)
+    assert sky.vehicle.copter.motion.course[0] < 0.3
+    assert sky.belief("override") is None
+
+
+def test_a_mission_that_is_not_done_in_time_says_where_it_is(sky: Sky) -> None:
+    sky.do("upload_mission", TOUR)
+    final = armed(sky).do("start_mission", deadline=10.0)
+    assert final.state == "timed_out"
+    assert "it waited for the end of the mission; it is at item" in final.reason
+
+
+def test_a_mission_is_started_armed_and_needs_items(sky: Sky) -> None:
+    sky.wait(1)
+    assert sky.do("start_mission").reason.startswith("a mission is started armed; the vehicle is not armed")
+    armed(sky)
+    final = sky.do("start_mission")
+    assert (final.state, final.reason) == ("refused", "the vehicle has no mission; upload one")
+
+
+def test_a_mission_on_the_ground_without_a_takeoff_fails_in_words(sky: Sky) -> None:
+    heard = started(sky, [NEAR])
+    sky.forward(lambda: heard[-1].final, "the end of the mission")
+    assert heard[-1].state == "failed"
+
+
+def test_the_next_item_is_set_and_one_that_is_not_there_is_refused(sky: Sky) -> None:
+    sky.do("upload_mission", TOUR)
+    assert sky.do("set_mission_item", 3).state == "succeeded"
+    assert sky.vehicle.copter.mission.current == 3
+    final = sky.do("set_mission_item", 9)
+    assert (final.state, final.reason) == ("refused", "no item 9; the mission has 3")
+
+
+def test_an_item_that_a_mission_of_somebody_else_does_not_have_fails_in_words(sky: Sky) -> None:
+    sky.wait(3)
+    final = sky.do("set_mission_item", 9)
+    assert (final.state, final.reason) == ("failed", "the vehicle did not go to item 9; has its mission so many?")
+
+
+def test_one_action_at_a_time_speaks_the_mission_protocol(sky: Sky) -> None:
+    sky.wait(3)
+    sky.hears_us = lambda message: not message.get_type().startswith("MISSION_")
+    sky.begin("upload_mission", TOUR)
+    sky.wait(0.5)
+    final = sky.do("download_mission")
+    assert final.state == "refused"
+    assert final.reason == "busy: upload_mission is exchanging the mission with the vehicle"
+
+
+def test_items_may_be_named_structures_as_mavros_has_them() -> None:
+    said = {
+        "frame": 3, "command": 16, "is_current": False, "autocontinue": True, "param1": 2.0, "param2": 0.0,
+        "param3": 0.0, "param4": 0.0, "x_lat": -27.6, "y_long": -48.5, "z_alt": 20.0,
+    }  # fmt: skip
+    assert read_items([said], 0) == (Item(16, 3, (2.0, 0.0, 0.0, 0.0), -276000000, -485000000, 20.0),)
+    with pytest.raises(ValueError, match="item 1 of the mission: no field `speed`; there is command, latitude"):
+        read_items([{"speed": 3}], 3)
+
+
+def test_the_place_of_home_is_sent_as_item_zero(sky: Sky) -> None:
+    sky.forward(lambda: sky.belief("home_pos"), "home")
+    sky.do("upload_mission", TOUR)
+    items = [one for one in sky.sent if one.get_type() == "MISSION_ITEM_INT"]
+    assert (items[0].seq, items[0].x, items[0].y) == (0, round(HOME.lat * 1e7), round(HOME.lon * 1e7))
