@@ -33,15 +33,13 @@ from agentd.language.syntax import Program
 from agentd.paths import SourcePaths, read_folders
 from agentd.run import add_path_argument
 from agentd.stdlib.registry import find_action
+from schemas import built_in
 from schemas.findings import Finding, Findings
 from schemas.manifest_entries import Parameter, Values
 
 EXIT_DONE = 0
 EXIT_FOUND = 1
 EXIT_BAD_INPUT = 2
-
-OF_THE_DAEMONS = {"bridge": 1, "override": 1, "restarted": 1}
-"""Beliefs that no manifest declares: `bridge(up)`, `override(Mode)`, `restarted(N)` (design sections 5 and 9)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,8 +182,9 @@ def _robot(name: str | None) -> Robot:
 
     manifest = load_manifest(name, Path.cwd())
     parameters = {action: entry.params for action, entry in manifest.actions.items()}
-    percepts = {**manifest.percept_arities(), **OF_THE_DAEMONS}
-    return Robot(manifest.action_arities(), percepts, parameters, manifest.robot.values)
+    actions = {**manifest.action_arities(), **built_in.ACTION_ARITIES}
+    percepts = {**built_in.PERCEPTS, **manifest.percept_arities()}
+    return Robot(actions, percepts, parameters, manifest.robot.values)
 
 
 def _check(files: Sequence[str], robot: Robot, paths: SourcePaths) -> dict[Finding, str]:

@@ -25,14 +25,11 @@ from argosy.simulators import check_simulations, only_real
 from bridged.manifests import load_robot_manifest
 from bridged.preparation import prepare
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE
+from schemas import built_in
 from schemas.findings import Finding, Findings
 from schemas.manifest import Manifest
 from schemas.mission import Ending, Mission, load_mission
 from schemas.positions import Steps, did_you_mean
-
-OF_THE_DAEMONS = {"bridge": 1, "override": 1, "restarted": 1}
-"""Beliefs that no manifest declares: `bridge(up)`, `override(Mode)`, `restarted(N)` (design sections 5 and 9)."""
-
 
 _FIELDS: tuple[Literal["done", "failed"], ...] = ("done", "failed")
 
@@ -125,15 +122,19 @@ def _manifest(named: Outline, robot: str, mission: Mission | None, findings: lis
             return prepare(mission, robot, None, 1.0)[1]
         return load_robot_manifest(name, named.folder)
     except Findings as found:
-        for finding in found.findings:
-            missing = finding.line == 0 and finding.file in (name if isinstance(name, tuple) else (name,))
-            findings.append(
-                named.positions.finding(where, f"`{finding.file}`: {finding.message}") if missing else finding
-            )
+        findings += [_placed(finding, where, name, named) for finding in found.findings]
     try:  # what else is wrong with the robot does not hide its manifest from the program
         return load_robot_manifest(name, named.folder)
     except Findings:
         return None
+
+
+def _placed(finding: Finding, where: Steps, names: str | tuple[str, str], named: Outline) -> Finding:
+    """Tell of a manifest that cannot be read at the mission's line that names it."""
+    for name in (names,) if isinstance(names, str) else names:
+        if finding.line == 0 and finding.file in (name, str(named.folder / name)):
+            return named.positions.finding(where, f"`{name}`: {finding.message}")
+    return finding
 
 
 def _program(named: Outline, agent: str, mission: Mission | None, findings: list[Finding]) -> Program | None:
@@ -177,11 +178,11 @@ def _declared(beliefs: tuple[str, ...]) -> set[tuple[str, int]]:
 
 def _against(program: Program, manifest: Manifest | None, told: set[tuple[str, int]]) -> list[Finding]:
     """Check a program against what its robot can do and tell, and what the mission and other agents may tell."""
-    actions = manifest.action_arities() if manifest is not None else {}
+    actions = {**manifest.action_arities(), **built_in.ACTION_ARITIES} if manifest is not None else {}
     percepts = manifest.percept_arities() if manifest is not None else {}
     parameters = {name: entry.params for name, entry in manifest.actions.items()} if manifest is not None else {}
     values = manifest.robot.values if manifest is not None else "typed"
-    robot = Robot(actions, {**percepts, **OF_THE_DAEMONS}, parameters, values)
+    robot = Robot(actions, {**built_in.PERCEPTS, **percepts}, parameters, values)
     return findings_of(read_survey(program, SourcePaths()), robot, Elsewhere(beliefs=frozenset(told)))
 
 
@@ -190,7 +191,7 @@ def _endings(
 ) -> list[Finding]:
     """A `done` or `failed` about a belief that no program and no manifest ever mentions can never hold."""
     findings: list[Finding] = []
-    known: set[tuple[str, int]] = {("true", 0), ("false", 0)}
+    known: set[tuple[str, int]] = {("true", 0), ("false", 0), *built_in.PERCEPTS.items()}
     for program in programs.values():
         known |= mentioned(program) if program is not None else set()
     for manifest in manifests.values():

@@ -284,6 +284,7 @@ def _check(mission: Mission) -> list[Finding]:
         if other != name:
             text = f"system {robot.sysid} on `{robot.link}` is robot `{other}` already: give each vehicle its own sysid"
             wrong(("robots", name, "link"), text)
+        _check_lease(mission, name, wrong)
     for field, endings in (("done", mission.done), ("failed", mission.failed)):
         for index, ending in enumerate(endings):
             path = (field, index) if (field, index) in where.values else (field,)
@@ -292,6 +293,18 @@ def _check(mission: Mission) -> list[Finding]:
             elif ending.agent not in mission.agents:
                 wrong(path, f"there is no agent `{ending.agent}`{did_you_mean(ending.agent, mission.agents)}")
     return findings
+
+
+def _check_lease(mission: Mission, robot: str, wrong: Any) -> None:
+    sharing, seen = mission.agents_of(robot), set[str]()
+    for index, agent in enumerate(mission.robots[robot].lease.priority):
+        where = ("robots", robot, "lease", "priority", index)
+        if agent not in sharing:
+            its = f"; its agents are {', '.join(sharing)}" if sharing else ""
+            wrong(where, f"lease.priority: `{agent}` is no agent of robot `{robot}`{its}")
+        elif agent in seen:
+            wrong(where, f"lease.priority: `{agent}` stands here twice")
+        seen.add(agent)
 
 
 def _check_names(mission: Mission, wrong: Any) -> None:

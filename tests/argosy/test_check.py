@@ -115,6 +115,11 @@ def test_a_mistake_in_a_program_is_told_where_it_stands(mission: Path, old: str,
             "survey.yaml:9:15: error: `arducopper`: no such manifest; expected a file or one of: arducopter",
         ),
         (
+            "manifest: arducopter",
+            "manifest: [my_actions, my_percepts]",
+            "survey.yaml:9:15: error: `my_actions`: cannot be read: No such file or directory",
+        ),
+        (
             "robot: uav1",
             "robot: uav2",
             "survey.yaml:5:12: error: there is no robot `uav2`, did you mean `uav1`?",
@@ -242,6 +247,20 @@ def test_each_of_several_files_gets_one_line_with_its_result(
         f"{wrong}: 1 error",
         f"{missing}: 1 error",
     ]
+
+
+def test_what_every_robot_offers_is_known_without_its_manifest(mission: Path) -> None:
+    program = mission.with_name("scout.asl")
+    more = """\
++holder(Agent) : bridge(up) & link(up) <- .print(Agent).
++feedback(goto, distance, D) : D < 10 <- .print(D).
++!leave : not override(_) <- release.
++!leave : override(M) <- .print(M); hand_over(other).
++?never <- !leave; hand_over.
+"""
+    program.write_text(PROGRAM + more)
+    edit(mission, 'done: "scout: surveyed(S)"', 'done: ["scout: surveyed(S)", "scout: holder(scout)"]')
+    assert findings(mission) == ["scout.asl:8:20: error: the action hand_over takes 1 argument, not 0"]
 
 
 def test_a_mission_that_is_not_there_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -87,6 +87,16 @@ def test_the_shipped_mission_reads() -> None:
             "router: {endpoint: nonsense}",
             "m.yaml:13:20: error: router.endpoint: expected an endpoint such as `tcp/127.0.0.1:7447`, got `nonsense`",
         ),
+        (
+            "    simulate:",
+            "    lease: {priority: [uav, pilot]}\n    simulate:",
+            "m.yaml:10:29: error: lease.priority: `pilot` is no agent of robot `uav1`; its agents are uav",
+        ),
+        (
+            "    simulate:",
+            "    lease: {priority: [uav, uav]}\n    simulate:",
+            "m.yaml:10:29: error: lease.priority: `uav` stands here twice",
+        ),
         ("  uav1:\n", "  uav:\n", "m.yaml:7:3: error: `uav` is in agents already: names are unique in a fleet"),
     ],
 )
