@@ -25,6 +25,12 @@ _RESISTANCE = 0.01
 """Ohm."""
 
 
+def battery_parameters(minutes: float) -> list[tuple[str, float]]:
+    """The parameters of a battery that lasts so many minutes in the air."""
+    amperehours = HOVER_CURRENT * minutes / 60
+    return [("SIM_BATT_CAP_AH", amperehours), ("BATT_CAPACITY", amperehours * 1000)]
+
+
 class ChargeState(IntEnum):
     """charge_state of BATTERY_STATUS (MAV_BATTERY_CHARGE_STATE)."""
 

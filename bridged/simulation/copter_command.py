@@ -49,6 +49,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a parameter of the autopilot, such as FS_GCS_ENABLE=1; may be given more than once",
     )
     parser.add_argument(
+        "--battery-minutes",
+        type=_minutes,
+        metavar="M",
+        help="a full battery lasts so long in the air, and its voltage falls; else it stays at 12.6 V, as recorded",
+    )
+    parser.add_argument(
         "--signing-passphrase-file",
         type=Path,
         metavar="FILE",
@@ -69,6 +75,7 @@ def run(args: argparse.Namespace) -> int:
     from bridged.drivers.mavlink.address import LinkAddress, LinkAddressError
     from bridged.drivers.mavlink.link import LinkError
     from bridged.drivers.mavlink.signing import SigningError, read_key
+    from bridged.simulation.battery import battery_parameters
     from bridged.simulation.faults import Faults
     from bridged.simulation.process import simulate
     from bridged.simulation.vehicle import Vehicle
@@ -85,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
             channels=len(addresses),
             faults=faults,
             key=read_key(args.signing_passphrase_file) if args.signing_passphrase_file else None,
-            parameters=args.param,
+            parameters=(battery_parameters(args.battery_minutes) if args.battery_minutes else []) + args.param,
         )
     except (LinkAddressError, SigningError, ValueError) as error:
         print(f"bridged simulate: error: {error}", file=sys.stderr)
@@ -138,6 +145,10 @@ def _within(text: str, low: float, high: float, what: str) -> float:
 
 def _speed(text: str) -> float:
     return _within(text, 0.1, 100, "a factor")
+
+
+def _minutes(text: str) -> float:
+    return _within(text, 0.1, 10_000, "minutes")
 
 
 def _heading(text: str) -> float:

@@ -42,6 +42,18 @@ class FaultyLink(Link):
         self._up[peer] = (Air(self._faults, f"up {self._count}"), True)
         return peer
 
+    def report(self) -> str:
+        """What was refused and what went wrong on this link since it was opened, in words; empty if nothing."""
+        airs = [air for air, _ in self._down] + [air for air, _ in self._up.values()]
+        counts = {
+            "refused for want of a right signature": self.counters.refused,
+            "lost": sum(air.counters.lost for air in airs),
+            "doubled": sum(air.counters.duplicated for air in airs),
+            "late": sum(air.counters.reordered for air in airs),
+            "bursts of garbage": sum(air.counters.garbage for air in airs),
+        }
+        return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+
     def drop_peer(self, key: object) -> None:
         """For endpoints: another end went away."""
         peer = self.find_peer(key)

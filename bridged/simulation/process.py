@@ -2,6 +2,7 @@
 
 import asyncio
 import signal
+import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 
@@ -72,6 +73,9 @@ class Simulation:
     async def _switch_off(self) -> None:
         links, self._links = self._links, []
         for link in links:
+            report = link.report()
+            if report:
+                print(f"{link.address}: packets {report}", file=sys.stderr, flush=True)
             await link.close()
 
     async def _pause(self) -> None:
