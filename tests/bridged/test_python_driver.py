@@ -101,6 +101,7 @@ fields = {on = "on", pin = 17}
 [actions.climb]
 params = [{name = "metres"}]
 call = "gpio.climb"
+cancel = "hold"
 """
 
 
@@ -203,6 +204,7 @@ def test_a_cancelled_generator_is_closed_and_its_function_can_be_called_again(
         assert workshop.cancel().state == "cancelled"
         await until(lambda: gpio()["closed"] == [1000], "it is closed")
         await until(lambda: not driver_of(workshop).refuses(workshop.bridge.desk._manifest.actions["climb"]), "free")
+        assert gpio()["led"] == (False, 17)  # the manifest's hold
         assert (await workshop.do("climb", 2)).state == "succeeded"
         assert workshop.bridge.health().counters["calls_late"] == 1
 
@@ -332,8 +334,8 @@ def test_what_a_manifest_names_and_no_plug_in_offers_is_told_at_its_line_with_wh
         "bench.toml:15: error: actions.f.call: `gpio.drop` is to be called with altitude: missing a required argument: "
         "'height': it is drop(height, what='buoy')",
         "bench.toml:18: error: actions.f.frame: the driver `python` has no `frame`",
-        "bench.toml:17: error: actions.f.cancel: the driver `python` cannot hold: a generator is closed when its "
-        "action is cancelled",
+        "bench.toml:17: error: actions.f.cancel: the driver `python` cannot hold by itself: expected `hold` in "
+        "`[orders]`",
     ]
 
 

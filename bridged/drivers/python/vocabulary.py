@@ -34,8 +34,8 @@ def check_manifest(manifest: Manifest) -> Iterator[Finding]:
             if getattr(action, field) != getattr(_BARE, field):
                 text = f"actions.{name}.{field}: the driver `python` has no `{field}`"
                 yield manifest.finding(text, "actions", name, field)
-        if action.cancel != "none":
-            text = "the driver `python` cannot hold: a generator is closed when its action is cancelled"
+        if action.cancel == "hold" and manifest.robot.driver == "python" and "hold" not in manifest.orders:
+            text = "the driver `python` cannot hold by itself: expected `hold` in `[orders]`"
             yield manifest.finding(f"actions.{name}.cancel: {text}", "actions", name, "cancel")
         for path, said in fields_of(action).items():
             if said.table:
