@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
@@ -17,6 +18,8 @@ from commd.clock import Clock
 from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, report_health, run_daemon
 from schemas.mission import Mission, load_mission
 
+SETTLED = 3.0
+"""Wall seconds after the start by which everything is loaded."""
 log = logging.getLogger("bridged")
 
 
@@ -33,7 +36,18 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(args: Namespace) -> int:
     """Run the daemon until it is told to stop. Returns the exit code."""
-    return run_daemon("bridged", lambda stop: serve(load_mission(args.mission), args, stop))
+
+    async def main(stop: asyncio.Event) -> int:
+        asyncio.get_running_loop().call_later(SETTLED, _settle)
+        return await serve(load_mission(args.mission), args, stop)
+
+    return run_daemon("bridged", main)
+
+
+def _settle() -> None:
+    """What is loaded by now stays: to look through it for garbage again and again delays percepts by milliseconds."""
+    gc.collect()
+    gc.freeze()
 
 
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
