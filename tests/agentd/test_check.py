@@ -12,6 +12,7 @@ from agentd.analysis.arities import Arities
 from agentd.check import add_arguments, check_program, run
 from agentd.language.parser import parse_file, parse_program
 from schemas.findings import Finding
+from schemas.shipped import shipped
 
 ACTIONS: Arities = {"set_mode": 1, "takeoff": {1}, "land": 0, "goto": {2, 3}}
 PERCEPTS: Arities = {"state": {3}, "altitude": 1}
@@ -370,6 +371,27 @@ def test_the_command_checks_against_a_shipped_manifest(tmp_path: Path, capsys: p
     assert "bridge" not in err
     assert check("--manifest", "no_such_robot", str(path)) == 2
     assert "no_such_robot" in capsys.readouterr().err
+
+
+def test_arguments_that_go_as_texts_may_be_variables_and_only_numbers_have_ranges(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    manifest = shipped("manifests", "arducopter.toml")
+    assert manifest is not None
+    typed, text = manifest.read_text(), tmp_path / "text.toml"
+    text.write_text(typed.replace('driver = "mavlink"', 'driver = "mavlink"\nvalues = "text"', 1))
+    program = tmp_path / "p.asl"
+    program.write_text('!g.\n+!g <- arm_motors(True); takeoff("5"); takeoff(500); .print(Alone).\n')
+    assert check(str(program), "--manifest", str(text)) == 1
+    told = capsys.readouterr().err
+    assert "True" not in told
+    assert '"5"' not in told
+    assert "takeoff takes altitude: float 1..120 m, not 500" in told
+    assert "the variable Alone stands only once" in told
+    assert check(str(program), "--manifest", "arducopter") == 1
+    told = capsys.readouterr().err
+    assert "the variable True stands only once" in told
+    assert 'takeoff takes altitude: float 1..120 m, not "5"' in told
 
 
 @pytest.mark.parametrize(
