@@ -204,3 +204,38 @@ def test_an_argument_that_no_wire_carries_fails_the_action_at_once(endpoint: str
         assert status.reason.startswith("cannot be sent: Action:")
 
     on_a_bus(endpoint, body)
+
+
+def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agentd.acting.ASKERS_MARGIN", 0.2)
+
+    async def serve(query: Query[Action]) -> None:
+        assert query.record is not None
+        query.reply(ActionStatus(id=query.record.id, state="accepted", deadline=0.3))
+        await asyncio.sleep(0.4)
+        query.reply(ActionStatus(id=query.record.id, state="running", deadline=0.3))
+        await asyncio.sleep(60)
+
+    async def body(connect: Connect) -> None:
+        acting, *_ = await act(connect, serve)
+        began = asyncio.get_running_loop().time()
+        status = await asyncio.wait_for(acting.perform("uav:b:1", "goto", (1, 2, 3), patience=20), 20)
+        assert (status.state, status.reason) == ("failed", "no outcome within its deadline")
+        assert 0.8 < asyncio.get_running_loop().time() - began < 10
+        assert acting.counters["asked_again"] == 0
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_bridge_that_does_not_take_an_action_is_not_waited_for(endpoint: str) -> None:
+    async def serve(query: Query[Action]) -> None:
+        await asyncio.sleep(60)
+
+    async def body(connect: Connect) -> None:
+        acting, *_ = await act(connect, serve)
+        status = await asyncio.wait_for(acting.perform("uav:b:1", "land", (), patience=0.5), 20)
+        assert (status.state, status.reason) == ("failed", "the bridge has not taken it within 0.5 s")
+
+    on_a_bus(endpoint, body)
