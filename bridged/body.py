@@ -19,8 +19,6 @@ class Body:
     A robot whose driver knows no order (a turtle has no mode to hold in) has actions of its manifest instead.
     """
 
-    orders: frozenset[Order] = frozenset(("hold", "land", "rtl"))
-
     def __init__(self, setup: Setup) -> None:
         """Make the drivers, of a manifest that nothing is wrong with. Raises OSError or ValueError, in words."""
         self._setup = setup
@@ -32,7 +30,11 @@ class Body:
         """The driver of the robot itself."""
         self._of: WeakKeyDictionary[Execution, Driver] = WeakKeyDictionary()
         self._moving = False
-        """Whether a motion was begun since the last order, for a robot that cannot tell itself."""
+        """Whether a motion was begun, for a robot that cannot tell itself."""
+        self._halt: Execution | None = None
+        """The order since then that is to end it."""
+        self.orders: frozenset[Order] = self._known_orders()
+        """Those that the robot itself knows, and those that its manifest has an action for."""
 
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         """Begin an action by its driver."""
@@ -40,7 +42,7 @@ class Body:
         execution = driver.perform(name, entry, arguments)
         self._of[execution] = driver
         if entry.motion:
-            self._moving = True
+            self._moving, self._halt = True, None
         return execution
 
     def refuses(self, entry: ActionEntry) -> str:
@@ -68,7 +70,10 @@ class Body:
     @property
     def active(self) -> bool:
         """Whether the robot is armed, or may be moving since a motion was begun."""
-        return self.own.active if self.own.orders else self._moving and bool(self._manifest.orders)
+        if self.own.orders:
+            return self.own.active
+        halt = None if self._halt is None else self._halt.outcome
+        return self._moving and bool(self._manifest.orders) and (halt is None or halt.state != "succeeded")
 
     @property
     def heard(self) -> bool:
@@ -93,6 +98,7 @@ class Body:
     def adopt(self, manifest: Manifest) -> None:
         """Go on by another manifest, of the same drivers."""
         self._manifest = manifest
+        self.orders = self._known_orders()
         for name, driver in self._drivers.items():
             driver.adopt(manifest.part(name))
 
@@ -113,6 +119,9 @@ class Body:
         """Warnings of all drivers."""
         return [note for driver in self._drivers.values() for note in driver.notes()]
 
+    def _known_orders(self) -> frozenset[Order]:
+        return self.own.orders | self._manifest.orders.keys()
+
     def _make(self, name: str) -> None:
         setup = replace(self._setup, manifest=self._manifest.part(name))
         self._drivers[name] = find_driver(name).make_driver(setup)
@@ -129,5 +138,5 @@ class Body:
             return execution
         name, arguments = read_call(self._manifest, said)
         execution = self.perform(name, self._manifest.actions[name], arguments)
-        self._moving = False
+        self._halt = execution
         return execution

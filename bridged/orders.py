@@ -20,6 +20,8 @@ ORDER_PATIENCE = 10.0
 """Wall seconds in which the vehicle must confirm the mode of an order."""
 ARMING_SHOWS = 1.5
 """Wall seconds after which a vehicle that was told to arm shows whether it did: its HEARTBEAT comes once a second."""
+AGAIN = 1.0
+"""Wall seconds before an order that failed is given again to a robot that is out of reach."""
 FALLBACK: tuple[Order, ...] = ("rtl", "land", "hold")
 """What is tried next when the vehicle does not do the last that is ordered."""
 log = logging.getLogger("orders")
@@ -135,7 +137,7 @@ class Orders:
             if self._driver.overridden:
                 break
             await self._clock.sleep(step.pause)
-        for order in _others(steps[-1].order) if steps else ():
+        for order in self._others(steps[-1].order) if steps else ():
             if outcome.state == "succeeded" or not self._driver.active or self._driver.overridden:
                 break
             said = "the vehicle did not do the last that was ordered, so"
@@ -150,12 +152,16 @@ class Orders:
 
     async def _until_heard(self, order: Order, agent: str) -> Outcome:
         """Give an order; a vehicle that is out of reach may come back, so it is told until it answers."""
-        outcome, again = Outcome("failed", "not given"), False
+        outcome, again = Outcome("failed", f"the robot has no order `{order}`"), False
+        if order not in self._driver.orders:
+            return outcome
         while self._driver.active and not self._driver.overridden:
             outcome = await self.carry_out(order, f"agent {agent} is lost: {order}", block=False)
             if outcome.state == "succeeded" or (self._driver.heard and (again or outcome.state != "timed_out")):
                 break
             again = self._driver.heard
+            if outcome.state == "failed":
+                await asyncio.sleep(AGAIN)
         return outcome
 
     async def shut_down(self, order: Order) -> str:
@@ -167,17 +173,23 @@ class Orders:
             await asyncio.sleep(ARMING_SHOWS)
         if not self._driver.active:
             return self._as_last_heard("not armed")
-        outcome = Outcome("failed")
-        for attempt in (order, *_others(order)):
+        outcome, done = Outcome("failed", "the robot has no such order"), order
+        for attempt in (order, *self._others(order)):
+            if attempt not in self._driver.orders:
+                continue
             if mode := self._driver.overridden:
                 self._desk.end_all("", Outcome("failed", f"the bridge stops; {mode} is the pilot's"))
                 return f"left to the pilot in {mode}, {self._as_last_heard('armed')}"
-            outcome = await self.carry_out(attempt, f"the bridge stops: {attempt}", block=True)
+            outcome, done = await self.carry_out(attempt, f"the bridge stops: {attempt}", block=True), attempt
             if outcome.state == "succeeded":
                 return f"{attempt}: {outcome.reason or 'the vehicle does it'}"
             if outcome.state == "timed_out":
                 break  # it does not answer: another order would not be heard either
-        return f"{self._as_last_heard('armed')}, and it has not confirmed {attempt}: {outcome.reason}"
+        return f"{self._as_last_heard('armed')}, and it has not confirmed {done}: {outcome.reason}"
+
+    def _others(self, order: Order) -> list[Order]:
+        """What is tried when the robot does not do `order`, of what it can."""
+        return [other for other in FALLBACK if other != order and other in self._driver.orders]
 
     def _as_last_heard(self, state: str) -> str:
         """What is known of the vehicle, in words that do not call it known when it is not."""
@@ -185,8 +197,3 @@ class Orders:
         if self._driver.heard:
             return state
         return f"{state} when last heard {silence:.0f} s ago" if math.isfinite(silence) else "never heard"
-
-
-def _others(order: Order) -> tuple[Order, ...]:
-    """What is tried when the vehicle does not do `order`."""
-    return tuple(other for other in FALLBACK if other != order)

@@ -12,15 +12,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import zenoh
 
 from bridged.simulation.turtle import FIELD, STEP, Pen, Turtle, svg
 from commd.bus import open_bus
 from commd.raw import Sample
 from schemas import keys
 from schemas.mission import load_mission, read_mission
-from schemas.records import Outcome, StopOrder
+from schemas.records import ActionStatus, Cancel, Outcome, StopOrder
 from tests.bridged.studio import MISSIONS, Studio, in_the_studio
-from tests.support.buses import subscribed, until
+from tests.support.buses import served, subscribed, until
 from tests.support.processes import running
 
 LAMP = """
@@ -148,6 +149,52 @@ def test_it_stands_at_the_operators_word_and_is_missed_when_it_is_gone(endpoint:
         assert (status.state, status.reason) == ("failed", "nobody serves turtle1/clear")
 
     in_the_studio(endpoint, tmp_path, body)
+
+
+SLOW = """
+[robot]
+driver = "zenoh"
+link_loss = "1s"
+[orders]
+hold = "halt"
+[percepts.place]
+source = "place"
+args = ["data"]
+[actions.go]
+service = "go"
+cancel = "hold"
+[actions.halt]
+topic = "halt"
+"""
+
+
+def test_a_robot_of_one_order_holds_when_an_action_is_cancelled_and_when_its_agent_is_lost(
+    endpoint: str, tmp_path: Path
+) -> None:
+    async def body(studio: Studio) -> None:
+        bus, halts, asked = studio.bus, list[Sample](), list[zenoh.Query]()
+        bus._session.declare_queryable("hall/go", zenoh.handlers.Callback(asked.append, indirect=False))
+        bus.raw.subscribe("hall/halt", halts.append)
+        agent = bus.token(keys.alive(bus.fleet, studio.agent, "agentd", "life"))
+        await served(bus, keys.action(bus.fleet, studio.agent, "go"))
+        going = asyncio.create_task(studio.do("go"))
+        await until(lambda: bool(asked), "it is asked to go")
+        cancel, key = Cancel(id=f"{studio.agent}:t:1"), keys.cancel(bus.fleet, studio.agent)
+        (reply,) = [one async for one in bus.query(key, cancel, ActionStatus, 10)]
+        assert reply.record is not None
+        assert (await going).state == reply.record.state == "cancelled"
+        await until(lambda: len(halts) == 1, "it is told to halt")
+        asked.clear()
+        going = asyncio.create_task(studio.do("go"))
+        await until(lambda: bool(asked), "it is asked to go again")
+        bus.withdraw(agent)
+        assert (await going).reason.startswith(f"agent {studio.agent} is lost")
+        await until(lambda: len(halts) == 2, "it is told to halt again")
+        asked.clear()
+
+    (tmp_path / "lamp.toml").write_text(SLOW)
+    mission = read_mission(LAMP, tmp_path / "lamp.yaml")
+    in_the_studio(endpoint, tmp_path, body, mission=mission, simulated=False)
 
 
 def test_the_papers_listings_drive_it_unchanged(endpoint: str, tmp_path: Path) -> None:
