@@ -21,7 +21,8 @@ from tests.support.buses import until
 GPIO = """
 import threading, time
 
-__all__ = ["button", "climb", "count", "drop", "flaky", "led", "sonar", "stuck", "stuck_once", "where", "NOT_CALLABLE"]
+__all__ = ["button", "climb", "count", "drop", "flaky", "flood", "led", "sonar", "stuck", "stuck_once", "where"]
+__all__ += ["NOT_CALLABLE"]
 NOT_CALLABLE = 1
 state = {"led": False, "dropped": [], "closed": [], "flaky": 0, "count": 0, "sonar": 1.5}
 gate = threading.Event()
@@ -35,6 +36,7 @@ def flaky():
     state["flaky"] += 1
     if state["flaky"] < 4: raise OSError("no echo")
     return "ok"
+def flood(): return "x" * 10_001
 def stuck(): gate.wait(30)
 def stuck_once():
     if not gate.is_set(): gate.wait(30)
@@ -51,6 +53,7 @@ def button():
 def led(on, pin=0): state["led"] = (on, pin)
 def drop(height, what="buoy"):
     state["dropped"].append((height, what))
+    if height > 10: raise SystemExit("enough")
     if height > 9: raise RuntimeError("the hatch is frozen")
     if height > 8: return False
     if height > 7: return "too high"
@@ -153,6 +156,7 @@ def test_values_tuples_and_dicts_are_percepts_at_the_rate_of_the_manifest(tmp_pa
         (7.5, "failed", "too high"),
         (8.5, "failed", "`gpio.drop` returned False"),
         (9.5, "failed", "the hatch is frozen"),
+        (10.5, "failed", "enough"),
     ],
 )
 def test_what_a_function_returns_or_raises_is_the_outcome_of_its_action(
@@ -245,6 +249,19 @@ def test_what_a_sensor_raises_is_counted_told_once_and_ends_nothing(
 
 
 @pytest.mark.usefixtures("gpio")
+def test_a_reading_beyond_all_bounds_is_refused(tmp_path: Path) -> None:
+    manifest = checked(robot('[percepts.much]\nsource = "gpio.flood"\nargs = ["data"]\nrate = 100'))
+
+    async def body(workshop: Workshop) -> None:
+        told = "`gpio.flood` fails: a reading of 10001 elements, more than 10000"
+        await until(lambda: workshop.bridge.health().notes == (told,), "it is told")
+        assert workshop.present("much") == []
+        assert not workshop.bridge.driver.heard
+
+    in_the_workshop(Workshop(tmp_path, manifest), body)
+
+
+@pytest.mark.usefixtures("gpio")
 def test_a_sensor_that_hangs_loses_its_percept_is_named_and_holds_up_no_other(tmp_path: Path) -> None:
     manifest = checked(
         robot(
@@ -311,7 +328,7 @@ def test_a_process_with_a_call_that_never_returns_can_end(tmp_path: Path) -> Non
 
 @pytest.mark.usefixtures("gpio")
 def test_what_a_manifest_names_and_no_plug_in_offers_is_told_at_its_line_with_what_there_is(tmp_path: Path) -> None:
-    offered = "button, climb, count, drop, flaky, led, sonar, stuck, stuck_once, where"
+    offered = "button, climb, count, drop, flaky, flood, led, sonar, stuck, stuck_once, where"
     assert problems(
         robot(
             '[percepts.a]\nsource = "gpio.hidden"',

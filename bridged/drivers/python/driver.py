@@ -51,7 +51,7 @@ class PythonDriver(PlainDriver):
         self._running = False
         self._counts = Counter(failed=0, late=0)
         self._failing: dict[str, str] = {}
-        """Functions whose last call raised, and what."""
+        """Functions of percepts whose last call raised, and what."""
         self.adopt(setup.manifest)
 
     async def run(self) -> None:
@@ -64,7 +64,10 @@ class PythonDriver(PlainDriver):
             while True:
                 for call in self._calls:
                     call.look()
-                self.setup.on_step()
+                try:
+                    self.setup.on_step()
+                except Exception as error:  # a defect must not end the robot's other drivers with this one
+                    _tell_defect("looking at the actions", error)
                 await asyncio.sleep(pause)
         finally:
             self._running = False
@@ -115,8 +118,8 @@ class PythonDriver(PlainDriver):
 
     @property
     def heard(self) -> bool:
-        """Whether a function told something lately, if there are any that tell."""
-        return not self.manifest.percepts or super().heard
+        """Whether the functions of its percepts do their work: none raises, none hangs."""
+        return not self._failing and not any(self._workers[source].hangs for source in self._polls)
 
     def counters(self) -> dict[str, float]:
         """Figures for health."""
@@ -140,7 +143,7 @@ class PythonDriver(PlainDriver):
     def _returned(self, call: Call, result: Result) -> None:
         """A call came back, for an action that waits for it or is over already."""
         self._calls.discard(call)
-        self._note(call.function, result)
+        self._counts["failed"] += isinstance(result, Raised)
         if call.over:
             self._counts["late"] += 1
             return
@@ -148,7 +151,7 @@ class PythonDriver(PlainDriver):
         self.finish(call, outcome_of(call.function, result))
 
     def _note(self, function: str, result: Result) -> None:
-        """Count what raised, and tell of it when it begins to."""
+        """Count what a percept's function raised, and tell of it when it begins to."""
         if not isinstance(result, Raised):
             self._failing.pop(function, None)
             return
@@ -202,7 +205,7 @@ class PythonDriver(PlainDriver):
         try:
             self.tell(source, fields)
         except Exception as error:  # a value that nothing can be made of must not end its source
-            asyncio.get_running_loop().call_exception_handler({"message": f"a reading of {source}", "exception": error})
+            _tell_defect(f"a reading of {source}", error)
 
     def _period(self, source: str) -> float:
         """Wall seconds between two calls."""
@@ -234,6 +237,10 @@ class PythonDriver(PlainDriver):
 
 
 _END = object()
+
+
+def _tell_defect(what: str, error: Exception) -> None:
+    asyncio.get_running_loop().call_exception_handler({"message": what, "exception": error})
 
 
 def _next(generator: Readings) -> object:

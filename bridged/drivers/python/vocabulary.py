@@ -11,6 +11,8 @@ from schemas.manifest import ActionEntry, FieldValue, Manifest
 
 MAX_FUNCTIONS = 32
 """Functions that a manifest may name: each has a thread of its own."""
+MAX_SIZE = 10_000
+"""Fields, elements or characters of a reading."""
 WHOLE = "data"
 """The field of a reading that is no dict: the value itself."""
 _FOREIGN = ("command", "message", "topic", "service", "frame", "confirm", "latch", "tolerance")
@@ -90,8 +92,11 @@ def arguments_of(entry: ActionEntry, given: Mapping[str, Value]) -> dict[str, Va
 def fields_in(reading: object) -> Mapping[str, object] | None:
     """Return the fields of what a function returned; None, as the function said: nothing holds.
 
-    A dict has the fields that it names, a tuple or list `0`, `1`, ... and `data`, anything else `data` alone.
+    A dict has the fields that it names, a tuple or list `0`, `1`, ... and `data`, anything else `data` alone. Raises
+    ValueError for more than `MAX_SIZE`.
     """
+    if isinstance(reading, str | bytes | tuple | list | Mapping) and len(reading) > MAX_SIZE:
+        raise ValueError(f"a reading of {len(reading)} elements, more than {MAX_SIZE}")
     match reading:
         case None:
             return None
