@@ -2,8 +2,8 @@
 
    The robot's manifest is the pair of INI files beside this program, so percepts have the text semantics of the paper:
    state(Mode, Connected, Armed) is told as state("GUIDED","True","False"), altitudes and positions are numbers, and
-   True in arm_motors(True) is a free variable of which the bridge takes the name. What is new is that an action fails
-   if the vehicle's state does not show its effect; so the goals below are tried again instead of trusted. */
+   True in arm_motors(True) is a free variable of which the bridge takes the name. What is new: an action that returns
+   has had its effect, and one that had none fails with the reason, so nothing here is tried again and again. */
 
 !mission.
 
@@ -20,20 +20,18 @@
 
 -!mission[error_msg(Why)]
   <- .print("mission failed: ", Why);
-     set_mode("RTL");
+     !safe;
      +mission_failed(Why).
 
 +!mode(Mode) : state(Mode,_,_).
 +!mode(Mode)
   <- set_mode(Mode);
      .wait(state(Mode,_,_), 3000).
--!mode(Mode) : state(_,"True",_) <- .wait(500); !mode(Mode).
 
 +!armed : state(_,_,"True").
 +!armed
   <- arm_motors(True);
      .wait(state(_,_,"True"), 3000).
--!armed : state("GUIDED","True",_) <- .wait(500); !armed.
 
 +!airborne(Alt)
   <- .print("taking off to ", Alt, " m");
@@ -50,3 +48,7 @@
      !mode("RTL");
      .wait(global_pos(X, Y) & home_pos(HX, HY) & math.abs(X - HX) <= 0.00001 & math.abs(Y - HY) <= 0.00001
            & altitude(A) & math.abs(A) <= 0.1 & state(_,_,"False"), 300000).
+
++!safe : state(_,_,"True") <- .print("returning to home"); set_mode("RTL").
++!safe.
+-!safe[error_msg(Why)] <- .print("could not return: ", Why, "; over to the pilot").
