@@ -6,7 +6,7 @@ from collections.abc import Generator
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.asking import Fits, asked_message
+from bridged.drivers.mavlink.asking import Fits, Poll, asked_message
 from bridged.drivers.mavlink.confirmation import SETTLE, acknowledged
 from bridged.drivers.mavlink.flight import SUCCEEDED, Call, Flight, Steps, Task
 from bridged.drivers.mavlink.parameters import read_parameter
@@ -74,21 +74,28 @@ def fence(flight: Flight, task: Task, call: Call) -> Steps:
 
 
 def _shown(flight: Flight, task: Task, call: Call, what: str, fits: Fits) -> Generator[None, None, Outcome]:
-    asked, command = flight.now, flight.submit_call(task, call)
-    refusal = yield from acknowledged(flight, task, command, lambda: _fits_now(flight, fits))
+    """Send the command; the output proves it, also when the acknowledgement is lost."""
+    poll, asked, seen = Poll(flight, task, "SERVO_OUTPUT_RAW"), flight.now, False
+
+    def shown() -> bool:
+        nonlocal seen
+        poll()
+        message = flight.message
+        seen = seen or (message is not None and message.get_type() == "SERVO_OUTPUT_RAW" and fits(message))
+        return seen
+
+    command = flight.submit_call(task, call)
+    refusal = yield from acknowledged(flight, task, command, shown)
     if refusal is not None:
         return refusal
-    task.waits_for = f"SERVO_OUTPUT_RAW to show {what}"
-    if (yield from asked_message(flight, task, "SERVO_OUTPUT_RAW", SETTLE, fits)) is not None:
-        return SUCCEEDED
+    task.waits_for, until = f"SERVO_OUTPUT_RAW to show {what}", flight.now + flight.wait(*SETTLE)
+    while flight.now <= until:
+        if shown():
+            return SUCCEEDED
+        yield
     said = f"{command.name} was acknowledged, but SERVO_OUTPUT_RAW does not show {what}"
     return Outcome("failed", flight.with_texts(said, asked))
 
 
 def _near(message: dialect.MAVLink_message, servo: int, pwm: float) -> bool:
     return bool(abs(getattr(message, f"servo{servo}_raw", 0) - pwm) <= PWM_NEAR)
-
-
-def _fits_now(flight: Flight, fits: Fits) -> bool:
-    message = flight.message
-    return message is not None and message.get_type() == "SERVO_OUTPUT_RAW" and fits(message)

@@ -74,7 +74,7 @@ def write_parameter(flight: Flight, task: Task, name: str, wanted: float) -> Gen
     found = yield from read_parameter(flight, task, name)
     if found is None:
         return Outcome("failed", f"the vehicle knows no parameter {name}")
-    theirs, value = found
+    theirs, told = found[0], None
     identity = flight.commands.identity
     for _ in range(TRIES):
         flight.send(
@@ -84,13 +84,13 @@ def write_parameter(flight: Flight, task: Task, name: str, wanted: float) -> Gen
         )
         task.waits_for = f"the vehicle to take {name} = {wanted:g}"
         again = yield from read_parameter(flight, task, theirs)  # a late answer to the first question is older
-        value = again[1] if again is not None else value
-        if value == wanted:
+        told = told if again is None else again[1]
+        if told == wanted:
             break
-    flight.learn(name, value)
-    if value == wanted:
-        return None
-    return Outcome("failed", f"{name}: {wanted:g} was asked for, the vehicle has {value:g}")
+    if told is None:
+        return Outcome("failed", f"{name}: {wanted:g} was asked for, and the vehicle does not tell what it has")
+    flight.learn(name, told)
+    return None if told == wanted else Outcome("failed", f"{name}: {wanted:g} was asked for, the vehicle has {told:g}")
 
 
 def _request(flight: Flight, name: str) -> None:

@@ -1,0 +1,152 @@
+"""Parameters by name: what the vehicle tells that it has is the proof, and a name that it does not know is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.parameters import spellings
+from schemas.terms import Term
+from tests.bridged.sky import Message, Sky
+
+
+@pytest.fixture
+def sky(tmp_path: Path) -> Sky:
+    return Sky(tmp_path)
+
+
+def told(sky: Sky) -> dict[Term, Term]:
+    found = [one.parameters for one in sky.bridge.board.sets["uav"].present() if one.name == "parameter"]
+    return {one[0]: one[1] for one in found}
+
+
+def test_a_parameter_that_is_asked_for_becomes_a_percept(sky: Sky) -> None:
+    assert sky.do("get_param", "RTL_ALT").state == "succeeded"
+    assert sky.do("get_param", "FENCE_RADIUS").state == "succeeded"
+    assert told(sky) == {"RTL_ALT": 1500, "FENCE_RADIUS": 300}
+
+
+def test_a_parameter_is_set_when_the_vehicle_tells_that_value(sky: Sky) -> None:
+    assert sky.do("set_param", "RTL_ALT", 2000).state == "succeeded"
+    assert sky.vehicle.copter.parameters["RTL_ALT"] == 2000
+    assert told(sky) == {"RTL_ALT": 2000}
+
+
+def test_a_value_that_the_vehicle_did_not_take_fails_with_both_numbers(sky: Sky) -> None:
+    final = sky.do("set_param", "FENCE_TYPE", 1000)
+    assert (final.state, final.reason) == ("failed", "FENCE_TYPE: 1000 was asked for, the vehicle has 127")
+    assert told(sky) == {"FENCE_TYPE": 127}
+
+
+def test_a_fraction_is_compared_as_the_vehicle_stores_it(sky: Sky) -> None:
+    assert sky.do("set_param", "MOT_THST_HOVER", 0.21).state == "succeeded"
+
+
+@pytest.mark.parametrize(("name", "arguments"), [("get_param", ()), ("set_param", (3,))])
+def test_a_name_that_the_vehicle_does_not_know_is_told_after_three_tries(
+    sky: Sky, name: str, arguments: tuple[int, ...]
+) -> None:
+    sky.wait(1)
+    final = sky.do(name, "NO_SUCH", *arguments)
+    assert (final.state, final.reason) == ("failed", "the vehicle knows no parameter NO_SUCH")
+    asked = [one for one in sky.sent if one.get_type() == "PARAM_REQUEST_READ" and one.param_id == "NO_SUCH"]
+    assert len(asked) == 3
+
+
+def test_a_parameter_is_known_under_its_older_name_too(sky: Sky) -> None:
+    assert sky.do("set_param", "SYSID_MYGCS", 250).state == "succeeded"
+    assert sky.vehicle.copter.parameters["MAV_GCS_SYSID"] == 250
+    assert told(sky) == {"SYSID_MYGCS": 250}
+
+
+@pytest.mark.parametrize(
+    ("name", "all_of_them"),
+    [
+        ("RTL_ALT", ("RTL_ALT",)),
+        ("SYSID_THISMAV", ("SYSID_THISMAV", "MAV_SYSID")),
+        ("MAV_GCS_SYSID", ("MAV_GCS_SYSID", "SYSID_MYGCS")),
+        ("SR0_POSITION", ("SR0_POSITION", "MAV1_POSITION")),
+        ("MAV2_EXTRA1", ("MAV2_EXTRA1", "SR1_EXTRA1")),
+        ("MAV0_EXTRA1", ("MAV0_EXTRA1",)),
+        ("SRTL_ACCURACY", ("SRTL_ACCURACY",)),
+    ],
+)
+def test_both_spellings_of_a_name_are_asked_for(name: str, all_of_them: tuple[str, ...]) -> None:
+    assert spellings(name) == all_of_them
+
+
+def test_a_parameter_is_set_over_a_link_that_loses_every_third_message(sky: Sky) -> None:
+    sky.wait(1)
+    odd = {"up": 0, "down": 0}
+
+    def lossy(way: str) -> object:
+        def passes(message: Message) -> bool:
+            if not message.get_type().startswith("PARAM"):
+                return True
+            odd[way] += 1
+            return odd[way] % 3 != 0
+
+        return passes
+
+    sky.hears_us, sky.we_hear = lossy("up"), lossy("down")  # type: ignore[assignment]
+    assert sky.do("set_param", "RTL_ALT", 2000).state == "succeeded"
+
+
+def test_a_vehicle_that_never_takes_the_value_fails(sky: Sky) -> None:
+    sky.hears_us = lambda message: message.get_type() != "PARAM_SET"
+    final = sky.do("set_param", "RTL_ALT", 2000)
+    assert (final.state, final.reason) == ("failed", "RTL_ALT: 2000 was asked for, the vehicle has 1500")
+
+
+def test_a_parameter_that_others_set_later_is_told_again(sky: Sky) -> None:
+    sky.do("get_param", "RTL_ALT")
+    sky.vehicle.receive(
+        _from_others(dialect.MAVLink_param_set_message(1, 1, b"RTL_ALT", 3000.0, dialect.MAV_PARAM_TYPE_REAL32))
+    )
+    for message in sky.vehicle.receive(_from_others(dialect.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1))):
+        sky.downlink.append(message)
+    sky.wait(0.1)
+    assert told(sky) == {"RTL_ALT": 3000}
+
+
+def test_a_vehicle_that_says_nothing_after_the_change_is_not_said_to_have_the_old_value(sky: Sky) -> None:
+    sky.wait(1)
+    answers = iter([True])
+    sky.we_hear = lambda message: message.get_type() != "PARAM_VALUE" or next(answers, False)
+    final = sky.do("set_param", "RTL_ALT", 2000)
+    said = "RTL_ALT: 2000 was asked for, and the vehicle does not tell what it has"
+    assert (final.state, final.reason) == ("failed", said)
+
+
+def test_the_fence_is_shaped_by_parameters_and_switched_by_a_command(sky: Sky) -> None:
+    parameters = sky.vehicle.copter.parameters
+    assert sky.do("fence_radius", 120).state == "succeeded"
+    assert sky.do("fence_altitude", 45).state == "succeeded"
+    assert (parameters["FENCE_RADIUS"], parameters["FENCE_ALT_MAX"]) == (120, 45)
+    assert sky.do("enable_fence", True).state == "succeeded"
+    assert parameters["FENCE_ENABLE"] == 1
+    assert sky.do("enable_fence", False).state == "succeeded"
+    assert parameters["FENCE_ENABLE"] == 0
+
+
+def test_a_fence_that_is_acknowledged_and_stays_off_is_no_success(sky: Sky) -> None:
+    def pretend(message: Message) -> bool:
+        if message.get_type() == "COMMAND_LONG" and message.command == dialect.MAV_CMD_DO_FENCE_ENABLE:
+            sky.downlink.append(dialect.MAVLink_command_ack_message(message.command, 0, 0, 0, 1, 191))
+            return False
+        return True
+
+    sky.wait(2)
+    sky.hears_us = pretend
+    final = sky.do("enable_fence", True)
+    assert final.state == "failed"
+    assert final.reason == "MAV_CMD_DO_FENCE_ENABLE was acknowledged, but the fence is not enabled"
+
+
+def _from_others(message: Message) -> Message:
+    from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
+
+    (back,) = Framer(WireCounters()).feed(Encoder(254, 190).pack(message))
+    return back
