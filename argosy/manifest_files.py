@@ -10,7 +10,7 @@ from bridged.drivers import check_manifest
 from bridged.manifests import load_robot_manifest
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.findings import Finding, Findings
-from schemas.manifest import Manifest, load_manifest
+from schemas.manifest import Manifest
 from schemas.manifest_schema import schema_text
 
 
@@ -52,11 +52,8 @@ def check(args: Namespace) -> int:
 
 def _load(name: str) -> Manifest:
     """Read one manifest and let its drivers look at it. Raises Findings."""
-    if "," not in name:
-        manifest = load_manifest(name, Path(), check_manifest)
-    else:
-        actions, _, percepts = name.partition(",")
-        manifest = load_robot_manifest((actions.strip(), percepts.strip()), Path())
+    pair = tuple(part.strip() for part in name.split(","))
+    manifest = load_robot_manifest(name if len(pair) == 1 else pair, Path())
     if findings := check_manifest(manifest):
         raise Findings(findings)
     return manifest

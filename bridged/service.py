@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Iterable
+from contextlib import suppress
 from functools import partial
 
 import zenoh
@@ -34,7 +35,7 @@ from schemas.records import (
 MAX_STATUSES = 64
 """Statuses of one action that may wait to be sent; of the running ones the oldest is left out first."""
 FOLLOW_AT_MOST = 3600.0
-"""Wall seconds for which a query follows an action; every action has a deadline, this only bounds the wait."""
+"""Wall seconds for which a query follows an action; whoever still waits asks again with the same id."""
 log = logging.getLogger("bridged")
 
 
@@ -88,11 +89,12 @@ class Service:
             statuses.put_nowait(status)
 
         desk.ask(agent, name, query.record, follow)
-        async with asyncio.timeout(FOLLOW_AT_MOST):
-            while (status := await statuses.get()) is not None:
-                query.reply(status)
-                if status.final:
-                    return
+        with suppress(TimeoutError):
+            async with asyncio.timeout(FOLLOW_AT_MOST):
+                while (status := await statuses.get()) is not None:
+                    query.reply(status)
+                    if status.final:
+                        return
 
     def _describe(self, agent: str, manifest: Manifest, query: Query[Action]) -> None:
         asked = zenoh.KeyExpr(query.key)
