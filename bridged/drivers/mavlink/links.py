@@ -20,7 +20,7 @@ from bridged.drivers.mavlink.address import LinkAddress
 from bridged.drivers.mavlink.forward import GroundStation
 from bridged.drivers.mavlink.link import Ids, Link, LinkError, Peer, open_link
 from bridged.drivers.mavlink.signing import Signing, SigningError, Timestamps
-from bridged.drivers.mavlink.wire import Gate
+from bridged.drivers.mavlink.wire import SIGNED, Gate
 
 STRANGE_FOR = 10.0
 """Wall seconds for which a vehicle that nobody claims, or a packet that was not taken, is a warning."""
@@ -52,6 +52,8 @@ class Rider:
     """Folder in which timestamps of signatures outlive the process."""
     signing: Signing | None = None
     """Made of the key by the link."""
+    signs: bool = False
+    """Whether the last packet of its vehicle that was read bore a signature."""
     stations: list[GroundStation] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
 
@@ -164,6 +166,11 @@ class SharedLink:
         for (system, objection, where), at in self._refused.items():
             if at > since and system == rider.vehicle:
                 notes.append(f"{objection} packets of system {system} from {where} are not taken")
+        if rider.signs and rider.signing is None:
+            notes.append(
+                f"system {rider.vehicle} signs its packets, and will not listen to unsigned ones: "
+                "the mission gives no `signing`"
+            )
         if self._timestamps is not None and self._timestamps.problem:
             notes.append(f"timestamps of signatures are not kept: {self._timestamps.problem}")
         for station in rider.stations:
@@ -256,6 +263,7 @@ class SharedLink:
     def _receive(self, message: dialect.MAVLink_message, peer: Peer) -> None:
         system = message.get_srcSystem()
         if rider := self.riders.get(system):
+            rider.signs = bool(message.get_header().incompat_flags & SIGNED)
             rider.receive(message, peer)
         elif message.get_type() == "HEARTBEAT" and message.autopilot != dialect.MAV_AUTOPILOT_INVALID:
             self.strange += 1

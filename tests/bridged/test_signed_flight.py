@@ -1,0 +1,49 @@
+"""A copter that asks for signatures is flown by a bridge with its passphrase; any other bridge is told why not."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from tests.bridged.radio import COPTER, riding
+from tests.bridged.test_ground_stations import copter
+from tests.support.buses import until
+from tests.support.ports import free_port
+
+
+def phrase(folder: Path, text: str) -> Path:
+    file = folder / text
+    file.write_text(f"{text}\n")
+    file.chmod(0o600)
+    return file
+
+
+@pytest.mark.timeout(60)
+def test_a_signed_copter_is_armed_by_who_has_the_passphrase_and_by_nobody_else(tmp_path: Path) -> None:
+    right, wrong = phrase(tmp_path, "argo"), phrase(tmp_path, "gold")
+
+    async def body(port: int) -> None:
+        link = f"link: 'udpin:127.0.0.1:{port}', signing: {{passphrase_file: '%s'}}"
+        async with riding(link % wrong, state=tmp_path / "wrong") as [ride]:
+            await until(
+                lambda: any(note.startswith("wrongly signed packets of system 1") for note in ride.driver.notes()),
+                "the note",
+            )
+            assert not ride.driver.heard
+        for life in ("first", "second"):  # the second one goes on above the timestamps of the first
+            async with riding(link % right, state=tmp_path / "right") as [ride]:
+                for name, arguments in (("set_mode", {"mode": "GUIDED"}), ("arm_motors", {"arm": life == "first"})):
+                    execution = ride.driver.perform(name, COPTER.actions[name], arguments)
+                    await until(lambda: execution.over, f"the end of {name}", 30)  # noqa: B023
+                    assert execution.outcome is not None
+                    assert execution.outcome.state == "succeeded", execution.outcome.reason
+                assert ride.driver.counters()["refused_packets"] == 0
+        async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
+            said = "system 1 signs its packets, and will not listen to unsigned ones: the mission gives no `signing`"
+            await until(lambda: said in ride.driver.notes(), "the note")
+
+    port = free_port()
+    with copter(f"udpout:127.0.0.1:{port}", "--speed", "5", "--signing-passphrase-file", str(right)):
+        asyncio.run(asyncio.wait_for(body(port), 50))
