@@ -97,7 +97,7 @@ def test_a_late_agent_sees_every_present_percept_and_keeps_up(endpoint: str, tmp
             await until_served(first)
             names = ("altitude", "global_pos", "gps", "home_pos", "state")
             async with asyncio.timeout(20):
-                while {one.record.name for one in await present(first) if one.record} < set(names):
+                while not {one.record.name for one in await present(first) if one.record} >= set(names):
                     await asyncio.sleep(0.05)
             async with field.client() as late:
                 copy, digests = PerceptSet(), list[str]()

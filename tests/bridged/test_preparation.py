@@ -41,7 +41,7 @@ def test_everything_that_is_wrong_with_a_robot_is_told_at_once(tmp_path: Path) -
         .replace("    simulate:", "    on_agent_loss: [hover, land 3 parsecs]\n    simulate:")
     )
     assert problems(text, tmp_path) == [
-        "bad.toml:3: error: robot.vehicle: the mavlink driver has no `boat`, it has arducopter",
+        "bad.toml:3: error: robot.vehicle: the mavlink driver has no `boat`, it has arducopter, arduplane, ardurover",
         "m.yaml:9:11: error: link 'udp:1': expected udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT "
         "or serial:DEVICE:BAUD",
         "m.yaml:10:21: error: on_agent_loss: Expected hold, land or rtl, got `hover`",
