@@ -114,6 +114,7 @@ def bridge_killed(state: Path) -> Row:
             at = time.monotonic()
             first.kill()
             with running(*bridge) as second:
+                second.says("serving uav1")
                 before = resident(second)
                 agent.says("[uav] goto ", 60)
                 _note(row, agent, "goto", "the vehicle flies on to where it was sent", time.monotonic() - at)

@@ -106,6 +106,8 @@ class Conversation:
         name, reboots, mode, silence = message.get_type(), self.vehicle.reboots, self.vehicle.mode, self.silence
         self.vehicle.receive(message, self.flight.now)
         self.streams.count(name)
+        if self.vehicle.reboots != reboots:
+            self._rebooted()
         match name:
             case "HEARTBEAT":
                 self._heard(mode, silence)
@@ -118,8 +120,6 @@ class Conversation:
                 self._parameter_told(message.param_id, message.param_value)
             case "GLOBAL_POSITION_INT":
                 self._keep_limits()
-        if self.vehicle.reboots != reboots:
-            self._rebooted()
         if name in self._sources and name != "HEARTBEAT":
             self._on_reading(Reading(name, MessageFields(message)))
         self._step()

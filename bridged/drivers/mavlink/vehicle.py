@@ -119,6 +119,8 @@ class Vehicle:
                 if message.type != self.type:
                     self.type = message.type
                     self.modes = table_of(self.declared, message.type)
+                if message.system_status == dialect.MAV_STATE_BOOT and self.system_status > dialect.MAV_STATE_BOOT:
+                    self._rebooted()
                 self.base_mode, self.system_status = message.base_mode, message.system_status
                 self.armed = bool(message.base_mode & _ARMED)
             case "GLOBAL_POSITION_INT":
@@ -167,8 +169,12 @@ class Vehicle:
 
     def _clock(self, boot_ms: int) -> None:
         if boot_ms + REBOOT_MS < self._boot_ms:
-            self.reboots += 1
-            self.landed_state, self.prearm_ok, self.ekf_flags, self.gps_fix = 0, False, 0, 0
-            self.home = self.target = None
-        if boot_ms > self._boot_ms or boot_ms + REBOOT_MS < self._boot_ms:
-            self._boot_ms = boot_ms
+            self._rebooted()
+        self._boot_ms = max(boot_ms, self._boot_ms)
+
+    def _rebooted(self) -> None:
+        """It says so itself (MAV_STATE_BOOT), or its clock went back: what it told before is over."""
+        self.reboots += 1
+        self._boot_ms = 0
+        self.landed_state, self.prearm_ok, self.ekf_flags, self.gps_fix = 0, False, 0, 0
+        self.home = self.target = None
