@@ -40,7 +40,7 @@ def argument(parameter: Parameter, term: Term) -> Term:
     A string is its own text, a free variable its name: `arm_motors(True)`, `arm_motors("True")` and `arm_motors(true)`
     are the same. Unlike in the paper's implementation, a text that is no truth value is not taken as False.
     """
-    if isinstance(term, list):
+    if isinstance(term, list) and "list" in parameter.types:
         return term
     if isinstance(term, str) and "string" in parameter.types:
         return term

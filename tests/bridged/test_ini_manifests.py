@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from argosy.__main__ import main
+from bridged.arguments import BadArgument, read_arguments
 from bridged.drivers import check_manifest
 from bridged.drivers.mavlink.mavros import CALLS, TOPICS, below_mavros
 from bridged.drivers.robot import Reading
@@ -230,6 +231,42 @@ def test_a_percept_is_read_from_the_text_of_its_value(value: object, term: Term)
     [belief] = translator.beliefs(Reading("p", {"data": value}))
     assert belief.parameters == (term,)
     assert [type(one) for one in belief.parameters or ()] == [type(term)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "term", "value"),
+    [
+        ("str", "two words", "two words"),
+        ("str", Atom("guided"), "guided"),
+        ("str", Variable("GUIDED"), "GUIDED"),
+        ("str", 5.0, "5"),
+        ("str", True, "true"),
+        ("str", [1, "a"], '[1,"a"]'),
+        ("str", Structure("at", (1, Atom("b"))), "at(1,b)"),
+        ("float", "2.5", 2.5),
+        ("float", 3, 3.0),
+        ("int", " 7 ", 7),
+        ("bool", Atom("yes"), True),
+        ("bool", "0", False),
+        ("int[]", [1, 2], [1, 2]),
+        ("int[]", "[1, [2, 3]]", [1, [2, 3]]),
+        ("geometry_msgs/Point[](x, y)", [[1, 2.5], [3, "t"]], [{"x": 1, "y": 2.5}, {"x": 3, "y": "t"}]),
+    ],
+)
+def test_an_argument_is_read_from_its_text(kind: str, term: Term, value: object) -> None:
+    entry = pair(service("/s", "data", types=kind)).actions["act"]
+    assert read_arguments("act", entry, (term,), "text") == {"data": value}
+    assert type(read_arguments("act", entry, (term,), "text")["data"]) is type(value)
+
+
+@pytest.mark.parametrize(
+    ("kind", "term"),
+    [("float", "high"), ("float", Variable("X")), ("int", 2.5), ("bool", "maybe"), ("bool", 2), ("int[]", "1, 2")],
+)
+def test_a_text_that_is_not_of_the_type_is_refused(kind: str, term: Term) -> None:
+    entry = pair(service("/s", "data", types=kind)).actions["act"]
+    with pytest.raises(BadArgument, match="act: expected data: "):
+        read_arguments("act", entry, (term,), "text")
 
 
 def test_lists_of_structures_come_as_the_paper_nested_them() -> None:
