@@ -74,7 +74,10 @@ class Kind:
 
 
 def _simulator(setup: Setup, robot: str) -> list[str]:
-    return [*simulators.command(setup.mission.robots[robot], setup.router), *_speed(setup)]
+    declared = setup.mission.robots[robot]
+    signing = declared.signing if simulators.vehicle_of(declared) == "copter" else None
+    signed = ["--signing-passphrase-file", str(setup.mission.relative(signing.passphrase_file))] if signing else []
+    return [*simulators.command(declared, setup.router), *signed, *_speed(setup)]
 
 
 def _bridge(setup: Setup, robots: str) -> list[str]:
