@@ -163,6 +163,9 @@ args = ["data"]
 [actions.go]
 service = "go"
 cancel = "hold"
+[actions.late]
+service = "go"
+deadline = "0.2s"
 [actions.halt]
 topic = "halt"
 """
@@ -184,6 +187,11 @@ def test_a_robot_of_one_order_holds_when_an_action_is_cancelled_and_when_its_age
         assert reply.record is not None
         assert (await going).state == reply.record.state == "cancelled"
         await until(lambda: len(halts) == 1, "it is told to halt")
+        status = await studio.do("late")
+        assert (status.state, status.reason) == (
+            "timed_out",
+            "not done within 0.2 s; it waited for the reply of hall/go",
+        )
         asked.clear()
         going = asyncio.create_task(studio.do("go"))
         await until(lambda: bool(asked), "it is asked to go again")
