@@ -1,0 +1,87 @@
+"""Values as texts: what percepts and arguments are by way of their text, as in the paper's bridge."""
+
+from __future__ import annotations
+
+import pytest
+
+from bridged.arguments import BadArgument, read_arguments
+from bridged.drivers.robot import Reading
+from bridged.translation import Translator
+from schemas.terms import Atom, Structure, Term, Variable
+from tests.bridged.ini_pairs import pair, service
+
+
+@pytest.mark.parametrize(
+    ("value", "term"),
+    [
+        (3.0, 3.0),
+        (-7, -7),
+        (True, "True"),
+        (False, "False"),
+        ("GUIDED", "GUIDED"),
+        ("_x", "_x"),
+        ("guided", Atom("guided")),
+        ("true", True),
+        ("12.5", 12.5),
+        ("", ""),
+        ("two words", "two words"),
+        ("it's", Atom("its")),
+        ("CMODE(21)", "CMODE(21)"),
+        ("at(1,b)", Structure("at", (1, Atom("b")))),
+        ("at(X)", "at(X)"),
+        ([1, "a", "B", [True]], [1, Atom("a"), "B", ["True"]]),
+        ((1.5, 2), [1.5, 2]),
+        (None, "None"),
+        ({"x": 1.0, "at": {"y": 2}}, "x: 1.0\nat:\n  y: 2"),
+    ],
+)
+def test_a_percept_is_read_from_the_text_of_its_value(value: object, term: Term) -> None:
+    text = "[p]\nname = /p\nargs = data\n"
+    translator = Translator(pair(percepts=text))
+    [belief] = translator.beliefs(Reading("p", {"data": value}))
+    assert belief.parameters == (term,)
+    assert [type(one) for one in belief.parameters or ()] == [type(term)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "term", "value"),
+    [
+        ("str", "two words", "two words"),
+        ("str", Atom("guided"), "guided"),
+        ("str", Variable("GUIDED"), "GUIDED"),
+        ("str", 5.0, "5"),
+        ("str", True, "true"),
+        ("str", [1, "a"], '[1,"a"]'),
+        ("str", Structure("at", (1, Atom("b"))), "at(1,b)"),
+        ("float", "2.5", 2.5),
+        ("float", 3, 3.0),
+        ("int", " 7 ", 7),
+        ("bool", Atom("yes"), True),
+        ("bool", "0", False),
+        ("int[]", [1, 2], [1, 2]),
+        ("int[]", "[1, [2, 3]]", [1, [2, 3]]),
+        ("geometry_msgs/Point[](x, y)", [[1, 2.5], [3, "t"]], [{"x": 1, "y": 2.5}, {"x": 3, "y": "t"}]),
+    ],
+)
+def test_an_argument_is_read_from_its_text(kind: str, term: Term, value: object) -> None:
+    entry = pair(service("/s", "data", types=kind)).actions["act"]
+    assert read_arguments("act", entry, (term,), "text") == {"data": value}
+    assert type(read_arguments("act", entry, (term,), "text")["data"]) is type(value)
+
+
+@pytest.mark.parametrize(
+    ("kind", "term"),
+    [("float", "high"), ("float", Variable("X")), ("int", 2.5), ("bool", "maybe"), ("bool", 2), ("int[]", "1, 2")],
+)
+def test_a_text_that_is_not_of_the_type_is_refused(kind: str, term: Term) -> None:
+    entry = pair(service("/s", "data", types=kind)).actions["act"]
+    with pytest.raises(BadArgument, match="act: expected data: "):
+        read_arguments("act", entry, (term,), "text")
+
+
+def test_lists_of_structures_come_as_the_paper_nested_them() -> None:
+    text = "[p]\nname = /p\nargs = status[](values[](key, value)), status[](name), status[](level, name)\n"
+    [belief] = Translator(pair(percepts=text)).beliefs(
+        Reading("p", {"status": [{"name": "gps", "level": 0, "values": [{"key": "Fix", "value": "3"}]}]})
+    )
+    assert belief.parameters == ([[["Fix", 3]]], [[Atom("gps")]], [[0, Atom("gps")]])
