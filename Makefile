@@ -6,13 +6,16 @@ BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
 
-.PHONY: fly test soak faults bench-reasoner bench-bridge lint types contracts format check-python byte-code clean
+.PHONY: fly test index soak faults bench-reasoner bench-bridge lint types contracts format check-python byte-code clean
 
 fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
 
 test: $(VENV)/test.stamp byte-code  ## run all tests
 	$(BIN)/python -m pytest $(ARGS)
+
+index: $(VENV)/test.stamp  ## how many recorded exchanges the simulated copter answers as the real one did
+	@$(BIN)/python -m tests.bridged.index_replay
 
 soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/soak.md
 	$(BIN)/python -m tests.soak

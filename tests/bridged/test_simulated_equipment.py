@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -11,6 +13,7 @@ from bridged.simulation.battery import ChargeState
 from bridged.simulation.faults import Faults
 from bridged.simulation.modes import Mode
 from bridged.simulation.motion import Vector
+from bridged.simulation.parameters import Parameters
 from bridged.simulation.tasks import Landed
 from bridged.simulation.vehicle import Vehicle
 from tests.bridged.virtual_copter import FIELD, Station
@@ -324,6 +327,11 @@ def test_a_copter_whose_autopilot_restarts_in_the_air_falls_and_starts_anew_on_t
     station.until(lambda: station.vehicle.copter.flight.landed is Landed.ON_GROUND, "ground")
     assert abs(station.at.up) < 0.01
     assert station.vehicle.copter.mode is Mode.STABILIZE
+
+
+def test_the_page_of_the_simulated_copter_tells_how_many_parameters_it_has() -> None:
+    page = (Path(__file__).parent.parent.parent / "docs" / "simulated-copter.md").read_text()
+    assert f"- {len(Parameters())} parameters, not 1354" in page
 
 
 def test_parameters_can_be_set_before_the_vehicle_is_switched_on() -> None:

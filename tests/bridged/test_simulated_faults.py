@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
-from bridged.simulation.faults import HELD_S, Air, Character, Cut, Faults
+from bridged.simulation.faults import HELD_S, TABLE, Air, Character, Cut, Faults
 
 PACKETS = 4000
 
@@ -126,3 +127,9 @@ def test_a_mute_vehicle_says_all_but_acknowledgements() -> None:
 def test_a_vehicle_restarts_once_at_each_time() -> None:
     vehicle = Character(Faults(reboots=(1.0, 5.0)))
     assert [second for second in range(10) if vehicle.restarts(second)] == [1, 5]
+
+
+def test_the_page_of_the_simulated_copter_lists_all_faults_in_their_order() -> None:
+    page = (Path(__file__).parent.parent.parent / "docs" / "simulated-copter.md").read_text()
+    table = [line for line in page.splitlines() if line.startswith("| `")]
+    assert table == [f"| `{row.form}` | {row.meaning} |" for row in TABLE.values()]
