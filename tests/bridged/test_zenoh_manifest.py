@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bridged.arguments import read_arguments
 from bridged.drivers import check_manifest
 from bridged.drivers.zenoh.kind import check_robot
+from bridged.drivers.zenoh.payloads import CODECS, BadPayload
 from bridged.drivers.zenoh.vocabulary import payload_of
 from schemas.manifest import read_manifest
 from schemas.mission import Robot
@@ -108,3 +111,26 @@ def test_arguments_become_a_payload(declared: str, terms: tuple[Term, ...], sent
     assert check_manifest(manifest) == []
     entry = manifest.actions["go"]
     assert payload_of(entry, read_arguments("go", entry, terms)) == sent
+
+
+_VALUES = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5) | st.binary(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+    max_leaves=8,
+)
+
+
+@given(name=st.sampled_from(sorted(CODECS)), value=_VALUES, at=st.integers(0, 60), byte=st.integers(0, 255))
+def test_whatever_bytes_come_they_are_fields_or_a_bad_payload(name: str, value: object, at: int, byte: int) -> None:
+    try:
+        payload = bytearray(CODECS[name].encode(value))
+    except BadPayload as bad:
+        assert str(bad)
+        return
+    payload[at % len(payload)] = byte
+    try:
+        fields = CODECS[name].decode(bytes(payload))
+    except BadPayload as bad:
+        assert 0 < len(str(bad)) < 400
+    else:
+        assert isinstance(fields, dict)
