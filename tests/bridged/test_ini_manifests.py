@@ -17,6 +17,22 @@ from schemas.manifest import Manifest, PerceptEntry, load_manifest, read_manifes
 from schemas.manifest_text import write_toml
 from tests.bridged.ini_pairs import MISSIONS, of_the_uav, pair, service
 
+SAME = {
+    "set_mode": "set_mode",
+    "cmd/arming": "arm_motors",
+    "cmd/takeoff": "takeoff",
+    "cmd/land": "land",
+    "setpoint_position/global": "setpoint",
+    "setpoint_velocity/cmd_vel": "fly",
+    "mission/push": "upload_mission",
+    "mission/pull": "download_mission",
+    "mission/clear": "clear_mission",
+    "mission/set_current": "set_mission_item",
+    "param/get": "get_param",
+    "param/set": "set_param",
+}
+"""What the copter's own manifest calls what mavros does."""
+
 
 def bare(manifest: Manifest) -> Manifest:
     """A manifest without where it stands."""
@@ -30,14 +46,18 @@ def problems(actions: str = "", percepts: str = "") -> list[str]:
     return [f"{one.file}:{one.line}: {one.message}" for one in found.value.findings]
 
 
-def test_the_shipped_pair_is_carried_out_as_the_copters_own_manifest_says() -> None:
+def test_calls_of_mavros_are_carried_out_as_the_copters_own_manifest_says() -> None:
+    toml = load_manifest("arducopter")
+    same = ("command", "message", "call", "confirm", "deadline", "retry", "cancel", "motion", "supersedes", "tolerance")
+    for below, name in SAME.items():
+        for field in same:
+            assert getattr(CALLS[below].entry, field) == getattr(toml.actions[name], field), (below, field)
+
+
+def test_the_shipped_pair_is_that_of_a_copter_whose_setpoints_count_from_the_sea() -> None:
     ini, toml = of_the_uav(), load_manifest("arducopter")
     assert (ini.robot.driver, ini.robot.vehicle, ini.robot.values) == ("mavlink", "arducopter", "text")
     assert check_manifest(ini) == []
-    same = ("command", "message", "call", "confirm", "deadline", "retry", "cancel", "motion", "supersedes", "tolerance")
-    for name in ("set_mode", "arm_motors", "takeoff", "setpoint", "land"):
-        for field in same:
-            assert getattr(ini.actions[name], field) == getattr(toml.actions[name], field), (name, field)
     assert (ini.actions["setpoint"].frame, toml.actions["setpoint"].frame) == ("amsl", "relative")
     assert {name: ini.percept_arities()[name] for name in ("state", "altitude", "global_pos", "home_pos")} == {
         name: toml.percept_arities()[name] for name in ("state", "altitude", "global_pos", "home_pos")

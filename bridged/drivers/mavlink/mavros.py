@@ -252,7 +252,7 @@ CALLS: Mapping[str, Taken] = MappingProxyType({
     ),
     "cmd/command": Taken(
         "service",
-        ActionEntry(call="command", confirm="ack", deadline=Duration(30)),
+        ActionEntry(call="command", confirm="ack", deadline=Duration(300)),
         {"command": Into("command", "int")} | {f"param{n}": Into(f"param{n}") for n in range(1, 8)},
         ("command",),
         note="succeeds when the vehicle's state shows it, where it does; else when the vehicle accepts it",
@@ -268,13 +268,13 @@ CALLS: Mapping[str, Taken] = MappingProxyType({
     "mission/clear": Taken("service", ActionEntry(call="mission_clear", deadline=Duration(30), motion=False)),
     "mission/set_current": Taken(
         "service",
-        ActionEntry(call="mission_set_current", deadline=Duration(30), motion=False),
+        ActionEntry(call="mission_set_current", deadline=Duration(15), motion=False),
         {"wp_seq": Into("seq", "int", min=0)},
         ("wp_seq",),
     ),
     "param/get": Taken(
         "service",
-        ActionEntry(call="param_get", deadline=Duration(30), motion=False),
+        ActionEntry(call="param_get", deadline=Duration(15), motion=False),
         {"param_id": Into("name", "string")},
         ("param_id",),
         note="the value comes as a percept of `param/param_value`",
