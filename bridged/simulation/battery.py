@@ -12,6 +12,9 @@ from bridged.simulation.parameters import Parameters
 HOVER_CURRENT = 28.12
 """A, recorded."""
 
+HIGHEST_VOLTAGE = 60.0
+"""V; what SIM_BATT_VOLTAGE can say, and BATTERY_STATUS can tell."""
+
 CHARGE_S = 120.0
 """Vehicle seconds that an empty battery needs at home to be full."""
 
@@ -96,7 +99,7 @@ class Battery:
     @property
     def voltage(self) -> float:
         """V"""
-        full = self.parameters["SIM_BATT_VOLTAGE"]
+        full = max(0.0, min(HIGHEST_VOLTAGE, self.parameters["SIM_BATT_VOLTAGE"]))
         if self.parameters["SIM_BATT_CAP_AH"] <= 0:
             return full
         left, (low, share) = self._left, _AT_REST[0]

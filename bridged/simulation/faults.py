@@ -131,7 +131,7 @@ TABLE: dict[str, Row] = {
     "reorder": Row("reorder=SHARE", "so many come after the one that follows them", _share("reorder")),
     "garbage": Row("garbage=SHARE", "before so many come bytes that are no packet", _share("garbage")),
     "mute-acks": Row("mute-acks", "the vehicle acts and never acknowledges", _flag("mute_acks")),
-    "lie": Row("lie", "the vehicle acknowledges and does nothing", _flag("lie")),
+    "lie": Row("lie", "the vehicle acknowledges commands and obeys none; goals it ignores", _flag("lie")),
     "cut": Row("cut=AT+SECONDS", "nothing passes from AT for SECONDS of vehicle time", _cut),
     "reboot": Row("reboot=AT", "the autopilot restarts at AT; in the air the motors stop", _reboot),
     "seed": Row("seed=N", f"another row of dice (default {SEED})", lambda f, text: replace(f, seed=int(text))),

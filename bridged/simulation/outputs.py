@@ -14,7 +14,7 @@ _FREE_FUNCTIONS = frozenset((NOT_DRIVEN, MANUAL, GRIPPER, *range(51, 67), *range
 GRIPPER_TIME_S = 3.0
 """From the order until the gripper holds or lets go (ArduPilot's servo gripper)."""
 
-OFF, LOWEST, HIGHEST = 1000, 0, 65535
+OFF, HIGHEST = 1000, 65535
 """Microseconds."""
 
 _MOTOR_IDLE, _MOTOR_HOVER = 1150, 1520
@@ -61,14 +61,14 @@ class Outputs:
         motor = OFF if not armed else _MOTOR_HOVER if airborne else _MOTOR_IDLE
         motors = range(33, 37)
         numbers = range(1, SERVOS + 1)
-        return [motor if self.function(one) in motors else self._pulses.get(one, 0) for one in numbers]
+        return [motor if self.function(one) in motors else _possible(self._pulses.get(one, 0)) for one in numbers]
 
     def set(self, channel: int, pulse: int) -> str | None:
         """MAV_CMD_DO_SET_SERVO; returns why not, in the vehicle's words."""
         problem = self._problem_with(channel)
         if problem is None:
             self._repeat = None if self._repeat is not None and self._repeat.channel == channel else self._repeat
-            self._pulses[channel] = max(LOWEST, min(HIGHEST, pulse))
+            self._pulses[channel] = pulse
         return problem
 
     def repeat(self, channel: int, pulse: int, times: int, period: float, now: float) -> str | None:
@@ -109,3 +109,7 @@ class Outputs:
         return (
             f"ServoRelayEvent: Channel {channel} is already in use" if function >= 0 else f"No servo output {channel}"
         )
+
+
+def _possible(pulse: int) -> int:
+    return max(0, min(HIGHEST, pulse))

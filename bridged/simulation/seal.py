@@ -2,7 +2,7 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.signing import Signing
+from bridged.drivers.mavlink.signing import LATEST, Signing
 from bridged.drivers.mavlink.wire import Gate
 from bridged.simulation.copter import Copter
 from bridged.simulation.events import Severity
@@ -31,6 +31,9 @@ class Seal:
         key = bytes(message.secret_key)
         if not any(key) and message.initial_timestamp == 0:
             self.signing = None
+            return
+        if message.initial_timestamp > LATEST:
+            copter.say("ERROR: signing timestamp beyond 48 bits", Severity.CRITICAL)
             return
         self.signing = Signing(key)
         self.signing.timestamps.heard(message.initial_timestamp)

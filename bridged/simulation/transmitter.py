@@ -19,6 +19,9 @@ DEAD_ZONE = 30
 STICK_LASTS_S = 0.5
 """Sticks are read more often than this."""
 
+FASTEST = 35.0
+"""m/s; LOIT_SPEED can say no more."""
+
 FASTEST_TURN = math.radians(60.0)
 """rad/s of a yaw stick at its end."""
 
@@ -92,7 +95,7 @@ class Transmitter:
         if not pushes and not self._pushed:
             return None
         self._pushed = pushes
-        speed, climb = self.parameters["LOIT_SPEED"] / 100, self.parameters["PILOT_SPEED_UP"] / 100
+        speed, climb = min(FASTEST, abs(self.parameters["LOIT_SPEED"]) / 100), self.parameters["PILOT_SPEED_UP"] / 100
         cos, sin = math.cos(heading), math.sin(heading)
         velocity = Vector((-back * cos - right * sin) * speed, (-back * sin + right * cos) * speed, up * climb)
         return Drift(velocity, now + STICK_LASTS_S, turn_rate=turn * FASTEST_TURN if turn else None)
