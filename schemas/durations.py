@@ -17,7 +17,9 @@ class Duration(float):
         if isinstance(value, int | float) and not isinstance(value, bool) and value >= 0 and value < float("inf"):
             return cls(value)
         if isinstance(value, str) and (found := _SHAPE.fullmatch(value.strip())):
-            return cls(float(found[1]) * _UNITS[found[2] or "s"])
+            seconds = float(found[1]) * _UNITS[found[2] or "s"]
+            if seconds < float("inf"):
+                return cls(seconds)
         raise ValueError(f"Expected a duration such as `5s`, `500ms` or `15min`, got `{value}`")
 
     def __str__(self) -> str:

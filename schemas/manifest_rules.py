@@ -30,6 +30,8 @@ RESERVED = {
 }
 """Names of the bridge itself, and what they are."""
 NUMBERS = frozenset({"float", "int"})
+MAX_NUMBER = 2**63
+"""Constants beyond it fit into no message."""
 
 
 def name_problems(table: str, name: str) -> Iterator[str]:
@@ -125,11 +127,11 @@ def _fields(entry: ActionEntry) -> Iterator[Wrong]:
             if bool(value.param) == (value.value is not None):
                 yield where, "expected either `param` or `value`"
                 continue
-            refers = value.param
+            refers, constant = value.param, value.value
         else:
-            refers = value if isinstance(value, str) else ""
-        if isinstance(value, float) and not math.isfinite(value):
-            yield where, f"expected a finite number, got `{value}`"
+            refers, constant = (value, None) if isinstance(value, str) else ("", value)
+        if isinstance(constant, int | float) and not -MAX_NUMBER < constant < MAX_NUMBER:
+            yield where, f"expected a number of at most 64 bits, got `{str(constant)[:40]}`"
         elif refers and refers not in named:
             yield where, f"no parameter `{refers}`; there is {', '.join(dict.fromkeys(named)) or 'none'}"
         elif value == "":

@@ -6,10 +6,13 @@ import asyncio
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bridged.live import RunningManifest
 from commd.bus import Bus
 from schemas import keys
+from schemas.codec import Wire, codec
 from schemas.findings import Finding, Findings
 from schemas.manifest import Manifest, read_document, read_manifest
 from schemas.percepts import PerceptSet
@@ -133,6 +136,31 @@ def test_what_a_driver_refuses_is_taken_back() -> None:
     assert live.change(percepts__pose__rate=5) == ["no such function `blink`"]
     assert [one.percepts["pose"].rate for one in live.adopted] == [5, 10]
     assert live.running.version == 1
+
+
+WORDS = "robot percepts actions orders pose go args params fields x y 0 1 9 max each rate driver hold field"
+STEPS = st.sampled_from(WORDS.split())
+PATHS = st.one_of(st.lists(STEPS, min_size=1, max_size=6).map(".".join), st.text(max_size=5))
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | STEPS,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(STEPS, inner, max_size=3),
+    max_leaves=8,
+)
+
+
+@given(st.dictionaries(PATHS, VALUES, max_size=4), st.lists(PATHS, max_size=3))
+def test_any_change_is_in_effect_or_refused_in_words(values: dict[str, Any], remove: list[str]) -> None:
+    live = Live()
+    problems = live.running.change(ManifestChange(set=values, remove=tuple(remove)))
+    assert len(live.adopted) == (0 if problems else 1)
+    assert all(problems)
+    told = live.running.told("turtle")
+    wires: tuple[Wire, ...] = ("json", "msgpack")
+    for wire in wires:
+        assert (
+            codec(LiveManifest).decode(codec(LiveManifest).encode(told, wire), codec(LiveManifest).encoding(wire))
+            == told
+        )
 
 
 async def ask(bus: Bus, change: ManifestChange | None) -> LiveManifest:

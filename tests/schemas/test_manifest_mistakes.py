@@ -13,6 +13,17 @@ PERCEPT = ROBOT + '[percepts.pose]\nsource = "t/pose"\n'
 ACTION = ROBOT + '[actions.go]\ntopic = "t/go"\n'
 
 MISTAKES = [
+    (
+        PERCEPT + f'ttl = "{"9" * 400}s"\n',
+        [f"5: percepts.pose.ttl: expected a duration such as `5s`, `500ms` or `15min`, got `{'9' * 400}s`"],
+    ),
+    (
+        ACTION + "fields = {a = inf, b = {value = -9223372036854775808}}\n",
+        [
+            "5: actions.go.fields.a: expected a number of at most 64 bits, got `inf`",
+            "5: actions.go.fields.b: expected a number of at most 64 bits, got `-9223372036854775808`",
+        ],
+    ),
     ('robots = 1\n[robot]\ndriver = "zenoh"\n', ["1: robots: there is no such table, did you mean `robot`?"]),
     (ROBOT + '[percept.pose]\nsource = "t"\n', ["3: percept: there is no such table, did you mean `percepts`?"]),
     ("robot = 3\n", ["1: robot: expected a table `[robot]`"]),
