@@ -18,7 +18,7 @@ from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file, parse_literal
 from agentd.language.syntax import Formula, Program, Structure
 from agentd.paths import SourcePaths
-from argosy.links import check_links
+from argosy.links import check_links, group_of
 from argosy.mentions import beliefs_of, mentioned
 from argosy.outline import Outline, outline
 from argosy.simulators import check_simulations, only_real
@@ -62,10 +62,10 @@ def run(args: Namespace) -> int:
 
 
 def _only_real(mission: Mission) -> list[Finding]:
-    findings = [
-        mission.positions.finding(("robots", name, "link"), f"{why}: this robot can only be flown with --real {name}")
-        for name, why in only_real(mission).items()
-    ]
+    findings = []
+    for name, why in only_real(mission).items():
+        text = f"{why}: this robot can only be flown with --real {','.join(group_of(mission, name))}"
+        findings.append(mission.positions.finding(("robots", name, "link"), text))
     return [replace(finding, severity="warning") for finding in findings]
 
 

@@ -42,10 +42,9 @@ def together(mission: Mission) -> list[list[str]]:
     return list(groups.values())
 
 
-def sharers(mission: Mission, name: str) -> list[str]:
-    """Return the other robots on a robot's link."""
-    group = next(group for group in together(mission) if name in group)
-    return [other for other in group if other != name]
+def group_of(mission: Mission, name: str) -> list[str]:
+    """Return the robots on a robot's link, itself among them."""
+    return next(group for group in together(mission) if name in group)
 
 
 def check_links(mission: Mission) -> list[Finding]:

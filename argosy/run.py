@@ -17,7 +17,7 @@ from argosy.endings import Ending
 from argosy.endpoint import endpoint, in_use, link_in_use
 from argosy.flight import Flight
 from argosy.journal import Entry, Journal
-from argosy.links import bound_links
+from argosy.links import bound_links, group_of
 from argosy.measure import Meter
 from argosy.picture import Picture
 from argosy.processes import Setup, real_robots
@@ -95,7 +95,8 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
     if alone := {name: why for name, why in only_real(mission).items() if name not in real}:
         name, why = next(iter(alone.items()))
         link = mission.robots[name].link
-        raise Refused(f"{name} on {link}: {why}; fly the real one with --real {name}")
+        together = ",".join(group_of(mission, name))
+        raise Refused(f"{name} on {link}: {why}; fly the real one with --real {together}")
     speed = args.speed if args.speed is not None else 1.0 if real else mission.speed
     if real and speed != 1:
         raise Refused(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from argosy.links import MEETING, address_of, peer_of, sharers
+from argosy.links import MEETING, address_of, group_of, peer_of
 from bridged.drivers.mavlink.address import LinkAddress
 from schemas.findings import Finding
 from schemas.manifest import Manifest
@@ -72,7 +72,7 @@ def only_real(mission: Mission) -> dict[str, str]:
         link = address_of(robot)
         if link is None or not vehicle_of(robot):
             continue
-        others = sharers(mission, name)
+        others = [other for other in group_of(mission, name) if other != name]
         real = [other for other in others if mission.robots[other].simulate is None]
         if link.kind == "serial":
             found[name] = "a serial line cannot be simulated"

@@ -215,7 +215,8 @@ def test_robots_that_share_a_link_are_right_where_they_can_meet(
     assert main(["check", str(mission)]) == 0
     why = "it shares a udpout link, and simulated robots can share only a udpin or tcpin link"
     assert (
-        f"{mission}:14:11: warning: {why}: this robot can only be flown with --real uav2\n" in capsys.readouterr().err
+        f"{mission}:14:11: warning: {why}: this robot can only be flown with --real uav1,uav2\n"
+        in capsys.readouterr().err
     )
 
 
@@ -225,7 +226,7 @@ def test_a_real_robot_on_the_link_of_a_simulated_one_is_warned_about(
     other = "  uav2: {manifest: arducopter, link: udpin:127.0.0.1:14550, sysid: 2}\n"
     edit(mission, "done:", f"{other}done:")
     assert main(["check", str(mission)]) == 0
-    told = "uav2 on the same link is not simulated: this robot can only be flown with --real uav1"
+    told = "uav2 on the same link is not simulated: this robot can only be flown with --real uav1,uav2"
     assert capsys.readouterr().err == f"{mission}:10:11: warning: {told}\n"
 
 
