@@ -130,8 +130,9 @@ class SharedLink:
         async with self._lock:
             if self.riders.get(rider.vehicle) is rider:
                 del self.riders[rider.vehicle]
-            for station in rider.stations:
-                await station.detach(rider.vehicle)
+            rider.problems.clear()
+            while rider.stations:
+                await rider.stations.pop().detach(rider.vehicle)
             if not self.riders and self.link is not None:
                 link, self.link = self.link, None
                 await link.close()
@@ -274,7 +275,11 @@ class SharedLink:
     def _tell_state(self, up: bool, why: str) -> None:
         log.info("link %s %s: %s", self.address, "up" if up else "down", why)
         for rider in list(self.riders.values()):
-            rider.on_state(up)
+            try:
+                rider.on_state(up)
+            except Exception as error:  # of one robot: the link is opened again for all of them
+                what = f"{self.address}: telling {rider.robot} of the link failed"
+                asyncio.get_running_loop().call_exception_handler({"message": what, "exception": error})
 
 
 class _RiderGate(Gate):
