@@ -77,6 +77,8 @@ def _percept_problems(entry: PerceptEntry) -> Iterator[Problem]:
             continue
         elif rest and not _is_index(entry.source, number, head, rest, own is not None):
             yield f"{entry.source}.{head} has no element `{rest}`", "args"
+        elif field.each:
+            yield f"{entry.source}.{head} holds no structures: `each` has nothing to pick", "args"
 
 
 def _is_index(source: str, number: int | None, field: str, rest: str, own: bool) -> bool:
