@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import zenoh
 
@@ -18,6 +20,8 @@ from tests.support.processes import Daemon, running
 RATE = 500
 """Samples a second of the flood."""
 SAMPLES = 2000
+SLEEPS = (500, 1750)
+"""The samples at which a slow agent stops to read and begins again."""
 GROWTH = 25.0
 """MB that a daemon may grow while it is flooded."""
 _SENSOR = """\
@@ -46,14 +50,6 @@ _READER = """\
 +!pinged <- ping; .print("ping succeeded").
 -!pinged[reason(R)] <- .print("ping failed: ", R).
 """
-_SLOW = """\
-+sample(N) : N >= LAST <- .print("last ", N); !!pinged.
-+sample(N) <- !count(3000).
-+!count(0).
-+!count(N) <- !count(N - 1).
-+!pinged <- ping; .print("ping succeeded").
--!pinged[reason(R)] <- .print("ping failed: ", R).
-"""
 _KILLED = """\
 mission: killed
 speed: 5
@@ -69,10 +65,16 @@ _FLIER = """\
 !fly.
 +!fly <- set_mode("GUIDED"); arm_motors(true); takeoff(10); .print("going");
          goto(-27.601, -48.516, 20); .print("goto succeeded").
--!fly[reason(R)] <- .print("goto failed: ", R); .wait(state(_, true, _)); !home.
-+!home <- return_to_launch; .print("return_to_launch succeeded").
+-!fly[reason(R)] <- .print("goto failed: ", R); .wait(state(_, true, _)); ?state(Mode, _, Armed);
+                    .print("told of the vehicle: state(", Mode, ", true, ", Armed, ")"); !home.
++!home <- return_to_launch; .print("return_to_launch succeeded"); ?state(Mode, Heard, Armed);
+         .print("then: state(", Mode, ", ", Heard, ", ", Armed, ")").
 -!home[reason(R)] <- .print("return_to_launch failed: ", R).
 """
+
+
+_TOLD = ("state(GUIDED, true, true)", "state(RTL, true, false)")
+"""In flight after the restart, and when it is home."""
 
 
 def resident(daemon: Daemon) -> float:
@@ -84,14 +86,15 @@ def resident(daemon: Daemon) -> float:
 def flood(state: Path) -> Row:
     """Five hundred percepts a second, each of them another one, and an action among them."""
     row = Row("500 percepts/s", f"real Zenoh: a robot puts {SAMPLES} samples at {RATE} Hz; the agent takes each")
-    _flooded(row, state, _READER, 20)
+    _flooded(row, state)
     return row
 
 
 def slow_agent(state: Path) -> Row:
-    """An agent that computes for longer than there is time until the next percept."""
-    row = Row("slow agent", f"real Zenoh: as above, and each event costs the agent more than 1/{RATE} s")
-    _flooded(row, state, _SLOW, 60)
+    """An agent that reads none of its percepts for a while, and then must not be told all of them."""
+    stopped = (SLEEPS[1] - SLEEPS[0]) / RATE
+    row = Row("slow agent", f"real Zenoh: as above, and SIGSTOP keeps the agent from reading for {stopped:g} s")
+    _flooded(row, state, SLEEPS)
     return row
 
 
@@ -117,9 +120,12 @@ def bridge_killed(state: Path) -> Row:
                 second.says("serving uav1")
                 before = resident(second)
                 agent.says("[uav] goto ", 60)
-                _note(row, agent, "goto", "the vehicle flies on to where it was sent", time.monotonic() - at)
-                agent.says("[uav] return_to_launch ", 90)
-                _note(row, agent, "return_to_launch", "disarmed at home", time.monotonic() - at)
+                _note(row, agent, "goto", time.monotonic() - at)
+                agent.says("[uav] then: ", 90)
+                _note(row, agent, "return_to_launch", time.monotonic() - at)
+                told = re.findall(r"\] (told of the vehicle: |then: )(.*)", agent.text)
+                row.seen += [f"{when}`{what}`" for when, what in told]
+                row.expect([what for _, what in told] == list(_TOLD), f"the vehicle's state is told: {_TOLD}")
                 goals = re.findall(r"action \S+ goto\[", second.text)
                 row.seen.append(f"the new bridge began {len(goals)} `goto`: the id is not executed again")
                 row.expect(not goals, "no action is executed twice")
@@ -132,12 +138,13 @@ def bridge_killed(state: Path) -> Row:
 REAL: tuple[Callable[[Path], Row], ...] = (flood, slow_agent, bridge_killed)
 
 
-def _flooded(row: Row, state: Path, program: str, patience: float) -> None:
+def _flooded(row: Row, state: Path, sleeps: tuple[int, int] = (0, 0), patience: float = 30) -> None:
+    """Let samples come, with the agent stopped between two of them; note how late it has the last, and what it cost."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     (state / "sensor.toml").write_text(_SENSOR)
-    mission = _written(state, _FLOOD, reader=program.replace("LAST", str(SAMPLES)))
+    mission = _written(state, _FLOOD, reader=_READER.replace("LAST", str(SAMPLES)))
     with (
-        running("commd", "serve", mission, "--router", endpoint),
+        running("commd", "serve", mission, "--router", endpoint) as router,
         running("bridged", "serve", mission, "sensor", "--router", endpoint, "--state", str(state)) as bridge,
         running("agentd", "serve", mission, "reader", "--router", endpoint) as agent,
     ):
@@ -145,30 +152,31 @@ def _flooded(row: Row, state: Path, program: str, patience: float) -> None:
         agent.says("agents=reader")
         with _robot(endpoint) as put:
             put(0)
-            before = {name: resident(daemon) for name, daemon in (("bridged", bridge), ("agentd", agent))}
+            daemons = {"commd": router, "bridged": bridge, "agentd": agent}
+            before = {name: resident(daemon) for name, daemon in daemons.items()}
             began = time.monotonic()
             for number in range(1, SAMPLES + 1):
                 time.sleep(max(0.0, began + number / RATE - time.monotonic()))
                 put(number)
+                if number in sleeps:
+                    agent.signal(signal.SIGSTOP if number == sleeps[0] else signal.SIGCONT)
             sent = time.monotonic()
             agent.says(f"last {SAMPLES}", patience)
             late = time.monotonic() - sent
             row.seen.append(f"{SAMPLES} put in {sent - began:.1f} s; the agent had the last one {late:.2f} s later")
             agent.says("[reader] ping ", patience)
-        _note(row, agent, "ping", "", time.monotonic() - began)
-        grown = {"bridged": resident(bridge) - before["bridged"], "agentd": resident(agent) - before["agentd"]}
+        _note(row, agent, "ping", time.monotonic() - began)
+        grown = {name: resident(daemon) - before[name] for name, daemon in daemons.items()}
         row.bound = ", ".join(f"{name} +{value:.1f} MB" for name, value in grown.items())
         row.expect(max(grown.values()) < GROWTH, f"no daemon grows by more than {GROWTH:g} MB")
         row.expect(row.ended[0].finals[0].state == "succeeded", "the action among them succeeds")
 
 
-def _note(row: Row, agent: Daemon, action: str, truth: str, seconds: float) -> None:
+def _note(row: Row, agent: Daemon, action: str, seconds: float) -> None:
     """Note an action as the agent's program has told it."""
     told = re.findall(rf"\] {action} (succeeded|failed)(?:: (.*))?$", agent.text, re.MULTILINE)
     finals = tuple(ActionStatus(id=action, state=_state(state), reason=reason) for state, reason in told[:1])
     row.ended.append(Ended(action, finals, held=True, seconds=seconds))
-    if truth:
-        row.seen.append(truth)
 
 
 def _state(text: str) -> State:
@@ -200,7 +208,7 @@ def _robot(endpoint: str) -> Iterator[Callable[[int], None]]:
 
     with zenoh.open(config) as session:
         session.declare_queryable("robot/ping", answer)
-        publisher = session.declare_publisher("robot/sample", encoding=zenoh.Encoding.APPLICATION_JSON)
+        publisher: Any = session.declare_publisher("robot/sample", encoding=zenoh.Encoding.APPLICATION_JSON)
         until = time.monotonic() + 20
         while not publisher.matching_status.matching:
             assert time.monotonic() < until, "the bridge does not subscribe to robot/sample"
