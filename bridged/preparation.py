@@ -6,15 +6,18 @@ import dataclasses
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
 from msgspec.structs import replace
 
-from bridged.drivers import check_manifest, check_robot
+from bridged.drivers import check_manifest, check_robot, orders_of
+from bridged.drivers.robot import Order
 from bridged.manifests import load_robot_manifest
 from bridged.orders import Step, read_steps
 from schemas.findings import Finding, Findings
 from schemas.manifest import Manifest
 from schemas.mission import Mission
+from schemas.positions import Steps
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,8 @@ def prepare(mission: Mission, name: str, link: str | None, speed: float) -> tupl
         findings += check_manifest(manifest)
     except Findings as found:
         findings += found.findings
+    if manifest is not None:
+        findings += _order_findings(mission, name, manifest)
     robot = replace(robot, link=link or robot.link)
     if robot.signing is not None:
         passphrase = mission.relative(robot.signing.passphrase_file).absolute()
@@ -79,6 +84,24 @@ def prepare(mission: Mission, name: str, link: str | None, speed: float) -> tupl
     if findings or manifest is None:
         raise Findings(findings)
     return dataclasses.replace(mission, robots=mission.robots | {name: robot}), manifest, steps
+
+
+def _order_findings(mission: Mission, name: str, manifest: Manifest) -> list[Finding]:
+    """Which orders the mission declares for a robot that has none such. The defaults are for those that have them."""
+    robot, positions, known = mission.robots[name], mission.positions, orders_of(manifest)
+    if known is None:
+        return []
+    said: list[tuple[Steps, str]] = [(("robots", name, "on_shutdown"), robot.on_shutdown)]
+    said += [
+        (("robots", name, "on_agent_loss", index), step.partition(" ")[0])
+        for index, step in enumerate(robot.on_agent_loss)
+    ]
+    has = ", ".join(sorted(known)) or "none; its manifest declares them under [orders]"
+    return [
+        positions.finding(where, f"{where[2]}: the robot has no order `{order}`, it has {has}")
+        for where, order in said
+        if where in positions.values and order in get_args(Order) and order not in known
+    ]
 
 
 def state_directory(given: Path | None) -> Path:

@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import cast
 
 from bridged.arguments import order_problems
-from bridged.drivers.robot import DriverKind
+from bridged.drivers.robot import DriverKind, Order
 from schemas.findings import Finding
 from schemas.manifest import Manifest
 from schemas.mission import Robot
@@ -67,6 +67,15 @@ def check_robot(manifest: Manifest, robot: Robot) -> list[tuple[str, str]]:
         except NoDriver:
             continue  # told with the manifest
     return problems
+
+
+def orders_of(manifest: Manifest) -> frozenset[Order] | None:
+    """Return the orders that a robot has, by its driver or its manifest; None if its driver does not say."""
+    try:
+        own: frozenset[Order] | None = getattr(find_driver(manifest.robot.driver), "ORDERS", None)
+    except NoDriver:
+        return None
+    return None if own is None else own | frozenset(manifest.orders)
 
 
 def _problems(manifest: Manifest) -> Iterator[Finding]:

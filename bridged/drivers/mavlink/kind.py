@@ -6,10 +6,13 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from bridged.drivers.mavlink.address import FORMS, LinkAddress, LinkAddressError
-from bridged.drivers.robot import Driver, Setup
+from bridged.drivers.robot import Driver, Order, Setup
 from schemas.findings import Finding
 from schemas.manifest import Manifest
 from schemas.mission import Robot
+
+ORDERS: frozenset[Order] = frozenset(("hold", "land", "rtl"))
+"""What a robot of this driver can be ordered without an action of its manifest."""
 
 
 def check_manifest(manifest: Manifest) -> Iterable[Finding]:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from bridged.drivers.robot import Driver, Setup
+from bridged.drivers.robot import Driver, Order, Setup
 from schemas.findings import Finding
 from schemas.manifest import Manifest
 from schemas.mission import Robot
+
+ORDERS: frozenset[Order] = frozenset()
+"""What a robot of this driver can be ordered without an action of its manifest."""
 
 
 def check_manifest(manifest: Manifest) -> Iterable[Finding]:
