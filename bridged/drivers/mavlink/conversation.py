@@ -8,13 +8,14 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.commands import Commands, Identity
+from bridged.drivers.mavlink.control import Control
 from bridged.drivers.mavlink.failsafe import FailsafeCheck
-from bridged.drivers.mavlink.flight import TEXT_WINDOW, Call, Flight, Procedure, Steps, Task
+from bridged.drivers.mavlink.flight import Call, Flight, Procedure, Steps, Task
 from bridged.drivers.mavlink.limit_watch import LimitWatch
 from bridged.drivers.mavlink.modes import MODE_TABLES, ModeTable
 from bridged.drivers.mavlink.offers import Offer
@@ -36,21 +37,10 @@ PATIENCE_AT_START = 3.0
 """Wall seconds in which a vehicle need not be heard yet: every start would begin with a warning."""
 HEARTBEAT_LATE = (1.5, 1.5)
 """Mission and wall seconds without a HEARTBEAT after which the link, not the rate of a message, is in doubt."""
-MAX_STRANGERS = 8
-"""System ids of others on the link that are remembered for the error."""
 MAX_TASKS = 16
 """Executions under way at once; the bridge allows fewer."""
 NO_LIMITS, NOBODYS_FAILSAFE = Limits(), Failsafe()
 log = logging.getLogger("mavlink")
-
-
-@dataclass(frozen=True, slots=True)
-class _Override:
-    """A mode that others have set: when, and until when the vehicle's text is waited for."""
-
-    mode: str
-    at: float
-    until: float
 
 
 class Conversation:
@@ -83,23 +73,14 @@ class Conversation:
         self._send = send
         self._on_reading = on_reading
         self._tasks: dict[Task, Steps] = {}
-        self._strangers: set[int] = set()
         self._heartbeat_at = 0.0
         self._listening_since = math.inf
         self._idle_at = 0.0
-        self.overridden = False
-        """Whether others (pilot, ground station, failsafe) set the mode that the vehicle is in, not we or an agent."""
-        self._in_control = False
-        self.override = ""
-        """The mode that others set while an agent was in control; empty once an agent has set the mode again."""
-        self._override: _Override | None = None
+        self.control = Control(self.flight, self._tasks, self.end)
 
     def receive(self, message: dialect.MAVLink_message, now: float) -> None:
         """Take in one message from the link, whoever sent it."""
-        sender = (message.get_srcSystem(), message.get_srcComponent())
-        if sender != (self.identity.vehicle, self.identity.autopilot):
-            if sender[0] != self.identity.vehicle and len(self._strangers) < MAX_STRANGERS:
-                self._strangers.add(sender[0])
+        if (message.get_srcSystem(), message.get_srcComponent()) != (self.identity.vehicle, self.identity.autopilot):
             return
         self.flight.now, self.flight.message = max(now, self.flight.now), message
         self.received += 1
@@ -148,11 +129,9 @@ class Conversation:
         if task.moves:
             for other in [other for other in self._tasks if other.name == stay.__name__]:
                 self.end(other, Outcome("cancelled", f"{task.name} takes over"))
-        if self._override is not None:
-            self._override = replace(self._override, until=self.flight.now)
-            self._fail_overridden()
+        self.control.settle()
         if procedure is arm and not self.vehicle.armed:  # whoever starts the motors answers for the flight
-            self.overridden = False
+            self.control.overridden = False
         self._tasks[task] = self._when_connected(task, procedure, call)
         self._pace()
         message, self.flight.message = self.flight.message, None  # what came before it is not for it
@@ -191,7 +170,7 @@ class Conversation:
         task.end(outcome)
         for command in task.commands:
             self.commands.abandon(command)
-        if hold and task.moves and self.vehicle.aloft and not self.overridden:
+        if hold and task.moves and self.vehicle.aloft and not self.control.overridden:
             self._hold()
 
     @property
@@ -215,18 +194,16 @@ class Conversation:
         if not self.vehicle.heartbeats and self.flight.to_wall(now - self._listening_since) < PATIENCE_AT_START:
             return self.failsafe.notes()
         if not self.vehicle.connected:
-            others = ", ".join(map(str, sorted(self._strangers)))
-            heard = f"; heard only system {others}" if others else ""
-            return [f"no heartbeat from system {self.identity.vehicle}{heard}", *self.failsafe.notes()]
+            return [f"no heartbeat from system {self.identity.vehicle}", *self.failsafe.notes()]
         late = now - self.vehicle.heard_at > self.flight.wait(*HEARTBEAT_LATE)
         own = (self.vehicle.contradiction, self.flight.plan.broken, self._limits.outside)
         return [one for one in own if one] + ([] if late else self.streams.notes()) + self.failsafe.notes()
 
     def _step(self) -> None:
         """Let every procedure look at the flight once; one that others have overridden waits only for its end."""
-        self._fail_overridden()
+        self.control.look()
         for task, steps in list(self._tasks.items()):
-            if task not in self._tasks or (task.moves and self._override is not None):
+            if task not in self._tasks or (task.moves and self.control.pending):
                 continue
             try:
                 next(steps)
@@ -238,12 +215,7 @@ class Conversation:
                 outcome = Outcome("failed", f"defect in argosy: {type(error).__name__}: {error}")
             self._tasks.pop(task, None)
             task.end(outcome)
-            if outcome.state == "succeeded":
-                self.overridden = self.overridden and not (task.moves or task.sets_mode)
-                if task.takes_control:
-                    self._control_taken()
-            elif task.judges_mode and self.overridden:
-                self._mode_set_by_others()
+            self.control.ended(task, outcome)
 
     def _pace(self) -> None:
         """Full streams while the vehicle is armed or something is asked of it, and a little longer."""
@@ -272,13 +244,7 @@ class Conversation:
             log.info("system %d is heard %s: %s", self.identity.vehicle, again, self._mode_and_arming())
             self.streams.request(self.flight.now)
             self.failsafe.begin(self.flight.now)
-        if mode_before < 0:
-            self.overridden = self.vehicle.mode not in self.modes.ordered
-        elif self.vehicle.mode != mode_before:
-            ours = not connected and self.vehicle.mode == self.flight.asked_last
-            self.overridden = not ours and not self.flight.expects(self.vehicle.mode)
-            if self.overridden:
-                self._mode_set_by_others()
+        self.control.heard(mode_before, again=not connected)
         self._tell_state()
 
     def _tell_state(self) -> None:
@@ -297,34 +263,9 @@ class Conversation:
     def _mode_and_arming(self) -> str:
         return f"{self.vehicle.mode_name}, {'armed' if self.vehicle.armed else 'not armed'}"
 
-    def _mode_set_by_others(self) -> None:
-        """Pilot, ground station or failsafe. A task that sets the mode judges for itself, unless it yields."""
-        for task in [task for task in self._tasks if task.yields]:
-            self.end(task, Outcome("failed", f"the mode became {self.vehicle.mode_name}, which nobody here asked for"))
-        if any(task.sets_mode or task.judges_mode for task in self._tasks):
-            return
-        name, now = self.vehicle.mode_name, self.flight.now
-        self._override = _Override(name, now, now + self.flight.wait(*TEXT_WINDOW))
-        if self._in_control:
-            self._in_control, self.override = False, name
-            self._on_reading(Reading("OVERRIDE", {"mode": name}))
-
-    def _fail_overridden(self) -> None:
-        """End what was moving the vehicle when others set the mode, as soon as the vehicle has said why."""
-        override = self._override
-        if override is None:
-            return
-        said = self.texts.warnings(override.at - self.flight.wait(*TEXT_WINDOW))
-        if not said and self.flight.now < override.until and self.moving:
-            return
-        self._override = None
-        reason = f"the mode became {override.mode}, which nobody here asked for (pilot, ground station or failsafe)"
-        for task in self.moving:
-            self.end(task, Outcome("failed", f"{reason}: {said}" if said else reason))
-
     def _keep_limits(self) -> None:
         """Stop a vehicle that agents fly where it leaves the mission's limits."""
-        if self.overridden or not (left := self._limits.look()):
+        if self.control.overridden or not (left := self._limits.look()):
             return
         log.warning("system %d: %s; it is held", self.identity.vehicle, left)
         for task in self.moving:
@@ -339,13 +280,6 @@ class Conversation:
         for asked in spellings(name):
             if self.flight.parameters.get(asked, value) != value:
                 self.flight.learn(asked, value)
-
-    def _control_taken(self) -> None:
-        """An agent has set the mode itself: an override by others is over."""
-        self._in_control = True
-        if self.override:
-            self.override = ""
-            self._on_reading(Reading("OVERRIDE", None))
 
     def _lost(self) -> None:
         self.vehicle.connected = False
