@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import subprocess
+import signal
 import sys
 import textwrap
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,8 +14,9 @@ from bridged.drivers.python.driver import PythonDriver
 from schemas.findings import Findings
 from schemas.manifest import read_manifest
 from tests.bridged.plugins import install
-from tests.bridged.workshop import Workshop, checked, in_the_workshop, problems
+from tests.bridged.workshop import MISSION, Workshop, checked, in_the_workshop, problems
 from tests.support.buses import until
+from tests.support.processes import running
 
 GPIO = """
 import threading, time
@@ -307,23 +307,52 @@ def test_an_action_that_hangs_times_out_and_is_not_begun_again_meanwhile(tmp_pat
     in_the_workshop(Workshop(tmp_path, manifest), body)
 
 
-def test_a_process_with_a_call_that_never_returns_can_end(tmp_path: Path) -> None:
-    program = """
-        import asyncio, time
-        from bridged.drivers.python.workers import Worker
-        async def main():
-            worker = Worker("stuck", time.monotonic)
-            worker.begin(lambda: time.sleep(600), lambda result: None)
-            await asyncio.sleep(0.1)
-            print("leaving", worker.busy > 0)
-        asyncio.run(main())
-    """
-    began = time.monotonic()
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, timeout=30, check=False
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (0, "leaving True\n", "")
-    assert time.monotonic() - began < 20
+NEVER = """
+import threading
+__all__ = ["read"]
+def read():
+    print("reading", flush=True)
+    threading.Event().wait()
+"""
+
+
+def test_a_bridge_whose_function_never_returns_serves_on_and_can_end(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, endpoint: str
+) -> None:
+    install(monkeypatch, tmp_path, {"my_never": NEVER}, {"argosy.python": {"never": "my_never"}})
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    (tmp_path / "bench.toml").write_text(robot('[percepts.a]\nsource = "never.read"\nargs = ["data"]'))
+    (tmp_path / "smith.asl").write_text("")
+    mission = tmp_path / "workshop.yaml"
+    mission.write_text(MISSION)
+    with (
+        running("commd", "serve", str(mission), "--router", endpoint),
+        running(*("bridged", "serve", str(mission), "bench", "--router", endpoint, "--state", str(tmp_path))) as bridge,
+    ):
+        bridge.says("serving bench")
+        bridge.says("reading")
+        bridge.signal(signal.SIGTERM)
+        assert bridge.ends(10) == 0
+        assert "leaving bench" in bridge.text
+        assert "Traceback" not in bridge.text
+
+
+def test_a_simulated_bridge_whose_plug_in_has_no_twin_ends_with_the_line_of_its_manifest(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, endpoint: str
+) -> None:
+    install(monkeypatch, tmp_path, {"my_never": NEVER}, {"argosy.python": {"never": "my_never"}})
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    (tmp_path / "bench.toml").write_text(robot('[percepts.a]\nsource = "never.read"'))
+    (tmp_path / "smith.asl").write_text("")
+    mission = tmp_path / "workshop.yaml"
+    mission.write_text(MISSION)
+    arguments = ("bench", "--router", endpoint, "--state", str(tmp_path), "--simulated")
+    with (
+        running("commd", "serve", str(mission), "--router", endpoint),
+        running("bridged", "serve", str(mission), *arguments) as bridge,
+    ):
+        assert bridge.ends(20) == 2
+        assert "bench.toml:5: error: percepts.a.source: the plug-in `never` cannot be simulated: " in bridge.text
 
 
 @pytest.mark.usefixtures("gpio")
