@@ -6,6 +6,7 @@ import asyncio
 import socket
 from collections.abc import Callable, Coroutine
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
@@ -278,6 +279,80 @@ def test_packets_of_a_signed_link_pass_as_they_are_and_the_station_signs_its_own
                 one.close()
         station.close()
         assert int((tmp_path / f"udpin_127.0.0.1_{port}.signing").read_text()) > 0
+
+    run(body)
+
+
+def test_two_robots_with_their_own_passphrases_share_one_row_of_timestamps(tmp_path: Path) -> None:
+    """On the air a vehicle hears what is said to the other one, and takes nothing older than what it heard last."""
+    keys = {1: key_of(b"argo"), 2: key_of(b"gold")}
+    for system, phrase in ((1, "argo"), (2, "gold")):
+        (tmp_path / str(system)).write_text(phrase)
+        (tmp_path / str(system)).chmod(0o600)
+
+    async def body() -> None:
+        air = Speaker()
+        fields = [
+            f"link: 'udpout:127.0.0.1:{air.port}', sysid: {system}, failsafe: {{gcs: bridge}}, "
+            f"signing: {{passphrase_file: '{tmp_path / str(system)}'}}"
+            for system in (1, 2)
+        ]
+        async with riding(*fields, state=tmp_path) as rides:
+            await until(lambda: bool(air.listen()), "we speak")
+            for system, key in keys.items():
+                air.send(Encoder(system, 1, Signing(key)).pack(BEAT))
+            await until(lambda: all(ride.driver.heard for ride in rides), "both are taken")
+            await until(lambda: {target for one in air.listen() if (target := target_system(one))} == {1, 2}, "asked")
+        checks = {system: Signing(key) for system, key in keys.items()}
+        rows = [int.from_bytes(packet[-12:-6], "little") for packet in air.raw]
+        assert rows == sorted(set(rows))
+        for packet, message in zip(air.raw, air.heard, strict=True):
+            if system := target_system(message):
+                assert checks[system].objection(packet) == ""
+        air.close()
+
+    run(body)
+
+
+def target_system(message: dialect.MAVLink_message) -> int:
+    return int(getattr(message, "target_system", 0))
+
+
+def test_no_bytes_from_either_side_end_a_link_that_is_forwarded() -> None:
+    chance = Random(7)
+    known = sorted(dialect.mavlink_map)
+
+    def packet() -> bytes:
+        """Random bytes, or a packet of a random kind and size whose checksum is right."""
+        if chance.random() < 0.3:
+            return chance.randbytes(chance.randrange(300))
+        number, payload = chance.choice(known), chance.randbytes(chance.randrange(256))
+        head = bytes([len(payload), chance.choice((0, 1, 2)), 0, 0, chance.choice((0, 1, 255)), 1])
+        body = head + number.to_bytes(3, "little") + payload
+        crc = dialect.x25crc(bytearray(body) + bytes([dialect.mavlink_map[number].crc_extra])).crc
+        return b"\xfd" + body + crc.to_bytes(2, "little") + chance.randbytes(13 if head[1] == 1 else 0)
+
+    async def body() -> None:
+        port, station, complaints = free_port(), Speaker(system=255, component=230), list[str]()
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: complaints.append(context["message"]))
+        async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")) as [ride]:
+            vehicle = Speaker(port)
+            vehicle.say(BEAT)
+            await until(lambda: bool(station.listen()), "the station sees the vehicle")
+            for _ in range(400):
+                vehicle.send(packet())
+                station.send(packet())
+                await asyncio.sleep(0)
+
+            def still() -> bool:
+                vehicle.say(BEAT)
+                station.say(command(1))
+                return "COMMAND_LONG" in vehicle.kinds(255, 230) and not ride.running.done()
+
+            await until(still, "packets pass")
+            vehicle.close()
+        station.close()
+        assert not complaints
 
     run(body)
 
