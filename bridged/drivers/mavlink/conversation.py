@@ -248,17 +248,7 @@ class Conversation:
         self._tell_state()
 
     def _tell_state(self) -> None:
-        """The reading HEARTBEAT: what the vehicle says, nothing of it while it is not heard."""
-        vehicle, heard = self.vehicle, self.vehicle.connected
-        fields = {
-            "mode": vehicle.mode_name if heard else "",
-            "connected": heard,
-            "armed": vehicle.armed and heard,
-            "guided": heard and bool(vehicle.base_mode & dialect.MAV_MODE_FLAG_GUIDED_ENABLED),
-            "manual_input": heard and bool(vehicle.base_mode & dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED),
-            "system_status": vehicle.system_status if heard else 0,
-        }
-        self._on_reading(Reading("HEARTBEAT", fields))
+        self._on_reading(Reading("HEARTBEAT", self.vehicle.state()))
 
     def _mode_and_arming(self) -> str:
         return f"{self.vehicle.mode_name}, {'armed' if self.vehicle.armed else 'not armed'}"

@@ -147,7 +147,7 @@ class MavlinkDriver:
         """
         if (two := self._two()) and not (self.active and may_lead_down(entry)):
             return two
-        mode = self._conversation.override
+        mode = self._conversation.control.override
         if not mode or entry.confirm == "mode":
             return ""
         who = "(pilot, ground station or failsafe)"
@@ -182,7 +182,7 @@ class MavlinkDriver:
     def overridden(self) -> str:
         """The mode of an armed vehicle in which others have set it; empty if nobody has."""
         talk = self._conversation
-        return talk.vehicle.mode_name if talk.overridden and talk.vehicle.armed else ""
+        return talk.vehicle.mode_name if talk.control.overridden and talk.vehicle.armed else ""
 
     def adopt(self, manifest: Manifest) -> None:
         """Go on by another manifest: other streams are asked for."""

@@ -151,6 +151,18 @@ class Vehicle:
         """In words, that the vehicle is another kind than the manifest says; empty if it is not."""
         return contradiction(self.declared, self.type)
 
+    def state(self) -> dict[str, object]:
+        """What its last HEARTBEAT says; nothing of it while it is not heard."""
+        heard = self.connected
+        return {
+            "mode": self.mode_name if heard else "",
+            "connected": heard,
+            "armed": self.armed and heard,
+            "guided": heard and bool(self.base_mode & dialect.MAV_MODE_FLAG_GUIDED_ENABLED),
+            "manual_input": heard and bool(self.base_mode & dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED),
+            "system_status": self.system_status if heard else 0,
+        }
+
     def not_ready(self) -> list[str]:
         """Why arming would be refused or flying in this mode would not work, in words; empty = ready."""
         missing = []
