@@ -50,8 +50,8 @@ def test_the_mission_is_flown_to_its_end(start: Start, single_uav: Path, tmp_pat
     assert "uav: mission done" in (report / "mission.log").read_text()
 
 
-def test_three_copters_on_one_link_are_flown_by_one_bridge(start: Start, three_uavs: Path) -> None:
-    running = start(three_uavs, "--speed", "20", real_daemons=True)
+def test_three_copters_on_one_link_are_flown_by_one_bridge(start: Start, three_uavs: Path, tmp_path: Path) -> None:
+    running = start(three_uavs, "--speed", "20", "--report", str(tmp_path / "report"), real_daemons=True)
     running.until("argosy: done", 60)
     running.process.send_signal(signal.SIGINT)  # there is no need to measure idle use
     assert sum("bridged serve" in line for line in running.family) == 2  # by its kind and by its command line: one
@@ -66,6 +66,8 @@ def test_three_copters_on_one_link_are_flown_by_one_bridge(start: Start, three_u
         assert left is not None, out
         assert 70 < float(left[2]) < 100  # there and back over 40 m
         assert abs(float(left[3]) - height) < 2
+    drawn = "".join(ElementTree.parse(tmp_path / "report" / "track.svg").getroot().itertext())
+    assert all(f"{robot}: " in drawn for robot in ("uav1", "uav2", "uav3"))
 
 
 @pytest.mark.parametrize("victim", ["commd serve", "bridged simulate", "bridged serve", "agentd serve"])
