@@ -157,6 +157,8 @@ async def _fleet_of(bus: Bus, fleet: str, robot: str, router: str) -> str:
 async def _asked(bus: Bus, fleet: str, robot: str, change: ManifestChange | None) -> LiveManifest:
     """Return what the bridge of a robot answers. Raises Unanswered."""
     error = f"its bridge did not answer within {ANSWER_TIMEOUT:g} s"
+    if change is not None:
+        error += "; `argosy manifest get` tells whether the change is in effect"
     async with aclosing(bus.query(keys.manifest(fleet, robot), change, LiveManifest, ANSWER_TIMEOUT)) as replies:
         async for reply in replies:
             if reply.record is not None:

@@ -130,6 +130,7 @@ class Bridge:
             "percepts_expired": self.board.expired,
             "percepts_unreadable": self.board.translator.unreadable,
             "actions_running": len(self.desk.running),
+            "manifest_version": self.live.version,
         }
         notes = self.driver.notes() + self.orders.notes()
         if self.desk.blocked:

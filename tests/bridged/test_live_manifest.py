@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bridged.live import RunningManifest
+from bridged.manifests import load_robot_manifest
 from commd.bus import Bus
 from schemas import keys
 from schemas.codec import Wire, codec
@@ -17,6 +20,7 @@ from schemas.findings import Finding, Findings
 from schemas.manifest import Manifest, read_document, read_manifest
 from schemas.percepts import PerceptSet
 from schemas.records import LiveManifest, ManifestChange, Perception
+from schemas.shipped import shipped_names
 from tests.bridged.airfield import Airfield, on_the_airfield, present, until
 
 TEXT = """
@@ -129,6 +133,28 @@ def test_a_change_with_anything_wrong_is_refused_with_all_of_it(
     else:
         assert told == problems
     assert (live.adopted, live.running.version) == ([], 1)
+
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+
+
+@pytest.mark.parametrize(
+    ("named", "folder"),
+    [
+        *((name, Path()) for name in shipped_names("manifests", ".toml")),
+        *((("actions_manifest", "perceptions_manifest"), MISSIONS / pair) for pair in ("paper_uav", "paper_turtle")),
+    ],
+)
+def test_every_shipped_manifest_and_the_papers_form_can_change(named: str | tuple[str, str], folder: Path) -> None:
+    manifest = load_robot_manifest(named, folder)
+    adopted: list[Manifest] = []
+    running = RunningManifest(manifest, adopted.append)
+    percept = next(iter(manifest.percepts))
+    assert running.change(ManifestChange(set={f"percepts.{percept}.rate": 3})) == []
+    expected = msgspec.structs.replace(manifest.percepts[percept], rate=3.0)
+    assert adopted[0].percepts == manifest.percepts | {percept: expected}
+    assert (adopted[0].robot, adopted[0].actions) == (manifest.robot, manifest.actions)
+    assert running.told("r").file.startswith(manifest.file)
 
 
 def test_what_a_driver_refuses_is_taken_back() -> None:
