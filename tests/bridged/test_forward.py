@@ -224,6 +224,30 @@ def test_a_station_that_speaks_under_our_ids_is_told() -> None:
     run(body)
 
 
+def test_vehicles_of_two_links_go_to_one_station_unless_they_have_one_id() -> None:
+    async def body() -> None:
+        ports, station = [free_port() for _ in range(3)], Speaker(system=255, component=230)
+        forward = f"'udpout:127.0.0.1:{station.port}'"
+        fields = [link(port, forward, system) for port, system in zip(ports, (1, 2, 1), strict=True)]
+        async with riding(*fields) as rides:
+            vehicles = [Speaker(port, system) for port, system in zip(ports, (1, 2, 1), strict=True)]
+            for vehicle in vehicles:
+                vehicle.say(BEAT)
+            await until(lambda: all(ride.driver.heard for ride in rides), "all are heard")
+            await until(lambda: len(station.listen()) == 2, "two of them are seen")
+            assert len({spoken_as(one) for one in station.heard}) == 2
+            said = f"forward udpout:127.0.0.1:{station.port}: system 1 of another link goes there already"
+            assert [said in ride.driver.notes() for ride in rides] == [False, False, True]
+            await rides[0].leave()
+            vehicles[1].say(place())
+            await until(lambda: len(station.listen()) == 3, "the other one is still seen")
+            for vehicle in vehicles:
+                vehicle.close()
+        station.close()
+
+    run(body)
+
+
 def test_a_mode_that_a_station_sets_is_an_override_here() -> None:
     async def body() -> None:
         port, station = free_port(), Speaker(system=255, component=230)
