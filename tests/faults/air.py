@@ -79,7 +79,7 @@ class BadAir(Sky):
             ("return_to_launch",),
         ):
             for _ in range(times):
-                if self.perform(row, str(name), *parameters).finals[-1].state == "succeeded":  # type: ignore[arg-type]
+                if self.perform(row, str(name), *parameters).finals[-1].state == "succeeded":
                     break
 
     def holds(self, name: str, *parameters: Term) -> bool:

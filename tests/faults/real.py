@@ -42,11 +42,12 @@ mission: flood
 agents:
   reader: {program: reader.asl, robot: sensor}
 robots:
-  sensor: {manifest: ./sensor.toml, on_shutdown: hold, on_agent_loss: [hold]}
+  sensor: {manifest: ./sensor.toml}
 """
 _READER = """\
-+sample(N) : N mod 500 == 0 & N < LAST <- .print("sample ", N); !!pinged.
-+sample(LAST) <- .print("last ", LAST).
+taken(0).
++sample(LAST) : taken(T) <- .print("last ", LAST, " after ", T, " others"); !!pinged.
+@counted[atomic] +sample(_) : taken(T) <- -+taken(T + 1).
 +!pinged <- ping; .print("ping succeeded").
 -!pinged[reason(R)] <- .print("ping failed: ", R).
 """
@@ -163,7 +164,11 @@ def _flooded(row: Row, state: Path, sleeps: tuple[int, int] = (0, 0), patience: 
             sent = time.monotonic()
             agent.says(f"last {SAMPLES}", patience)
             late = time.monotonic() - sent
+            found = re.search(r"last \d+ after (\d+) others", agent.text)
+            taken = int(found[1]) if found else 0
             row.seen.append(f"{SAMPLES} put in {sent - began:.1f} s; the agent had the last one {late:.2f} s later")
+            row.seen.append(f"it took {taken} before that")
+            row.expect(bool(sleeps[1]) or taken > SAMPLES / 2, "an agent that reads takes most of them")
             agent.says("[reader] ping ", patience)
         _note(row, agent, "ping", time.monotonic() - began)
         grown = {name: resident(daemon) - before[name] for name, daemon in daemons.items()}
