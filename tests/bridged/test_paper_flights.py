@@ -128,6 +128,9 @@ params_type = mavros_msgs/Waypoint[](frame, command, is_current, autocontinue, x
 [pull]
 method = service
 name = mavros/mission/pull
+[pull_parameters]
+method = service
+name = mavros/param/pull
 [set_parameter]
 method = service
 name = mavros/param/set
@@ -196,5 +199,25 @@ def test_a_mission_a_parameter_and_a_raw_command_go_the_ways_of_mavros(full: Sky
     assert items[1] == [16, -27.6038, 15.0]
     succeeds(full, "set_parameter", "FENCE_RADIUS", 120.0)
     assert full.belief("parameter") == ("FENCE_RADIUS", 120.0)
+    pulled = full.do("pull_parameters")
+    assert (pulled.state, pulled.feedback["params"]) == ("succeeded", pulled.feedback["of"])
     succeeds(full, "command", dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0)
     assert full.vehicle.copter.armed, "a raw command too is proved by the vehicle's state where it can be"
+
+
+def test_parameters_that_are_lost_on_the_way_are_asked_for_again(full: Sky) -> None:
+    lost = iter(range(10_000))
+
+    def most(message: dialect.MAVLink_message) -> bool:
+        return message.get_type() != "PARAM_VALUE" or next(lost) % 3 != 0
+
+    def others(message: dialect.MAVLink_message) -> bool:
+        return bool(message.get_type() != "PARAM_VALUE")
+
+    full.we_hear = most
+    pulled = full.do("pull_parameters")
+    assert pulled.state == "succeeded", pulled.reason
+    assert pulled.feedback["params"] > 20
+    full.we_hear = others
+    silent = full.do("pull_parameters")
+    assert (silent.state, silent.reason) == ("failed", "the vehicle does not tell its parameters")

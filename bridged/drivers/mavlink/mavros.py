@@ -272,6 +272,11 @@ CALLS: Mapping[str, Taken] = MappingProxyType({
         {"wp_seq": Into("seq", "int", min=0)},
         ("wp_seq",),
     ),
+    "param/pull": Taken(
+        "service",
+        ActionEntry(call="param_pull", deadline=Duration(120), motion=False),
+        note="the values come as percepts of `param/param_value`, told as often as its `rate` says",
+    ),
     "param/get": Taken(
         "service",
         ActionEntry(call="param_get", deadline=Duration(15), motion=False),

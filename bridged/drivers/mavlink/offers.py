@@ -132,6 +132,7 @@ CALLS: Mapping[str, CallOffer] = MappingProxyType({
     ),
     "mission_clear": CallOffer((), Offer(missions.clear_mission)),
     "mission_set_current": CallOffer(("seq",), Offer(missions.set_current), ("seq",)),
+    "param_pull": CallOffer((), Offer(parameters.pull_parameters, ("params", "of"))),
     "param_get": CallOffer(("name",), Offer(parameters.get_parameter), ("name",)),
     "param_set": CallOffer(("name", "value"), Offer(parameters.set_parameter), ("name", "value")),
     "takeoff_by_mode": CallOffer(

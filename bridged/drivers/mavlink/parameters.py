@@ -12,9 +12,11 @@ from collections.abc import Generator
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.flight import SUCCEEDED, Call, Flight, Steps, Task
-from bridged.drivers.robot import Outcome
+from bridged.drivers.robot import Outcome, Reading
 
 TRIES = 3
+AT_ONCE = 50
+"""Parameters of a list that are asked for one by one at once, if they did not come with it."""
 LONGEST_NAME = 16
 TRY_EVERY = (1.0, 1.0)
 """Mission and wall seconds."""
@@ -60,6 +62,36 @@ def get_parameter(flight: Flight, task: Task, call: Call) -> Steps:
         return Outcome("failed", f"the vehicle knows no parameter {name}")
     flight.learn(name, found[1])
     return SUCCEEDED
+
+
+def pull_parameters(flight: Flight, task: Task, call: Call) -> Steps:
+    """`param_pull`: the vehicle tells every parameter, each a reading of PARAM; what was lost is asked for again."""
+    told, count, tries = set[int](), 0, 0
+    identity = flight.commands.identity
+    while tries < TRIES:
+        tries += 1
+        if not count:
+            flight.send(dialect.MAVLink_param_request_list_message(identity.vehicle, identity.autopilot))
+        for index in sorted(set(range(count)) - told)[:AT_ONCE]:
+            flight.send(dialect.MAVLink_param_request_read_message(identity.vehicle, identity.autopilot, b"", index))
+        until = flight.now + flight.wait(*TRY_EVERY)
+        while flight.now <= until:
+            yield
+            message = flight.message
+            if message is None or message.get_type() != "PARAM_VALUE" or message.param_index >= message.param_count:
+                continue
+            count = message.param_count
+            if message.param_index not in told:
+                told.add(message.param_index)
+                tries = 0
+                flight.tell(Reading("PARAM", {"name": message.param_id, "value": message.param_value}))
+                until = flight.now + flight.wait(*TRY_EVERY)
+            task.feedback = {"params": float(len(told)), "of": float(count)}
+            task.waits_for = f"the rest of {count} parameters; {len(told)} came"
+            if len(told) == count:
+                return SUCCEEDED
+    came = f"{len(told)} of {count} parameters came" if count else "the vehicle does not tell its parameters"
+    return Outcome("failed", came)
 
 
 def set_parameter(flight: Flight, task: Task, call: Call) -> Steps:
