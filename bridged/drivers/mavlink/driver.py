@@ -240,7 +240,8 @@ class MavlinkDriver:
             if self._carrier is not None:
                 self._carrier.send(message, self.identity.vehicle)
             elif self._link is not None:
-                self._link.send(self._rider, message, everywhere=bool(self._two()))
+                send = self._link.send_everywhere if self._two() else self._link.send
+                send(self._rider, message)
         except ValueError as error:
             self.unsendable += 1
             log.error("not sent: %s", error)

@@ -141,17 +141,15 @@ class SharedLink:
                     self._timestamps = None
                     self._by_key.clear()
 
-    def send(self, rider: Rider, message: dialect.MAVLink_message, *, everywhere: bool = False) -> None:
-        """Send to a robot's vehicle where it was heard last, or `everywhere` it was heard lately if there are two.
-
-        Raises ValueError if the message cannot be packed.
-        """
-        if self.link is None:
-            return
-        if everywhere and (peers := self.link.peers_of(rider.vehicle)):
-            self.link.send_to(peers, message, ids=rider.ids, signing=rider.signing)
-        else:
+    def send(self, rider: Rider, message: dialect.MAVLink_message) -> None:
+        """Send to a robot's vehicle where it was heard last. Raises ValueError if the message cannot be packed."""
+        if self.link is not None:
             self.link.send(message, rider.vehicle, ids=rider.ids, signing=rider.signing)
+
+    def send_everywhere(self, rider: Rider, message: dialect.MAVLink_message) -> None:
+        """Send to every address where a robot's vehicle was heard lately. Raises ValueError as `send` does."""
+        if self.link is not None:
+            self.link.send_to(self.link.peers_of(rider.vehicle), message, ids=rider.ids, signing=rider.signing)
 
     def notes(self, rider: Rider) -> list[str]:
         """Warnings of the link that hold now, and those of one robot's place at it."""
