@@ -124,6 +124,9 @@ class Body:
 
     def _make(self, name: str) -> None:
         setup = replace(self._setup, manifest=self._manifest.part(name))
+        if name != self._manifest.robot.driver:
+            tell = setup.on_reading
+            setup = replace(setup, on_reading=lambda reading: tell(replace(reading, driver=name)))
         self._drivers[name] = find_driver(name).make_driver(setup)
 
     def _by_action(self, order: Order, reason: str) -> Execution:

@@ -30,13 +30,15 @@ class Translator:
         self.unreadable = unreadable
         """Readings so far that lacked a field which the manifest names."""
         self._term = percept_value if manifest.robot.values == "text" else _term
-        self._by_source: dict[str, list[tuple[str, PerceptEntry, tuple[Field, ...]]]] = {}
+        self._by_source: dict[tuple[str, str], list[tuple[str, PerceptEntry, tuple[Field, ...]]]] = {}
+        own = manifest.robot.driver
         for name, entry in manifest.percepts.items():
-            self._by_source.setdefault(entry.source, []).append((name, entry, entry.fields()))
+            source = ("" if entry.driver == own else entry.driver, entry.source)
+            self._by_source.setdefault(source, []).append((name, entry, entry.fields()))
 
     def beliefs(self, reading: Reading) -> Iterator[Belief]:
         """Each percept of the reading's source."""
-        for name, entry, fields in self._by_source.get(reading.source, ()):
+        for name, entry, fields in self._by_source.get((reading.driver, reading.source), ()):
             if reading.fields is None:
                 yield Belief(name, entry, None)
                 continue

@@ -40,6 +40,8 @@ class Reading:
 
     source: str
     fields: Mapping[str, object] | None
+    driver: str = ""
+    """Who says it, if not the robot's own driver; the bridge fills it in: two drivers may have a source of one name."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,3 +62,24 @@ STATUS = '{field = "status", each = ["name", {field = "values", each = ["key", "
 )
 def test_what_a_robot_says_becomes_terms(args: str, message: Mapping[str, object], expected: object) -> None:
     assert perceived(args, message) == expected
+
+
+def test_sources_of_one_name_of_two_drivers_are_two() -> None:
+    text = """
+[robot]
+driver = "zenoh"
+[percepts.depth]
+source = "sonar"
+args = ["m"]
+[percepts.echo]
+source = "sonar"
+driver = "python"
+args = ["ms"]
+"""
+    translator = Translator(read_manifest(text, "m.toml"))
+    said = [Reading("sonar", {"m": 3}), Reading("sonar", {"ms": 4}, driver="python")]
+    assert [[(one.name, one.parameters) for one in translator.beliefs(reading)] for reading in said] == [
+        [("depth", (3,))],
+        [("echo", (4,))],
+    ]
+    assert translator.unreadable == 0
