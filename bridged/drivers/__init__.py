@@ -41,7 +41,7 @@ def find_driver(name: str) -> DriverKind:
         origin = "" if entry.dist is None else f" of {entry.dist.name} {entry.dist.version}"
         try:
             kind = entry.load()
-        except Exception as error:  # whatever a package does when it is imported
+        except (Exception, SystemExit) as error:  # whatever a package does when it is imported
             raise NoDriver(f"driver `{name}`{origin} cannot be loaded: {type(error).__name__}: {error}") from None
         lacking = [
             one for one in ("check_manifest", "check_robot", "make_driver") if not callable(getattr(kind, one, 0))
