@@ -10,6 +10,7 @@ from unittest.mock import Mock
 
 import pytest
 
+from bridged import ledger as module
 from bridged.ledger import KEEP, Ledger
 from schemas.records import ActionStatus
 
@@ -141,3 +142,29 @@ def test_a_sync_that_fails_is_said(
     soon(lambda: bool(caplog.records), "the log line")
     assert caplog.records[0].message == "action ids may not outlive a power loss: Input/output error"
     ledger.close()
+
+
+def test_no_more_ids_are_kept_than_fit_and_the_oldest_goes_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "MAX_ENTRIES", 10)
+    ledger = Ledger(tmp_path / "uav1.actions")
+    for number in range(12):
+        ledger.begin(f"a:{number}")
+    assert [ledger.knows(f"a:{number}") for number in range(4)] == [False, False, True, True]
+    ledger.close()
+
+
+def test_who_has_the_robot_is_kept_beside_the_ids(tmp_path: Path) -> None:
+    path = tmp_path / "uav1.actions"
+    ledger = Ledger(path)
+    assert ledger.held() == ("", False)
+    ledger.begin("a:b:1")
+    assert ledger.held() == ("a", False), "no line says it: whose action was begun last"
+    ledger.hold("c", free=True)
+    ledger.begin("a:b:2")
+    ledger.close()
+    again = Ledger(path)
+    assert again.held() == ("c", True)
+    assert not again.knows("c")
+    again.close()
