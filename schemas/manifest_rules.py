@@ -20,6 +20,7 @@ Rule = Callable[[Any], Iterator[Wrong]]
 FUNCTOR = re.compile(r"[a-z][A-Za-z0-9_]*", re.ASCII)
 RESERVED = {
     "percepts": {
+        "bridge": "whether it is there",
         "feedback": "what the bridge itself tells of running actions",
         "holder": "which of its agents has the robot",
     },

@@ -44,6 +44,10 @@ MISTAKES = [
         ["3: percepts.Pose: expected the name of a belief or action, such as `battery`, got `Pose`"],
     ),
     (
+        ROBOT + '[percepts.bridge]\nsource = "t"\n',
+        ["3: percepts.bridge: `bridge` is a name of the bridge: whether it is there"],
+    ),
+    (
         ROBOT + '[percepts.feedback]\nsource = "t"\n',
         ["3: percepts.feedback: `feedback` is a name of the bridge: what the bridge itself tells of running actions"],
     ),

@@ -24,6 +24,7 @@ from schemas.manifest_entries import (
     Retry,
     RobotEntry,
 )
+from schemas.manifest_rules import RESERVED
 from schemas.manifest_schema import FILE, schema, schema_text
 from schemas.manifest_text import document, write_toml
 from schemas.shipped import shipped, shipped_names
@@ -81,8 +82,8 @@ actions = st.builds(
 manifests = st.builds(
     Manifest,
     robot=st.builds(RobotEntry, driver=words, vehicle=texts, link_loss=durations),
-    percepts=st.dictionaries(names.filter(lambda name: name != "feedback"), percepts, max_size=3),
-    actions=st.dictionaries(names.filter(lambda name: name not in ("release", "hand_over")), actions, max_size=3),
+    percepts=st.dictionaries(names.filter(lambda name: name not in RESERVED["percepts"]), percepts, max_size=3),
+    actions=st.dictionaries(names.filter(lambda name: name not in RESERVED["actions"]), actions, max_size=3),
     orders=st.dictionaries(st.sampled_from(["hold", "land", "rtl"]), words, max_size=2),
 )
 
