@@ -28,13 +28,14 @@ class Poll:
         self._last: Command | None = None
 
     def __call__(self) -> None:
-        """Ask if it is time; one request at a time is under way."""
+        """Ask if it is time; what is still under way of the last request is given up: its answer may be lost."""
         flight = self._flight
-        if flight.now < self._at or (self._last is not None and not self._last.over):
+        if flight.now < self._at:
             return
         self._at = flight.now + flight.wait(*self._every)
         parameters = (self._number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         if self._last is not None:
+            flight.commands.abandon(self._last)
             self._task.commands.remove(self._last)
         self._last = flight.submit(self._task, dialect.MAV_CMD_REQUEST_MESSAGE, parameters, ONCE)
 

@@ -153,17 +153,23 @@ def within_limits(flight: Flight, call: Call) -> Outcome | None:
 
 def target_shown(flight: Flight, call: Call) -> Generator[None, None, bool]:
     """Whether the vehicle reports the target of a call as its own before long."""
-    vehicle, seen, wanted = flight.vehicle, flight.vehicle.targets, call.target
+    vehicle, seen = flight.vehicle, flight.vehicle.targets
     patience = flight.now + flight.wait(*TARGET_WAIT)
-    while wanted is not None and vehicle.armed and flight.now <= patience:
+    while vehicle.armed and flight.now <= patience:
         yield
-        if vehicle.targets > seen and vehicle.target is not None:
-            own = vehicle.target
-            height = wanted.altitude + ((flight.altitude_of_home() or 0.0) if call.frame in ABOVE_HOME else 0.0)
-            level = vehicle.modes.ground or abs(own.altitude - height) <= TARGET_NEAR
-            if own.distance(wanted) <= TARGET_NEAR and level:
-                return True
+        if vehicle.targets > seen and target_is(flight, call):
+            return True
     return False
+
+
+def target_is(flight: Flight, call: Call) -> bool:
+    """Whether the target that the vehicle reported last is that of a call."""
+    own, wanted = flight.vehicle.target, call.target
+    if own is None or wanted is None:
+        return False
+    height = wanted.altitude + ((flight.altitude_of_home() or 0.0) if call.frame in ABOVE_HOME else 0.0)
+    level = flight.vehicle.modes.ground or abs(own.altitude - height) <= TARGET_NEAR
+    return own.distance(wanted) <= TARGET_NEAR and level
 
 
 def own_target(flight: Flight, call: Call) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Generator
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.asking import Poll, asked_message
-from bridged.drivers.mavlink.confirmation import acknowledged, enter
+from bridged.drivers.mavlink.confirmation import acknowledged
 from bridged.drivers.mavlink.flight import SUCCEEDED, Call, Flight, Steps, Task
 from bridged.drivers.mavlink.mission_items import AMSL, RELATIVE, Item, read_items
 from bridged.drivers.mavlink.mission_transfer import RESULTS, TRY_EVERY, break_off, clear, download, upload
@@ -25,7 +25,7 @@ BEGINS_WITHIN = (15.0, 3.0)
 """Mission and wall seconds in which a vehicle on the ground must take off for its mission."""
 SET_CURRENT_TRIES = 4
 COMPLETE = dialect.MISSION_STATE_COMPLETE
-START = Retry(times=2)
+START = Retry(times=5)
 
 
 def upload_mission(flight: Flight, task: Task, call: Call) -> Steps:
@@ -128,10 +128,14 @@ def start_mission(flight: Flight, task: Task, call: Call) -> Steps:
         if failure is not None:
             return failure
     grounded = not vehicle.aloft or modes.ground
-    if vehicle.mode != modes.auto:
-        failure = yield from enter(flight, task, mode_call(modes.auto), modes.auto)
-        if failure is not None:
-            return failure
+    if vehicle.mode != modes.auto:  # whether it stays is seen all the way
+        flight.expect_mode(modes.auto)
+        call = mode_call(modes.auto)
+        command = flight.submit(task, call.number, call.parameters, START)
+        refusal = yield from acknowledged(flight, task, command, lambda: vehicle.mode == modes.auto)
+        if refusal is not None:
+            return refusal
+        flight.expect_mode(modes.auto)
     if grounded:
         refusal = yield from _begin(flight, task)
         if refusal is not None:

@@ -7,7 +7,7 @@ from collections.abc import Generator
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.asking import Fits, Poll, asked_message
-from bridged.drivers.mavlink.confirmation import SETTLE, acknowledged
+from bridged.drivers.mavlink.confirmation import acknowledged
 from bridged.drivers.mavlink.flight import SUCCEEDED, Call, Flight, Steps, Task
 from bridged.drivers.mavlink.parameters import read_parameter
 from bridged.drivers.robot import Outcome
@@ -19,6 +19,8 @@ PWM_NEAR = 1
 GRIPPER_PWM = {dialect.GRIPPER_ACTION_RELEASE: "GRIP_RELEASE", dialect.GRIPPER_ACTION_GRAB: "GRIP_GRAB"}
 """Parameters that tell the output of a gripper, by param2 of DO_GRIPPER."""
 FENCE_ENABLE = "FENCE_ENABLE"
+SHOWS_WITHIN = (5.0, 3.0)
+"""Mission and wall seconds in which an output must show what was acknowledged."""
 
 
 def acknowledge(flight: Flight, task: Task, call: Call) -> Steps:
@@ -88,7 +90,7 @@ def _shown(flight: Flight, task: Task, call: Call, what: str, fits: Fits) -> Gen
     refusal = yield from acknowledged(flight, task, command, shown)
     if refusal is not None:
         return refusal
-    task.waits_for, until = f"SERVO_OUTPUT_RAW to show {what}", flight.now + flight.wait(*SETTLE)
+    task.waits_for, until = f"SERVO_OUTPUT_RAW to show {what}", flight.now + flight.wait(*SHOWS_WITHIN)
     while flight.now <= until:
         if shown():
             return SUCCEEDED

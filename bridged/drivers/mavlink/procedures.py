@@ -25,6 +25,7 @@ from bridged.drivers.mavlink.confirmation import (
     parked,
     ready,
     steady,
+    target_is,
     target_shown,
     target_taken,
     within_limits,
@@ -152,8 +153,8 @@ def reposition(flight: Flight, task: Task, call: Call) -> Steps:
     if (refusal := within_limits(flight, call)) is not None:
         return refusal
     flight.expect_mode(vehicle.modes.guided)
-    command = flight.submit_call(task, call)
-    refusal = yield from acknowledged(flight, task, command, lambda: False)
+    command, seen = flight.submit_call(task, call), vehicle.targets
+    refusal = yield from acknowledged(flight, task, command, lambda: vehicle.targets > seen and target_is(flight, call))
     if refusal is not None:
         return refusal
     for _ in range(TARGET_ATTEMPTS):
