@@ -76,7 +76,7 @@ _WAYPOINT = (
     "x_lat", "y_long", "z_alt",
 )  # fmt: skip
 _VELOCITY = ActionEntry(
-    message="SET_POSITION_TARGET_LOCAL_NED", frame="local", confirm="velocity", deadline=Duration(10), supersedes=True
+    message="SET_POSITION_TARGET_LOCAL_NED", frame="local", confirm="velocity", deadline=Duration(30), supersedes=True
 )
 _VELOCITY_NOTE = "m/s east, north and up, rad/s to the left; ArduPilot stops after 3 s without a new one"
 _TWIST: Mapping[str, Into] = MappingProxyType({
@@ -265,10 +265,10 @@ CALLS: Mapping[str, Taken] = MappingProxyType({
         note="the first waypoint stands for home, as ArduPilot has it with mavros; always the whole mission",
     ),
     "mission/pull": Taken("service", ActionEntry(call="mission_download", deadline=Duration(120), motion=False)),
-    "mission/clear": Taken("service", ActionEntry(call="mission_clear", deadline=Duration(30), motion=False)),
+    "mission/clear": Taken("service", ActionEntry(call="mission_clear", deadline=Duration(120), motion=False)),
     "mission/set_current": Taken(
         "service",
-        ActionEntry(call="mission_set_current", deadline=Duration(15), motion=False),
+        ActionEntry(call="mission_set_current", deadline=Duration(60), motion=False),
         {"wp_seq": Into("seq", "int", min=0)},
         ("wp_seq",),
     ),
@@ -279,14 +279,14 @@ CALLS: Mapping[str, Taken] = MappingProxyType({
     ),
     "param/get": Taken(
         "service",
-        ActionEntry(call="param_get", deadline=Duration(15), motion=False),
+        ActionEntry(call="param_get", deadline=Duration(30), motion=False),
         {"param_id": Into("name", "string")},
         ("param_id",),
         note="the value comes as a percept of `param/param_value`",
     ),
     "param/set": Taken(
         "service",
-        ActionEntry(call="param_set", deadline=Duration(30), motion=False),
+        ActionEntry(call="param_set", deadline=Duration(90), motion=False),
         {"param_id": Into("name", "string"), "value.integer": Into("value", "int"), "value.real": Into("value")},
         ("param_id",),
         note="one form of the value, whichever the manifest has; succeeds when the vehicle tells it back",
