@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping
 
 from argosy.links import MEETING, address_of, group_of, peer_of
 from bridged.drivers.mavlink.address import LinkAddress
+from bridged.simulation.faults import Faults
+from bridged.simulation.parameters import Parameters
 from schemas.findings import Finding
 from schemas.manifest import Manifest
 from schemas.mission import Mission, Robot
@@ -18,12 +20,19 @@ from schemas.positions import did_you_mean
 _NO_TWIN = "mavlink"
 """The driver of ours that has nothing simulated in itself: its vehicles are processes."""
 
+SHORTEST_BATTERY = 6.0
+"""Seconds that a simulated battery lasts at least."""
+
 
 def _copter(robot: Robot, router: str) -> list[str]:
     assert robot.simulate is not None
-    home = ",".join(map(repr, robot.simulate.home or ()))
+    told = robot.simulate
+    home = ",".join(map(repr, told.home or ()))
     link = str(peer_of(LinkAddress.parse(robot.link)))
-    return ["--link", link, f"--home={home}", "--sysid", str(robot.sysid)]  # `=`: a latitude may be negative
+    arguments = ["--link", link, f"--home={home}", "--sysid", str(robot.sysid)]  # `=`: a latitude may be negative
+    arguments += [f"--param={name}={value!r}" for name, value in told.parameters.items()]
+    arguments += [f"--fault={fault}" for fault in told.faults]
+    return arguments + ([] if told.battery is None else [f"--battery-minutes={told.battery / 60:g}"])
 
 
 def _turtle(robot: Robot, router: str) -> list[str]:
@@ -59,10 +68,33 @@ def check_simulations(mission: Mission, manifests: Mapping[str, Manifest | None]
         elif vehicle == "copter" and robot.simulate.home is None:
             text = "simulate: a copter needs the field `home`: [latitude, longitude, metres above mean sea level]"
             findings.append(mission.positions.finding(where, text))
+        elif problems := _of_a_copter(robot):
+            findings += [mission.positions.finding((*where, field), text) for field, text in problems]
         elif not vehicle and manifest is not None and manifest.robot.driver == _NO_TWIN:
             text = "simulate: a vehicle on MAVLink needs a simulator: `{vehicle: copter, home: [...]}`"
             findings.append(mission.positions.finding(where, text))
     return findings
+
+
+def _of_a_copter(robot: Robot) -> list[tuple[str, str]]:
+    """What is wrong with what only a simulated copter has: the field and the problem."""
+    told = robot.simulate
+    assert told is not None
+    given = {"parameters": told.parameters, "battery": told.battery, "faults": told.faults}
+    if vehicle_of(robot) != "copter":
+        return [(field, f"simulate.{field}: only a simulated copter has this") for field in given if given[field]]
+    problems = []
+    try:
+        Faults.parse(told.faults)
+    except ValueError as error:
+        problems.append(("faults", f"simulate.faults: {error}"))
+    known = Parameters(robot.sysid)
+    for name, value in told.parameters.items():
+        if known.set(name, value) is None:
+            problems.append(("parameters", f"simulate.parameters: the simulated copter has no parameter {name!r}"))
+    if told.battery is not None and told.battery < SHORTEST_BATTERY:
+        problems.append(("battery", f"simulate.battery: expected at least {SHORTEST_BATTERY:g} s"))
+    return problems
 
 
 def only_real(mission: Mission) -> dict[str, str]:

@@ -96,6 +96,12 @@ class Simulate(FileModel, frozen=True, kw_only=True):
     """What `bridged simulate` can be: copter, turtle."""
     home: tuple[Latitude, Longitude, float] | None = None
     """Degrees, degrees, metres above mean sea level; for vehicles."""
+    parameters: dict[str, float] = {}
+    """Parameters of its autopilot, such as `{FS_GCS_ENABLE: 1}`."""
+    battery: Duration | None = None
+    """How long a full battery lasts in the air; none = as recorded, it never runs down."""
+    faults: tuple[str, ...] = ()
+    """What is wrong with it and its link, such as `loss=0.2` (docs/simulated-copter.md)."""
 
     @property
     def process(self) -> str:

@@ -81,6 +81,12 @@ def test_every_process_has_its_command_in_the_order_of_the_start() -> None:
     ]
 
 
+def test_a_simulated_copter_is_told_its_parameters_its_battery_and_its_faults() -> None:
+    more = "home: [1.5, 2.5, 0], parameters: {FS_GCS_ENABLE: 1}, battery: 10min, faults: [loss=0.2, lie]"
+    started = commands(text=TWO.replace("home: [1.5, 2.5, 0]", more))["simulator uav2"]
+    assert "--param=FS_GCS_ENABLE=1.0 --fault=loss=0.2 --fault=lie --battery-minutes=10 " in started
+
+
 def test_robots_that_share_a_link_share_a_bridge_and_each_calls_it_by_its_own_simulator() -> None:
     file, router, speed = "/missions/two.yaml", "--router tcp/127.0.0.1:9000", "--speed 5"
     started = commands(text=SHARED)
