@@ -15,6 +15,7 @@ from schemas.findings import Finding
 from schemas.ini_arguments import BadList, read_fields, read_names, read_parameter, split
 from schemas.ini_lines import DEFAULT, Option, Section, read_ini
 from schemas.manifest_entries import Field, Parameter
+from schemas.manifest_rules import RESERVED
 from schemas.positions import did_you_mean
 
 ACTION_OPTIONS = ("method", "name", "msg_type", "dependencies", "params_name", "params_type", "latch")
@@ -91,6 +92,7 @@ class _Reader:
     def __init__(self, text: str, file: str, known: tuple[str, ...]) -> None:
         self.ini = read_ini(text, file)
         self.file, self.known = file, known
+        self.table = "actions" if known is ACTION_OPTIONS else "percepts"
         self.findings = list(self.ini.findings)
 
     def is_of(self, theirs: frozenset[str], ours: frozenset[str], other: str) -> bool:
@@ -108,6 +110,9 @@ class _Reader:
         for section in self.ini.sections:
             if not _FUNCTOR.fullmatch(section.name):
                 said = f"`[{section.name}]`: expected the name of a belief or action, such as `[battery]`"
+                self.findings.append(Finding(self.file, section.line, 0, said))
+            elif meaning := RESERVED[self.table].get(section.name):
+                said = f"`[{section.name}]` is a name of the bridge: {meaning}"
                 self.findings.append(Finding(self.file, section.line, 0, said))
             self._unknown(section, f"[{section.name}]")
             options = _Options(section, self.ini.defaults, self.file, self.findings)

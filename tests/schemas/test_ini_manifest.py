@@ -229,3 +229,12 @@ def test_whatever_stands_in_a_file_is_read_or_told(text: str) -> None:
     for read in (read_actions, read_percepts):
         for finding in read(text, "m")[1]:
             assert 0 <= finding.line <= text.count("\n") + 1
+
+
+def test_names_of_the_bridge_are_refused() -> None:
+    _, actions = read_actions("[release]\nmethod = service\nname = a\n[holder]\nmethod = service\nname = a\n", "a.ini")
+    _, percepts = read_percepts("[holder]\nname = a\nargs = x\n[release]\nname = a\nargs = x\n", "p.ini")
+    assert [f"{one.line}: {one.message}" for one in (*actions, *percepts)] == [
+        "1: `[release]` is a name of the bridge: how an agent lets go of the robot",
+        "1: `[holder]` is a name of the bridge: which of its agents has the robot",
+    ]
