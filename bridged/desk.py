@@ -292,12 +292,17 @@ class ActionDesk:
 
     def _show(self, job: _Job) -> None:
         """Let the agent that performs an action perceive how far it is."""
-        wanted = job.entry.feedback
-        for what, value in sorted(job.execution.feedback.items())[:MAX_FEEDBACK]:
-            if (wanted is None or what in wanted) and FUNCTOR.fullmatch(what):
-                job.shown.add(what)
-                parameters = (Atom(job.action.name), Atom(what), number(value))
-                self._board.show(job.action.agent, "feedback", parameters, (0, 1))
+        wanted, name = job.entry.feedback, Atom(job.action.name)
+        told = {
+            what: value
+            for what, value in sorted(job.execution.feedback.items())[:MAX_FEEDBACK]
+            if (wanted is None or what in wanted) and FUNCTOR.fullmatch(what)
+        }
+        for what in sorted(job.shown - told.keys()):
+            self._board.withdraw(job.action.agent, "feedback", (name, Atom(what)))
+        for what, value in told.items():
+            self._board.show(job.action.agent, "feedback", (name, Atom(what), number(value)), (0, 1))
+        job.shown = set(told)
 
     def _tell(self, job: _Job, status: ActionStatus) -> None:
         job.status = status
