@@ -1,4 +1,4 @@
-"""The page about actions: its programs are right for a copter, and the reasons that it lists are those that are told."""
+"""The page about actions: its programs are right for a copter."""
 
 from __future__ import annotations
 
