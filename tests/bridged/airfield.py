@@ -101,20 +101,27 @@ class Airfield:
             await link.close()
 
     async def ask(
-        self, bus: Bus, name: str, *parameters: Term, id: str = "", attempt: int = 1, timeout: float = 60
+        self,
+        bus: Bus,
+        name: str,
+        *parameters: Term,
+        id: str = "",
+        attempt: int = 1,
+        timeout: float = 60,
+        agent: str = "uav",
     ) -> list[ActionStatus]:
         """Perform an action as an agent does; returns its statuses. Fails on anything that is not one."""
         self._ids += 1
-        action = Action(id=id or f"uav:t:{self._ids}", parameters=parameters, attempt=attempt)
-        key, heard = keys.action("test", "uav", name), list[ActionStatus]()
+        action = Action(id=id or f"{agent}:t:{self._ids}", parameters=parameters, attempt=attempt)
+        key, heard = keys.action("test", agent, name), list[ActionStatus]()
         async for reply in bus.query(key, action, ActionStatus, timeout):
             assert reply.record is not None, reply.error
             heard.append(reply.record)
         return heard
 
-    async def do(self, bus: Bus, name: str, *parameters: Term) -> ActionStatus:
+    async def do(self, bus: Bus, name: str, *parameters: Term, agent: str = "uav") -> ActionStatus:
         """Perform an action and return its final status."""
-        heard = await self.ask(bus, name, *parameters)
+        heard = await self.ask(bus, name, *parameters, agent=agent)
         assert heard, "nobody serves the action"
         assert heard[-1].final
         return heard[-1]

@@ -1,0 +1,56 @@
+"""A robot that two agents share, on real Zenoh: handed to one that is alive, and anybody's when that one has died."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+from commd.bus import Bus
+from schemas.terms import Atom
+from tests.bridged.airfield import Airfield, on_the_airfield, present, until
+
+LOST = "agent other is lost: the bridge brings the robot to safety first"
+
+
+async def perceived(bus: Bus, agent: str) -> Atom | None:
+    """Whom an agent perceives as the holder."""
+    told = [one.record.parameters[0] for one in await present(bus, agent) if one.record and one.record.name == "holder"]
+    assert all(isinstance(one, Atom) for one in told)
+    return told[0] if told else None  # type: ignore[return-value]
+
+
+def test_a_robot_is_handed_to_an_agent_that_is_alive_and_taken_again_when_that_one_has_died(
+    endpoint: str, tmp_path: Path
+) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as uav:
+            await uav.claim("uav")
+            daemon = field.start()
+            async with asyncio.timeout(20):
+                while not await present(uav):
+                    await asyncio.sleep(0.05)
+            await field.take_off(uav)
+            assert await perceived(uav, "other") == Atom("uav")
+            refused = await field.do(uav, "hand_over", Atom("other"))
+            assert (refused.state, refused.reason) == ("refused", "hand_over: agent other is not alive")
+            async with field.client("other") as other:
+                await other.claim("other")
+                async with asyncio.timeout(10):
+                    while (await field.do(uav, "hand_over", Atom("other"))).state != "succeeded":
+                        await asyncio.sleep(0.05)
+                assert await perceived(uav, "uav") == Atom("other")
+                assert (await field.do(uav, "land")).reason.startswith("held by other for ")
+                assert (await field.do(other, "get_param", "RTL_ALT", agent="other")).state == "succeeded"
+            await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold, for the agent that has died")
+            assert (await field.do(uav, "land")).reason == LOST
+            await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl after it")
+            async with asyncio.timeout(10):
+                while (taken := await field.do(uav, "set_mode", "GUIDED")).state == "refused":
+                    assert taken.reason == LOST
+                    await asyncio.sleep(0.05)
+            assert taken.state == "succeeded", taken.reason
+            assert await perceived(uav, "other") == Atom("uav")
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body)
