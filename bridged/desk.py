@@ -16,11 +16,10 @@ from bridged.board import PerceptBoard
 from bridged.drivers.robot import Driver, Execution, Order, Outcome
 from bridged.lease import Lease
 from bridged.ledger import Ledger
+from bridged.progress import Progress
 from schemas.built_in import ACTIONS
 from schemas.manifest import ActionEntry, Argument, Manifest
-from schemas.manifest_rules import FUNCTOR
 from schemas.records import Action, ActionStatus, Header, State
-from schemas.terms import Atom, number
 
 FEEDBACK_EVERY = 1.0
 """Wall seconds between two `running` statuses of one action."""
@@ -28,9 +27,6 @@ MAX_RUNNING = 8
 """Actions that may run at once, counted over all agents."""
 MAX_FOLLOWERS = 16
 """Queries that may wait for the end of one action; the newest: an asker whose link flaps has given up the others."""
-
-MAX_FEEDBACK = 16
-"""Figures of one action's progress that its agent perceives at most."""
 
 Follower = Callable[[ActionStatus | None], None]
 """Called with each status of an action from now on; the last one is final, or None if a newer asker took the place."""
@@ -48,9 +44,8 @@ class _Job:
     deadline: float
     status: ActionStatus
     told_at: float
+    progress: Progress
     followers: list[Follower] = field(default_factory=list)
-    shown: set[str] = field(default_factory=set)
-    """Of what in its feedback the agent has a percept."""
 
 
 class ActionDesk:
@@ -155,7 +150,7 @@ class ActionDesk:
                 job.told_at = now
                 running = self._status(job.action, "running", job.execution.waits_for, job.execution.feedback)
                 self._tell(job, replace(running, deadline=max(0.0, job.deadline_at - now)))
-                self._show(job)
+                job.progress.show(job.execution.feedback)
         self.lease.step(active=self._driver.active, heard=self._driver.heard, busy=bool(self._jobs), now=now)
 
     def _known(self, request: Action, follower: Follower) -> bool:
@@ -213,7 +208,8 @@ class ActionDesk:
         follower(accepted)
         self._publish(action.agent, accepted)
         execution = self._driver.perform(action.name, entry, arguments)
-        job = _Job(action, entry, execution, now + deadline, deadline, accepted, now, [follower])
+        progress = Progress(self._board, action.agent, action.name, entry)
+        job = _Job(action, entry, execution, now + deadline, deadline, accepted, now, progress, [follower])
         self._jobs[action.id] = job
         if execution.outcome is not None and execution.outcome.state == "refused":
             self._hold_for(taken)
@@ -281,28 +277,13 @@ class ActionDesk:
         if job.action.id not in self._jobs:
             return job.status
         del self._jobs[job.action.id]
-        for what in sorted(job.shown):
-            self._board.withdraw(job.action.agent, "feedback", (Atom(job.action.name), Atom(what)))
+        job.progress.end()
         self._board.flush(self._now())
         status = self._status(job.action, outcome.state, outcome.reason, job.execution.feedback)
         self._record(status)
         log.info("action %s %s %s %s", job.action.id, job.action.name, status.state, status.reason)
         self._tell(job, status)
         return status
-
-    def _show(self, job: _Job) -> None:
-        """Let the agent that performs an action perceive how far it is."""
-        wanted, name = job.entry.feedback, Atom(job.action.name)
-        told = {
-            what: value
-            for what, value in sorted(job.execution.feedback.items())[:MAX_FEEDBACK]
-            if (wanted is None or what in wanted) and FUNCTOR.fullmatch(what)
-        }
-        for what in sorted(job.shown - told.keys()):
-            self._board.withdraw(job.action.agent, "feedback", (name, Atom(what)))
-        for what, value in told.items():
-            self._board.show(job.action.agent, "feedback", (name, Atom(what), number(value)), (0, 1))
-        job.shown = set(told)
 
     def _tell(self, job: _Job, status: ActionStatus) -> None:
         job.status = status

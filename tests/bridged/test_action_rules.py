@@ -11,10 +11,11 @@ from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.board import PerceptBoard
-from bridged.desk import MAX_FEEDBACK, MAX_RUNNING, ActionDesk
+from bridged.desk import MAX_RUNNING, ActionDesk
 from bridged.drivers.robot import Execution, Order, Outcome, Value
 from bridged.lease import Lease
 from bridged.ledger import Ledger
+from bridged.progress import MAX_FEEDBACK
 from schemas.durations import Duration
 from schemas.manifest import ActionEntry, Manifest, Retry, RobotEntry, load_manifest
 from schemas.records import Action, ActionStatus

@@ -178,3 +178,25 @@ def test_the_agent_that_acts_perceives_how_far_it_is_once_a_second_until_it_ends
     assert distances[-1].update == "remove"
     assert distances[-1].header.seq <= (going[-1].after or 0), "it is gone before the action ends"
     assert sky.belief("feedback") is None
+
+
+def test_a_robot_that_is_taken_by_an_action_which_the_driver_refuses_at_once_holds(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, mission=RANKED).flying()
+    going = sky.begin("goto", *GOAL)
+    sky.wait(4)
+    assert sky.do("set_mode", "HOVER", agent="other").state == "refused"
+    assert end_of(going[-1]) == ("failed", "lease taken by other")
+    sky.wait(10)
+    here = sky.belief("global_pos")
+    sky.wait(5)
+    assert sky.belief("global_pos") == pytest.approx(here, abs=2e-6), "20 cm"
+
+
+def test_whoever_stands_in_no_rank_takes_nothing_from_the_first_and_the_first_may_take_from_it() -> None:
+    lease = Lease(["a", "b", "c"], ("a", "b"))
+    lease.take("c", 0.0)
+    assert [lease.outranks(agent) for agent in "abc"] == [True, True, False]
+    lease.take("b", 0.0)
+    assert [lease.outranks(agent) for agent in "abc"] == [True, False, False]
+    lease.take("a", 0.0)
+    assert [lease.outranks(agent) for agent in "abc"] == [False, False, False]
