@@ -19,8 +19,9 @@ from schemas.terms import Term, to_float
 
 MAX_BELIEFS = 1000
 """Beliefs that a robot may give at once; the oldest goes first, and is counted."""
-RATE_SLACK = 0.9
-"""Part of the period after which a change may be told: a 10 Hz source must not be halved by its jitter."""
+JITTER = 0.25
+"""Part of the period by which a change may come too soon or too late and count as on time: a 10 Hz source must not be
+halved by its jitter. On average no more than the rate is told."""
 
 Parameters = tuple[Term, ...]
 Update = Literal["replace", "add", "remove"]
@@ -33,7 +34,8 @@ class _Slot:
     name: str
     entry: PerceptEntry
     told: Parameters
-    told_at: float
+    due: float
+    """When the next change may be told, in mission seconds."""
     heard_at: float
     waiting: Parameters | None = None
     """The newest value, held back by the rate."""
@@ -79,6 +81,7 @@ class PerceptBoard:
             if entry is None or _identity(entry, manifest) != _identity(slot.entry, manifest):
                 self._remove(key)
             else:
+                slot.due += _period(entry) - _period(slot.entry)
                 slot.entry = entry
         self.translator = Translator(manifest, self.translator.unreadable)
         self._percepts = new
@@ -94,7 +97,7 @@ class PerceptBoard:
     def tick(self, now: float) -> None:
         """Tell what the rate held back, and remove what has aged."""
         for key, slot in list(self._slots.items()):
-            if slot.waiting is not None and now - slot.told_at >= _period(slot.entry):
+            if slot.waiting is not None and now >= slot.due:
                 self._tell(slot, slot.waiting, now)
             ttl = slot.entry.ttl
             if ttl is not None and now - slot.heard_at > ttl * self._patience:
@@ -137,13 +140,16 @@ class PerceptBoard:
         slot.heard_at = now
         if entry.buf == "update" and not _changed(slot.told, parameters, entry.deadband):
             slot.waiting = None
-        elif entry.buf == "add" or now - slot.told_at >= RATE_SLACK * _period(entry):
+        elif entry.buf == "add" or now >= slot.due - JITTER * _period(entry):
             self._tell(slot, parameters, now)
         else:
             slot.waiting = parameters
 
     def _tell(self, slot: _Slot, parameters: Parameters, now: float) -> None:
-        slot.told, slot.told_at, slot.waiting = parameters, now, None
+        period = _period(slot.entry)
+        slot.told, slot.waiting = parameters, None
+        on_time = abs(now - slot.due) <= JITTER * period
+        slot.due = (slot.due if on_time else now) + period  # one that came a little late does not hold up the next
         self._send(slot.name, parameters, "add" if slot.entry.buf == "add" else "replace", slot.entry.key)
 
     def _withdraw(self, name: str) -> None:
