@@ -18,7 +18,7 @@ HEAD = """\
 Written by `make faults`; each row is also a test of `make test`. Every row flies, or works, on real bytes: packets of
 MAVLink through a bad link (`bridged simulate copter --fault ...` injects the same), or real processes on a real Zenoh
 router. An action that is called succeeded was so by the simulated robot's own state at that moment; every action has
-one final status. Seconds are the mission's.
+one final status. Seconds are the mission's in virtual time, and the wall's of real processes.
 """
 
 
