@@ -126,7 +126,7 @@ class Figures:
         return self.latencies[min(len(self.latencies) - 1, round(part * len(self.latencies)))]
 
 
-def measure(seconds: float) -> Figures:
+def measure(seconds: float, warm_up: float = WARM_UP) -> Figures:
     """Run everything once. Raises BenchmarkFailed."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
@@ -153,12 +153,16 @@ def measure(seconds: float) -> Figures:
         talkers = [Talker(number, ("127.0.0.1", port)) for number in range(1, VEHICLES + 1)]
         for talker in talkers:
             stack.callback(talker.close)
-        talk(talkers, WARM_UP)
-        for talker in talkers:
-            talker.sent.clear()
-            talker.messages = 0
-        begun, used = time.monotonic(), bridge.cpu()
-        talk(talkers, seconds)
+        begun, used = 0.0, 0.0
+
+        def warm() -> None:
+            nonlocal begun, used
+            for talker in talkers:
+                talker.sent.clear()
+                talker.messages = 0
+            begun, used = time.monotonic(), bridge.cpu()
+
+        talk(talkers, seconds, warm_up, warm)
         spent, used = time.monotonic() - begun, bridge.cpu() - used
         rss = memory(bridge.process.pid, "VmRSS"), memory(bare.process.pid, "VmRSS")
         time.sleep(1.0)

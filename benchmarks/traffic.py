@@ -6,6 +6,7 @@ import select
 import socket
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -122,9 +123,13 @@ RATES: Final = {
 """Messages of each kind in a second: 25."""
 
 
-def talk(talkers: list[Talker], seconds: float) -> None:
-    """Let all of them talk at `RATES` for so long, spread evenly over time, and answer what they are told."""
+def talk(talkers: list[Talker], seconds: float, warm_up: float, warm: Callable[[], None]) -> None:
+    """Let all of them talk at `RATES`, spread evenly over time, and answer what they are told.
+
+    It lasts for `warm_up`, then calls `warm`, and goes on without a break for `seconds`.
+    """
     begun = time.monotonic()
+    seconds += warm_up
     agenda = deque(
         sorted(
             ((index + 0.5 * number / len(talkers)) / rate + 0.013 * order, number, kind)
@@ -137,5 +142,8 @@ def talk(talkers: list[Talker], seconds: float) -> None:
         while (wait := begun + agenda[0][0] - time.monotonic()) > 0:
             for talker in select.select(talkers, [], [], wait)[0]:
                 talker.answer()
-        _, number, kind = agenda.popleft()
+        at, number, kind = agenda.popleft()
+        if at >= warm_up and warm_up:
+            warm()
+            warm_up = 0.0
         talkers[number].tell(kind)
