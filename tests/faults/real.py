@@ -53,7 +53,7 @@ taken(0).
 """
 _KILLED = """\
 mission: killed
-speed: 5
+speed: 10
 agents:
   uav: {program: uav.asl, robot: uav1}
 robots:
@@ -105,7 +105,7 @@ def bridge_killed(state: Path) -> Row:
     port, endpoint = free_port(), f"tcp/127.0.0.1:{free_port()}"
     mission = _written(state, _KILLED.replace("PORT", str(port)), uav=_FLIER)
     bridge = ("bridged", "serve", mission, "uav1", "--router", endpoint, "--state", str(state / "state"))
-    copter = ("bridged", "simulate", "copter", "--link", f"udpout:127.0.0.1:{port}", "--speed", "5")
+    copter = ("bridged", "simulate", "copter", "--link", f"udpout:127.0.0.1:{port}", "--speed", "10")
     with (
         running("commd", "serve", mission, "--router", endpoint),
         running(*copter),
