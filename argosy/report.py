@@ -18,7 +18,9 @@ COLOURS = ("#0969da", "#bc4c00", "#1a7f37", "#8250df", "#0b7285", "#bf3989")
 OUTCOMES = {"succeeded": "#2da44e", "failed": "#cf222e", "refused": "#cf222e", "timed_out": "#cf222e"}
 MODE_SHADES = ("#f3f7fc", "#fdf6ec", "#f1f8f2", "#f7f2fc")
 WIDTH, MARGIN = 960.0, 64.0
-LANE, MAX_LANES = 20.0, 12
+LINE = 16.0
+"""Pixels between two lines below the title."""
+LANE, MAX_LANES = 20.0, 30
 """Pixels of one line of actions, and how many lines there are at most."""
 
 
@@ -46,27 +48,30 @@ def draw(flown: Flown) -> str:
     """Return the picture: the plan view, and below it altitude, modes and actions over mission time."""
     lanes = _lanes(flown.actions)
     rows = max(lanes.values(), default=-1) + 1
-    svg = Svg(WIDTH, 920 + rows * LANE, f"{flown.mission}: flown track")
+    told = _subtitles(flown.tracks)
+    top = LINE * max(0, len(told) - 1)
+    svg = Svg(WIDTH, 920 + top + rows * LANE, f"{flown.mission}: flown track")
     svg.add("rect", width=svg.width, height=svg.height, fill=PAPER)
     svg.text(MARGIN, 40, flown.mission, 20, font_weight="600")
-    svg.text(MARGIN, 60, _subtitle(flown.tracks), 12, FAINT)
+    for index, line in enumerate(told):
+        svg.text(MARGIN, 60 + LINE * index, line, 12, FAINT)
     origin = _origin(flown.tracks.values())
     if origin is None:
-        svg.text(MARGIN, 100, "no position was seen", 14)
+        svg.text(MARGIN, 100 + top, "no position was seen", 14)
         return str(svg)
     _legend(svg, flown)
-    _plan(svg, flown, origin)
-    _profile(svg, flown, lanes, rows)
+    _plan(svg, flown, origin, top)
+    _profile(svg, flown, lanes, top)
     return str(svg)
 
 
-def _subtitle(tracks: dict[str, Track]) -> str:
+def _subtitles(tracks: dict[str, Track]) -> list[str]:
     told = []
     for name, track in tracks.items():
         highest = track.highest()
         high = "" if highest is None else f", {highest:.1f} m above home at most"
         told.append(f"{name}: {track.length():.0f} m over ground{high}")
-    return "; ".join(told)
+    return told
 
 
 def _origin(tracks: Iterable[Track]) -> tuple[float, float] | None:
@@ -97,7 +102,7 @@ def _legend(svg: Svg, flown: Flown) -> None:
         x -= 44 if colour not in ("", "target") else 38
 
 
-def _plan(svg: Svg, flown: Flown, origin: tuple[float, float]) -> None:
+def _plan(svg: Svg, flown: Flown, origin: tuple[float, float], top: float) -> None:
     """The plan view: metres east and north of home, both axes to one scale."""
     paths = {
         name: [metres((point.latitude, point.longitude), origin) for point in _flight(track)]
@@ -105,7 +110,7 @@ def _plan(svg: Svg, flown: Flown, origin: tuple[float, float]) -> None:
     }
     targets = {target: metres(target[:2], origin) for target in _targets(flown.actions)}
     points = [(0.0, 0.0), *targets.values(), *(place for path in paths.values() for place in path)]
-    frame = equal_frame(MARGIN, 100, WIDTH - 2 * MARGIN, 460, points)
+    frame = equal_frame(MARGIN, 100 + top, WIDTH - 2 * MARGIN, 460, points)
     frame.draw_axes(svg, "m east of home", "m north of home")
     for name, path in paths.items():
         svg.polyline([frame.at(*place) for place in path], _colours(flown)[name], stroke_width=2.2)
@@ -122,21 +127,24 @@ def _plan(svg: Svg, flown: Flown, origin: tuple[float, float]) -> None:
             _home(svg, *frame.at(*metres(track.home, origin)))
 
 
-def _profile(svg: Svg, flown: Flown, lanes: dict[str, int], rows: int) -> None:
-    """Altitude over mission time, the modes behind it, the actions below it."""
+def _profile(svg: Svg, flown: Flown, lanes: dict[str, int], top: float) -> None:
+    """Altitude over mission time, the modes behind it if there is one robot, the actions below it."""
     heights = [altitude for track in flown.tracks.values() for _, altitude in track.heights]
-    top, bottom = max([*heights, 5.0]) * 1.18, min([*heights, 0.0])
-    frame = Frame(MARGIN, 660, WIDTH - 2 * MARGIN, 190, (0.0, max(flown.until, 1.0)), (bottom - top * 0.02, top))
-    first = next(iter(flown.tracks.values()), Track())
-    _modes(svg, frame, first, flown.until)
+    high, low = max([*heights, 5.0]) * 1.18, min([*heights, 0.0])
+    times = (0.0, max(flown.until, 1.0))
+    frame = Frame(MARGIN, 660 + top, WIDTH - 2 * MARGIN, 190, times, (low - high * 0.02, high))
+    if len(flown.tracks) == 1:
+        _modes(svg, frame, next(iter(flown.tracks.values())), flown.until)
     frame.draw_axes(svg, "s of mission", "m above home")
     for name, track in flown.tracks.items():
         line = [frame.at(at, altitude) for at, altitude in track.heights if at <= frame.x_range[1]]
         svg.polyline(line, _colours(flown)[name], stroke_width=2)
+    agents = {action.agent for action in flown.actions}
     for action in flown.actions:
         if action.id in lanes:
-            _action(svg, frame, action, 900 + lanes[action.id] * LANE, flown.until)
-    if rows >= MAX_LANES:
+            text = action.text if len(agents) == 1 else f"{action.agent}: {action.text}"
+            _action(svg, frame, action, text, 900 + top + lanes[action.id] * LANE, flown.until)
+    if len(flown.actions) > MAX_LANES:
         svg.text(MARGIN, svg.height - 4, "more actions than there is room for: see mission.log", 11, FAINT)
 
 
@@ -151,12 +159,12 @@ def _modes(svg: Svg, frame: Frame, track: Track, until: float) -> None:
             svg.text(x + 4, frame.top + 13, name, 10, FAINT)
 
 
-def _action(svg: Svg, frame: Frame, action: ActionSeen, y: float, until: float) -> None:
+def _action(svg: Svg, frame: Frame, action: ActionSeen, text: str, y: float, until: float) -> None:
     begin = frame.at(action.began, 0)[0]
     end = frame.at(action.ended if action.ended is not None else until, 0)[0]
     colour = OUTCOMES.get(action.state, "#9a6700")
     svg.add("rect", x=begin, y=y, width=max(2.0, end - begin), height=5, rx=2.5, fill=colour)
-    text = action.text if len(action.text) <= 44 else f"{action.text[:43]}…"
+    text = text if len(text) <= 52 else f"{text[:51]}…"
     if action.state != "succeeded":
         text += f" {action.state}"
     if end + 6.2 * len(text) > WIDTH - MARGIN / 2:
