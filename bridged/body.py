@@ -3,14 +3,31 @@
 from __future__ import annotations
 
 import asyncio
+import logging
+import math
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from weakref import WeakKeyDictionary
 
 from bridged.arguments import read_call
 from bridged.drivers import find_driver
-from bridged.drivers.robot import Driver, Execution, Order, Outcome, Setup, Value
+from bridged.drivers.robot import Driver, Execution, Order, Outcome, Reading, Setup, Value
+from bridged.upkeep import Upkeep, may_come
 from schemas.manifest import ActionEntry, Manifest
+
+HOLD_PATIENCE = 10.0
+"""Wall seconds in which a robot must hold that was told so by an action of its manifest."""
+log = logging.getLogger("orders")
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """Who carries an execution out, and whether it moves the robot."""
+
+    driver: Driver
+    motion: bool
 
 
 class Body:
@@ -24,15 +41,20 @@ class Body:
         self._setup = setup
         self._manifest = setup.manifest
         self._drivers: dict[str, Driver] = {}
-        for name in setup.manifest.drivers():
-            self._make(name)
-        self.own = self._drivers[setup.manifest.robot.driver]
-        """The driver of the robot itself."""
-        self._of: WeakKeyDictionary[Execution, Driver] = WeakKeyDictionary()
+        self._upkeep: dict[str, Upkeep] = {}
+        self._of: WeakKeyDictionary[Execution, _Begun] = WeakKeyDictionary()
         self._moving = False
         """Whether a motion was begun, for a robot that cannot tell itself."""
         self._halt: Execution | None = None
         """The order since then that is to end it."""
+        self._halt_until = math.inf
+        """When the halt must have ended, in wall seconds, if nobody else sees to it."""
+        self.alone = True
+        """No other robot is served by this process: it may end if the robot's link cannot be opened."""
+        for name in setup.manifest.drivers():
+            self._make(name)
+        self.own = self._drivers[setup.manifest.robot.driver]
+        """The driver of the robot itself."""
         self.orders: frozenset[Order] = self._known_orders()
         """Those that the robot itself knows, and those that its manifest has an action for."""
 
@@ -40,32 +62,48 @@ class Body:
         """Begin an action by its driver."""
         driver = self._drivers[self._manifest.driver_of(entry)]
         execution = driver.perform(name, entry, arguments)
-        self._of[execution] = driver
+        self._of[execution] = _Begun(driver, entry.motion)
         if entry.motion:
-            self._moving, self._halt = True, None
+            self.may_be_moving()
         return execution
+
+    def may_be_moving(self) -> None:
+        """A motion begins, or began in a former life of the bridge: the robot is not left without an order."""
+        self._moving, self._halt, self._halt_until = True, None, math.inf
 
     def refuses(self, entry: ActionEntry) -> str:
         """Why an action cannot begin now: what its driver says, or the robot's own if it moves the robot."""
-        driver = self._drivers[self._manifest.driver_of(entry)]
-        refusal = driver.refuses(entry)
+        name = self._manifest.driver_of(entry)
+        driver = self._drivers[name]
+        refusal = self._upkeep[name].problem or driver.refuses(entry)
         return refusal or (self.own.refuses(entry) if entry.motion and driver is not self.own else "")
 
     def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
-        """Begin an order by the robot's driver, or by the action that the manifest names for it."""
-        for execution, driver in list(self._of.items()):
-            if not execution.over and driver is not self.own:
-                driver.stop(execution, Outcome("failed", reason), hold=False)
-        if order in self.own.orders:
-            return self.own.order(order, reason, insist=insist)
-        return self._by_action(order, reason)
+        """Begin an order by the robot's driver, or by the action that the manifest names for it; actions end."""
+        by_itself = order in self.own.orders
+        for execution, begun in list(self._of.items()):
+            if not (by_itself and begun.driver is self.own):  # whose driver ends them itself
+                self._end(execution, reason)
+        return self.own.order(order, reason, insist=insist) if by_itself else self._by_action(order)
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
-        """End an execution by its driver; a robot that cannot hold by itself does it by the manifest's `orders`."""
-        ran = not execution.over
-        self._of.get(execution, self.own).stop(execution, outcome, hold=hold)
-        if ran and hold and "hold" not in self.own.orders and "hold" in self._manifest.orders:
-            self._by_action("hold", outcome.reason)
+        """End an execution by its driver; a robot that cannot hold by itself does it by the manifest's `orders`.
+
+        The reason of an execution that was to end in a hold says so if the robot does not hold yet.
+        """
+        ran, begun = not execution.over, self._of.get(execution)
+        (self.own if begun is None else begun.driver).stop(execution, outcome, hold=hold)
+        if ran and hold and self._holds_by_action:
+            said = self._hold(outcome.reason)
+            if said and execution.outcome is not None:
+                execution.outcome = replace(execution.outcome, reason=f"{execution.outcome.reason}; {said}")
+
+    def hold(self, execution: Execution, reason: str) -> None:
+        """Let the robot stay where it is although what moved it has ended: whoever has it now does not move it."""
+        if self._holds_by_action:
+            self._hold(reason)
+        elif begun := self._of.get(execution):
+            begun.driver.stop(execution, Outcome("failed", reason), hold=True)
 
     @property
     def active(self) -> bool:
@@ -74,6 +112,11 @@ class Body:
             return self.own.active
         halt = None if self._halt is None else self._halt.outcome
         return self._moving and bool(self._manifest.orders) and (halt is None or halt.state != "succeeded")
+
+    @property
+    def arms(self) -> bool:
+        """Whether the robot itself tells that it is in use; of another one it is known from its actions alone."""
+        return bool(self.own.orders)
 
     @property
     def heard(self) -> bool:
@@ -96,44 +139,100 @@ class Body:
             driver.speak_for_agent(present)
 
     def adopt(self, manifest: Manifest) -> None:
-        """Go on by another manifest, of the same drivers."""
+        """Go on by another manifest, of the same drivers. Raises ValueError if it has no order to end a motion by."""
+        if self.active and (gone := sorted(self._manifest.orders.keys() - manifest.orders.keys() - self.own.orders)):
+            raise ValueError(f"orders.{gone[0]}: the robot may be moving, and this order ends it; stop it first")
         self._manifest = manifest
         self.orders = self._known_orders()
         for name, driver in self._drivers.items():
             driver.adopt(manifest.part(name))
 
     async def run(self) -> None:
-        """Run all drivers until cancelled; the first that fails ends the others."""
-        async with asyncio.TaskGroup() as group:
-            for driver in self._drivers.values():
-                group.create_task(driver.run())
+        """Run all drivers until cancelled; one that fails is a warning, and is run again if its link was not there.
+
+        Raises what the own driver of a robot fails by that is alone in its process, unless waiting may help.
+        """
+        own = self._manifest.robot.driver
+        others = [upkeep.keep_apart() for name, upkeep in self._upkeep.items() if name != own]
+        tasks = [asyncio.create_task(one) for one in others]
+        try:
+            if self.alone:
+                await self._upkeep[own].keep(may_come)
+            await self._upkeep[own].keep_apart()
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
 
     def counters(self) -> dict[str, float]:
-        """Figures of all drivers."""
-        counters: dict[str, float] = {}
+        """Figures of all drivers; of those that several have, the sum."""
+        counters: Counter[str] = Counter()
         for driver in self._drivers.values():
-            counters |= driver.counters()
-        return counters
+            counters.update(driver.counters())
+        return dict(counters)
 
     def notes(self) -> list[str]:
-        """Warnings of all drivers."""
-        return [note for driver in self._drivers.values() for note in driver.notes()]
+        """Warnings of all drivers, and of those that do not run."""
+        notes = [upkeep.problem for upkeep in self._upkeep.values() if upkeep.problem]
+        notes += [note for driver in self._drivers.values() for note in driver.notes()]
+        if self._halt is not None and (said := _not_done(self._halt)):
+            notes.append(f"the robot may be moving: {said}")
+        return notes
 
     def _known_orders(self) -> frozenset[Order]:
         return self.own.orders | self._manifest.orders.keys()
 
     def _make(self, name: str) -> None:
-        setup = replace(self._setup, manifest=self._manifest.part(name))
+        setup = replace(self._setup, manifest=self._manifest.part(name), on_step=self._step)
         if name != self._manifest.robot.driver:
             tell = setup.on_reading
             setup = replace(setup, on_reading=lambda reading: tell(replace(reading, driver=name)))
-        self._drivers[name] = find_driver(name).make_driver(setup)
+        driver = self._drivers[name] = find_driver(name).make_driver(setup)
+        self._upkeep[name] = Upkeep(self._setup.name, name, driver, partial(self._failed, name))
 
-    def _by_action(self, order: Order, reason: str) -> Execution:
+    def _failed(self, name: str, why: str) -> None:
+        """A driver does not run: what it carries out has failed, and what an auxiliary one told holds no longer."""
+        for execution, begun in list(self._of.items()):
+            if begun.driver is self._drivers[name]:
+                self._end(execution, why)
+        if name != self._manifest.robot.driver:
+            for source in {entry.source for entry in self._manifest.part(name).percepts.values()}:
+                self._setup.on_reading(Reading(source, None, name))
+        self._step()
+
+    def _step(self) -> None:
+        """A driver has looked at its executions: also at a hold that nobody else waits for."""
+        if self._halt is not None and self._setup.clock.wall() > self._halt_until:
+            outcome = Outcome("timed_out", f"not done within {HOLD_PATIENCE:g} s")
+            self.stop(self._halt, outcome, hold=False)
+        self._setup.on_step()
+
+    def _end(self, execution: Execution, reason: str) -> None:
+        if not execution.over:
+            self._of[execution].driver.stop(execution, Outcome("failed", reason), hold=False)
+
+    @property
+    def _holds_by_action(self) -> bool:
+        return "hold" not in self.own.orders and "hold" in self._manifest.orders
+
+    def _hold(self, reason: str) -> str:
+        """End what moves the robot, and let it hold by its action. Returns in words why it does not hold yet."""
+        for execution, begun in list(self._of.items()):
+            if begun.motion:
+                self._end(execution, reason)
+        halt = self._by_action("hold")
+        self._halt_until = self._setup.clock.wall() + HOLD_PATIENCE
+        halt.ended = lambda: self._tell_unheld(halt)
+        if halt.over:
+            self._tell_unheld(halt)
+        return _not_done(halt) or ("" if halt.over else "hold is not confirmed yet")
+
+    def _tell_unheld(self, halt: Execution) -> None:
+        if said := _not_done(halt):
+            log.error("%s: the robot may be moving: %s", self._setup.name, said)
+
+    def _by_action(self, order: Order) -> Execution:
         """Carry out an order as the manifest's `orders` say."""
-        for execution, driver in list(self._of.items()):
-            if not execution.over:
-                driver.stop(execution, Outcome("failed", reason), hold=False)
         said = self._manifest.orders.get(order)
         if said is None:
             execution = Execution(order)
@@ -141,5 +240,13 @@ class Body:
             return execution
         name, arguments = read_call(self._manifest, said)
         execution = self.perform(name, self._manifest.actions[name], arguments)
-        self._halt = execution
+        self._halt, self._halt_until = execution, math.inf
         return execution
+
+
+def _not_done(halt: Execution) -> str:
+    """In words that an order has ended without success; empty if it has not."""
+    outcome = halt.outcome
+    if outcome is None or outcome.state == "succeeded":
+        return ""
+    return f"`{halt.name}` {outcome.state.replace('_', ' ')}: {outcome.reason}"

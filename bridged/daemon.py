@@ -68,6 +68,8 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
     ) as bus:
         shared: dict[str, Any] = {}
         bridges = [await bind(bus, mission, part, clock, args, shared) for part in parts]
+        for bridge in bridges:
+            bridge.driver.alone = len(bridges) == 1
         work = [asyncio.create_task(bridge.driver.run()) for bridge in bridges]
         for part, bridge in zip(parts, bridges, strict=True):
             work.append(asyncio.create_task(report_health(bus, part.name, clock, bridge.health)))
@@ -104,7 +106,11 @@ async def bind(bus: Bus, mission: Mission, part: Part, clock: Clock, args: Names
 
 async def leave(bridge: Bridge, mission: Mission) -> None:
     """Leave a robot as the mission's `on_shutdown` says, and tell how."""
-    left = await bridge.orders.shut_down(mission.robots[bridge.name].on_shutdown)
+    try:
+        left = await bridge.orders.shut_down(mission.robots[bridge.name].on_shutdown)
+    except Exception as error:  # one robot's defect must not keep the others from their way home
+        asyncio.get_running_loop().call_exception_handler({"message": f"leaving {bridge.name}", "exception": error})
+        left = "not known, for a defect"
     log.info("leaving %s: %s", bridge.name, left)
 
 

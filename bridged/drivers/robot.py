@@ -165,7 +165,10 @@ class Driver(Protocol):
         """Say whether an agent is there: without one the driver claims to be nobody's ground station."""
 
     async def run(self) -> None:
-        """Carry the robot's traffic until cancelled. Raises OSError if its link cannot be opened."""
+        """Carry the robot's traffic until cancelled. Raises OSError if its link cannot be opened: then it is run again.
+
+        Any other error, and an end by itself, is a defect: the driver is not run again.
+        """
 
     def adopt(self, manifest: Manifest) -> None:
         """Go on by another manifest, of which nothing is wrong; what runs goes on by the old one."""

@@ -90,8 +90,9 @@ class MavlinkDriver:
         self._patience = self._patience_of(setup.manifest)
 
     async def run(self) -> None:
-        """Carry the vehicle's traffic until cancelled. Raises LinkError if the link cannot be opened."""
+        """Carry the vehicle's traffic until cancelled. Raises LinkError if the link cannot be opened: run it again."""
         loop = asyncio.get_running_loop()
+        self._carry(False)  # so that a link that cannot be opened, also when this is run again, is told to be down
         async with self._links.seat(self._address, self._rider) as self._link:
             self._carry(self._link.up)
             while True:

@@ -1,0 +1,278 @@
+"""Drivers that cannot open their links, or fail: what becomes of the robot, and of those served beside it."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import pty
+import sys
+from argparse import Namespace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bridged import upkeep
+from bridged.daemon import serve
+from bridged.drivers.mavlink.link import LinkError
+from bridged.drivers.mavlink.wire import Encoder
+from schemas import keys
+from schemas.manifest import find_manifest
+from schemas.mission import Mission, read_mission
+from schemas.percepts import PerceptSet
+from schemas.records import Health, Perception
+from schemas.terms import Atom
+from tests.bridged.airfield import Airfield, on_the_airfield, until
+from tests.bridged.plugins import install
+from tests.bridged.radio import BEAT, Speaker
+from tests.bridged.sky import MISSION
+from tests.bridged.workshop import Workshop, checked, in_the_workshop
+from tests.support.buses import Connect, on_a_bus, served
+from tests.support.ports import free_port
+
+SONAR = """
+import asyncio
+from bridged.drivers.plain import PlainDriver
+from bridged.drivers.robot import Execution
+
+echo, trouble, runs = asyncio.Event(), [], []
+
+def check_manifest(manifest): return ()
+def check_robot(robot): return ()
+
+class Sonar(PlainDriver):
+    def perform(self, name, entry, arguments):
+        return Execution(name)
+
+    async def run(self):
+        runs.append(1)
+        self.tell("range", {"metres": 2.5})
+        await echo.wait()
+        echo.clear()
+        if trouble:
+            raise trouble.pop()
+
+def make_driver(setup): return Sonar(setup)
+"""
+PERCEPT = """
+[percepts.range]
+driver = "sonar"
+source = "range"
+args = ["metres"]
+[actions.ping]
+driver = "sonar"
+call = "ping"
+motion = false
+"""
+BENCH = f"""
+[robot]
+driver = "python"
+[percepts.tick]
+source = "bench.tick"
+args = ["data"]
+rate = 100
+{PERCEPT}
+"""
+
+
+@pytest.fixture
+def sonar(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
+    """The module of a driver that fails when it is told to."""
+    counting = 'from itertools import count\n__all__ = ["tick"]\ncounter = count()\ndef tick(): return next(counter)\n'
+    points = {"argosy.drivers": {"sonar": "my_sonar"}, "argosy.python.simulated": {"bench": "my_bench"}}
+    points["argosy.python"] = points["argosy.python.simulated"]
+    install(monkeypatch, tmp_path, {"my_sonar": SONAR, "my_bench": counting}, points)
+    monkeypatch.setattr(upkeep, "PAUSES", (0.1, 0.1))
+    monkeypatch.setattr(upkeep, "LASTS", 0.2)
+    from bridged.drivers import find_driver
+
+    find_driver.cache_clear()
+    find_driver("sonar")
+    yield sys.modules["my_sonar"]
+    find_driver.cache_clear()
+
+
+async def failing(workshop: Workshop, sonar: Any, error: Exception) -> None:
+    """The driver of the sonar fails while it carries out an action; the robot's own goes on."""
+    await workshop.perceives("range", 2.5)
+    heard = workshop.begin("ping")
+    await until(lambda: bool(heard), "accepted")
+    sonar.trouble.append(error)
+    sonar.echo.set()
+    await until(lambda: heard[-1].final, "the action ends")
+    assert heard[-1].state == "failed"
+    assert f"driver `sonar` does not run: {error or type(error).__name__}" in heard[-1].reason.replace("KeyError: ", "")
+    before = workshop.present("tick")
+    await until(lambda: workshop.present("tick") != before, "the robot's own driver goes on")
+
+
+def test_an_auxiliary_driver_that_loses_its_link_is_run_again_and_the_robots_own_goes_on(
+    sonar: Any, tmp_path: Path
+) -> None:
+    async def body(workshop: Workshop) -> None:
+        await failing(workshop, sonar, OSError("unplugged"))
+        await workshop.perceives("range", 2.5)
+        await until(lambda: not workshop.bridge.health().notes, "all is well again")
+        assert len(sonar.runs) == 2
+
+    in_the_workshop(Workshop(tmp_path, checked(BENCH)), body)
+
+
+def test_an_auxiliary_driver_with_a_defect_is_given_up_and_its_entries_are_refused(sonar: Any, tmp_path: Path) -> None:
+    async def body(workshop: Workshop) -> None:
+        await failing(workshop, sonar, KeyError("depth"))
+        said = "driver `sonar` does not run: KeyError: 'depth'; it is not run again before the bridge is restarted"
+        assert workshop.bridge.health().notes == (said,)
+        assert workshop.present("range") == [], "what it told holds no longer"
+        status = await workshop.do("ping")
+        assert (status.state, status.reason) == ("refused", said)
+        assert len(sonar.runs) == 1
+
+    in_the_workshop(Workshop(tmp_path, checked(BENCH)), body)
+
+
+def test_a_copter_in_flight_keeps_its_link_and_its_way_home_when_another_driver_of_it_fails(
+    endpoint: str, sonar: Any, tmp_path: Path
+) -> None:
+    copter = find_manifest("arducopter")
+    assert copter is not None
+    rigged = tmp_path / "rigged.toml"
+    rigged.write_text(copter.read_text() + PERCEPT)
+
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as agent:
+            daemon = field.start()
+            notes: list[str] = []
+            agent.subscribe(
+                keys.health("test", "uav1", "bridged"), Health, lambda _, health: notes.extend(health.notes)
+            )
+            await served(agent, keys.action("test", "uav", "takeoff"))
+            await field.take_off(agent)
+            sonar.trouble.append(RuntimeError("a defect"))
+            sonar.echo.set()
+            await until(lambda: any("driver `sonar` does not run" in note for note in notes), "it is told")
+            assert not daemon.done()
+            assert (await field.do(agent, "takeoff", 10)).state in ("succeeded", "refused", "failed")
+            field.stop.set()
+            assert await daemon == 0
+            assert field.vehicle.copter.mode.name == "RTL"
+
+    on_the_airfield(endpoint, tmp_path, body, mission=MISSION.replace("arducopter", str(rigged)))
+
+
+WATCHFUL = """
+[robot]
+driver = "mavlink"
+vehicle = "arducopter"
+link_loss = "1s"
+[percepts.link]
+source = "LINK"
+args = ["state"]
+"""
+
+
+def two_robots(folder: Path, first: str, second: str) -> Mission:
+    """A mission of two robots, each with an agent and a link."""
+    (folder / "watchful.toml").write_text(WATCHFUL)
+    text = f"""
+mission: two
+fleet: test
+agents:
+  a1: {{program: a.asl, robot: r1}}
+  a2: {{program: a.asl, robot: r2}}
+robots:
+  r1: {{manifest: watchful.toml, link: '{first}', sysid: 1}}
+  r2: {{manifest: watchful.toml, link: '{second}', sysid: 2}}
+"""
+    return read_mission(text, folder / "two.yaml")
+
+
+def serving(mission: Mission, endpoint: str, state: Path, *robots: str) -> tuple[asyncio.Task[int], asyncio.Event]:
+    """The bridge daemon of some robots, and what stops it."""
+    stop = asyncio.Event()
+    said = Namespace(robots=list(robots), router=endpoint, speed=None, state=state, link=None, simulated=False)
+    return asyncio.create_task(serve(mission, said, stop)), stop
+
+
+def test_a_link_that_cannot_be_opened_at_the_start_takes_no_other_robot_down_and_is_opened_when_it_can_be(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(upkeep, "PAUSES", (0.1, 0.5))
+    port, device = free_port(), tmp_path / "telemetry"
+
+    async def body(connect: Connect) -> None:
+        bus = await connect()
+        seen, health = {name: PerceptSet() for name in ("a1", "a2")}, Health()
+
+        def hear(_: str, one: Health) -> None:
+            nonlocal health
+            health = one
+
+        for name, copy in seen.items():
+            bus.subscribe(keys.percept("test", name, "*"), Perception, lambda _, one, copy=copy: copy.apply(one))  # type: ignore[misc]
+        bus.subscribe(keys.health("test", "r2", "bridged"), Health, hear)
+
+        def link(agent: str) -> list[object]:
+            return [one.parameters[0] for one in seen[agent].present() if one.name == "link"]
+
+        mission = two_robots(tmp_path, f"udpin:127.0.0.1:{port}", f"serial:{device}:57600")
+        daemon, stop = serving(mission, endpoint, tmp_path, "r1", "r2")
+        vehicle = Speaker(port)
+
+        def first_is_heard() -> bool:
+            vehicle.say(BEAT)
+            return link("a1") == [Atom("up")]
+
+        try:
+            await until(lambda: link("a2") == [Atom("down")], "the missing device is told to its agent")
+            said = f"driver `mavlink` does not run: link serial:{device}:57600 cannot be opened: no such file or"
+            await until(lambda: any(note.startswith(said) for note in health.notes), "and to people")
+            await until(first_is_heard, "the other robot is served")
+            far, near = pty.openpty()
+            device.symlink_to(os.ttyname(near))
+            encoder = Encoder(2, 1)
+
+            def second_is_heard() -> bool:
+                os.write(far, encoder.pack(BEAT))
+                return link("a2") == [Atom("up")]
+
+            await until(second_is_heard, "the device is plugged in", 20)
+            await until(lambda: not any("does not run" in note for note in health.notes), "the note is taken back")
+        finally:
+            stop.set()
+            vehicle.close()
+            assert await daemon == 0
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_robot_alone_waits_for_its_device_and_a_port_that_is_taken_ends_its_bridge(
+    endpoint: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def body(connect: Connect) -> None:
+        await connect()
+        taken = Speaker()
+        mission = two_robots(tmp_path, f"udpin:127.0.0.1:{taken.port}", f"serial:{tmp_path}/nothing:57600")
+        ends, _ = serving(mission, endpoint, tmp_path, "r1")
+        assert await ends == 1
+        assert f"link udpin:127.0.0.1:{taken.port} cannot be opened: address already in use" in caplog.text
+        waits, stop = serving(mission, endpoint, tmp_path, "r2")
+        await until(lambda: "nothing:57600 cannot be opened: no such file or directory; it is tried" in caplog.text, "")
+        assert not waits.done()
+        stop.set()
+        assert await waits == 0
+        taken.close()
+
+    on_a_bus(endpoint, body)
+
+
+def test_what_may_come_by_waiting_is_a_device_or_a_name() -> None:
+    assert upkeep.may_come(_caused(FileNotFoundError(2, "no such file")))
+    assert not upkeep.may_come(_caused(OSError(98, "address already in use")))
+    assert not upkeep.may_come(OSError("a driver's own words"))
+
+
+def _caused(cause: OSError) -> LinkError:
+    error = LinkError("cannot be opened")
+    error.__cause__ = cause
+    return error
