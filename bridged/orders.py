@@ -11,6 +11,7 @@ from typing import cast, get_args
 
 from bridged.desk import ActionDesk
 from bridged.drivers.robot import Driver, Order, Outcome
+from bridged.guarded import Guarded
 from commd.clock import Clock
 from schemas.durations import Duration
 from schemas.findings import Findings
@@ -22,6 +23,8 @@ ARMING_SHOWS = 1.5
 """Wall seconds after which a vehicle that was told to arm shows whether it did: its HEARTBEAT comes once a second."""
 AGAIN = 1.0
 """Wall seconds before an order that failed is given again to a robot that is out of reach."""
+LOOK = 0.2
+"""Wall seconds between two looks whether a robot that was never heard is heard."""
 FALLBACK: tuple[Order, ...] = ("rtl", "land", "hold")
 """What is tried next when the vehicle does not do the last that is ordered."""
 log = logging.getLogger("orders")
@@ -58,12 +61,16 @@ class Orders:
 
     def __init__(self, desk: ActionDesk, driver: Driver, clock: Clock) -> None:
         self._desk, self._driver, self._clock = desk, driver, clock
+        self._calls = Guarded(driver)
         self._sequence: asyncio.Task[None] | None = None
         self._left = ""
+        self._unheard = ""
+        self._stopping = False
 
     def notes(self) -> list[str]:
         """Warnings that hold now."""
-        return [self._left] if self._left and self._driver.overridden else []
+        left = self._left if self._driver.overridden else ""
+        return [note for note in (left, self._unheard) if note]
 
     async def carry_out(self, order: Order, reason: str, *, block: bool, insist: bool = False) -> Outcome:
         """Order it, and wait until the vehicle confirms it or `ORDER_PATIENCE` is over.
@@ -79,11 +86,11 @@ class Orders:
             except TimeoutError:
                 pass
             except asyncio.CancelledError:  # called off: it must not go on against whoever has the robot now
-                self._driver.stop(execution, Outcome("cancelled", "called off"), hold=False)
+                self._calls.stop(execution, Outcome("cancelled", "called off"), hold=False)
                 raise
         waits = f": it waits for {execution.waits_for}" if execution.waits_for else ""
         said = f"the vehicle did not confirm {order} within {ORDER_PATIENCE:g} s{waits}"
-        self._driver.stop(execution, Outcome("timed_out", said), hold=False)
+        self._calls.stop(execution, Outcome("timed_out", said), hold=False)
         outcome = execution.outcome or Outcome("timed_out", said)
         log.log(
             logging.INFO if outcome.state == "succeeded" else logging.ERROR,
@@ -103,17 +110,20 @@ class Orders:
         self.call_off()
         return await self.carry_out(order, f"operator: {order}", block=True, insist=True)
 
-    def release(self) -> None:
-        """The operator lets the agents act again."""
+    def release(self) -> Outcome:
+        """The operator lets the agents act again, but not while the bridge leaves the robot."""
+        if self._stopping:
+            return Outcome("refused", "the bridge stops: it takes no action any more")
         self._desk.blocked = ""
         log.info("%s: released: actions are taken again", self._desk.robot)
+        return Outcome("succeeded", "actions are taken again")
 
     def agent_lost(self, agent: str, why: str, steps: Sequence[Step]) -> None:
         """Do what the mission declares, step by step, until `call_off`."""
         log.error("%s: agent %s is lost (%s)", self._desk.robot, agent, why)
         arming = self._desk.arming
         self._desk.end_all(agent, Outcome("failed", f"agent {agent} is lost: {why}"))
-        if (self._driver.active or arming) and not self._desk.blocked:
+        if (self._driver.active or arming or self._never_heard) and not self._desk.blocked:
             self.call_off()
             self._desk.lease.closed = f"agent {agent} is lost: the bridge brings the robot to safety first"
             self._sequence = asyncio.create_task(self._steps(agent, steps))
@@ -126,9 +136,29 @@ class Orders:
             self._sequence.cancel()
             self._sequence = None
             self._desk.lease.closed = ""
-        self._left = ""
+        self._left = self._unheard = ""
+
+    @property
+    def _never_heard(self) -> bool:
+        """Whether this life of the bridge cannot know what the robot does: a former one may have left it in flight."""
+        return not self._driver.heard and not math.isfinite(self._driver.silence)
 
     async def _steps(self, agent: str, steps: Sequence[Step]) -> None:
+        """Bring the robot to safety, whatever happens; then it is anybody's."""
+        try:
+            await self._bring_to_safety(agent, steps)
+        except Exception:
+            log.exception("%s: defect while the lost agent %s is answered for", self._desk.robot, agent)
+        self._sequence, self._desk.lease.closed = None, ""
+        self._desk.lease.let_go()
+
+    async def _bring_to_safety(self, agent: str, steps: Sequence[Step]) -> None:
+        if self._never_heard and not self._driver.active:
+            self._unheard = f"agent {agent} is lost; the robot was never heard: it is brought to safety when it is"
+            log.error("%s: %s", self._desk.robot, self._unheard)
+            while self._never_heard:  # noqa: ASYNC110 - drivers do not tell when
+                await asyncio.sleep(LOOK)
+            self._unheard = ""
         if not self._driver.active:
             await asyncio.sleep(ARMING_SHOWS)
         outcome = Outcome("succeeded")
@@ -147,8 +177,6 @@ class Orders:
             others = "which others set (pilot, ground station or failsafe)"
             self._left = f"agent {agent} is lost; the vehicle is left in {mode}, {others}: nothing is ordered"
             log.error("%s: %s", self._desk.robot, self._left)
-        self._sequence, self._desk.lease.closed = None, ""
-        self._desk.lease.let_go()
 
     async def _until_heard(self, order: Order, agent: str) -> Outcome:
         """Give an order; a vehicle that is out of reach may come back, so it is told until it answers."""
@@ -167,7 +195,7 @@ class Orders:
     async def shut_down(self, order: Order) -> str:
         """Leave the robot safe at the end of the bridge. Returns in words what was left."""
         self.call_off()
-        self._desk.blocked = "the bridge stops"
+        self._stopping, self._desk.blocked = True, "the bridge stops"
         if self._desk.arming and not self._driver.active:
             self._desk.end_all("", Outcome("failed", "the bridge stops"))
             await asyncio.sleep(ARMING_SHOWS)

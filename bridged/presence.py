@@ -18,13 +18,20 @@ BUS_GRACE = 5.0
 
 
 class Presence:
-    """The tokens of a robot's agents. An agent that never came cannot be lost."""
+    """The tokens of a robot's agents. An agent that never came cannot be lost, unless it is expected."""
 
     def __init__(self, agents: Iterable[str]) -> None:
         self._tokens: dict[str, set[str]] = {agent: set() for agent in agents}
         self._absent_since: dict[str, float] = {}
+        self._expected: dict[str, float] = {}
+        """Of those that are absent since the start: until when they may come."""
         self._router_since = -math.inf
         self._router_up = True
+
+    def expect(self, agent: str, wall: float) -> None:
+        """An agent was there in a former life of the bridge: it is absent until it comes, and may be lost."""
+        if agent in self._tokens:
+            self._absent_since[agent], self._expected[agent] = wall, wall + ROUTER_GRACE
 
     def token(self, agent: str, boot: str, alive: bool, wall: float) -> None:
         """A token came or went."""
@@ -34,6 +41,7 @@ class Presence:
         if alive:
             tokens.add(boot)
             self._absent_since.pop(agent, None)
+            self._expected.pop(agent, None)
         elif boot in tokens:
             tokens.discard(boot)
             if not tokens:
@@ -51,9 +59,10 @@ class Presence:
                 return {}
             return dict.fromkeys(sorted(self.known()), f"no router for {wall - self._router_since:.0f} s")
         return {
-            agent: "its token is gone"
+            agent: "it has not come back since the bridge did" if agent in self._expected else "its token is gone"
             for agent, since in self._absent_since.items()
-            if wall - since >= AGENT_GRACE and (since > self._router_since or wall - self._router_since >= ROUTER_GRACE)
+            if wall >= self._expected.get(agent, since + AGENT_GRACE)
+            and (since > self._router_since or wall - self._router_since >= ROUTER_GRACE)
         }
 
     @property

@@ -138,8 +138,7 @@ class Service:
             query.reply_error(query.error or 'expected an order: {"order": "hold"}, land, rtl or release')
             return
         if query.record.order == "release":
-            orders.release()
-            query.reply(Outcome(ok=True, reason="actions are taken again"))
-            return
-        outcome = await orders.operator(query.record.order)
+            outcome = orders.release()
+        else:
+            outcome = await orders.operator(query.record.order)
         query.reply(Outcome(ok=outcome.state == "succeeded", reason=outcome.reason))

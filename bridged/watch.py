@@ -20,6 +20,7 @@ log = logging.getLogger("bridged")
 async def watch_agents(bus: Bus, agents: list[str], bridge: Bridge, steps: tuple[Step, ...], clock: Clock) -> None:
     """When the agent that acted last is gone, do what the mission declares; when it is back, leave it to the agent."""
     presence, changed = Presence(agents), asyncio.Event()
+    presence.expect(bridge.lease.answers, clock.wall())  # who had the robot in our last life may have died with it
 
     def token(key: str, alive: bool) -> None:
         if parsed := keys.parse(key):

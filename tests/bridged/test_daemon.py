@@ -290,8 +290,36 @@ def test_the_robot_of_an_agent_that_dies_after_its_bridge_restarted_returns_all_
                 field.stop.clear()
                 daemon = field.start()
                 await until_served(watcher)
-                await until(lambda: len(lives) == 2 and lives[-1].known() == {"uav"}, "its new life sees the agent")
+                await until(lambda: len(lives) == 2 and lives[-1].there() == {"uav"}, "its new life sees the agent")
             await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl, although the agent asked for nothing")
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body, mission=MISSION.replace("    link:", "    on_shutdown: hold\n    link:"))
+
+
+def test_the_robot_of_an_agent_that_died_with_its_bridge_returns_although_another_agent_is_alive(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bridged.presence.ROUTER_GRACE", 1.0)
+
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client("other") as other:
+            await other.claim("other")
+            daemon = field.start()
+            await until_served(other)
+            async with field.client() as agent:
+                await agent.claim("uav")
+                await field.take_off(agent)
+                field.stop.set()
+                await daemon
+            field.stop.clear()
+            daemon = field.start()
+            await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl for the agent that has not come back")
+            async with asyncio.timeout(10):
+                while (taken := await field.do(other, "set_mode", "GUIDED", agent="other")).state == "refused":
+                    await asyncio.sleep(0.05)
+            assert taken.state == "succeeded", taken.reason
             field.stop.set()
             await daemon
 

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink.driver import MavlinkDriver
+from bridged.drivers.robot import Execution, Order
 from bridged.orders import Step
 from tests.bridged.sky import Sky, is_command
 
@@ -202,3 +204,74 @@ def test_a_lost_agents_vehicle_that_refuses_to_return_lands_and_it_is_said(
 
     flown(body, sky)
     assert "the vehicle did not do the last that was ordered, so land is ordered instead" in caplog.text
+
+
+def test_a_vehicle_that_this_life_of_the_bridge_has_not_heard_when_its_agent_is_lost_returns_once_it_is(
+    sky: Sky, tmp_path: Path
+) -> None:
+    async def body(again: Sky) -> None:
+        again.we_hear = lambda message: False
+        again.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        await passing(again, 3)
+        said = "agent uav is lost; the robot was never heard: it is brought to safety when it is"
+        assert said in again.bridge.health().notes
+        again.we_hear = lambda message: True
+        while mode_of(again) != "RTL":
+            await passing(again, 1)
+        assert said not in again.bridge.health().notes
+
+    flown(body, Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock))
+
+
+def test_a_vehicle_whose_driver_cannot_be_told_one_order_is_told_the_next(
+    sky: Sky, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order = MavlinkDriver.order
+
+    def broken(driver: MavlinkDriver, which: Order, reason: str, *, insist: bool) -> Execution:
+        if which == "rtl":
+            raise KeyError("rtl")
+        return order(driver, which, reason, insist=insist)
+
+    monkeypatch.setattr(MavlinkDriver, "order", broken)
+
+    async def body(sky: Sky) -> None:
+        sky.bridge.orders.agent_lost("uav", "its token is gone", (Step("rtl"),))
+        while mode_of(sky) != "LAND":
+            await passing(sky, 1)
+        while sky.bridge.lease.closed:
+            await passing(sky, 1)
+        assert sky.bridge.lease.holder == ""
+
+    flown(body, sky)
+
+
+def test_a_defect_while_a_lost_agent_is_answered_for_does_not_keep_the_robot_from_the_others(
+    sky: Sky, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def broken(seconds: float) -> None:
+        raise KeyError("pause")
+
+    monkeypatch.setattr(sky.clock, "sleep", broken)
+
+    async def body(sky: Sky) -> None:
+        sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        assert sky.bridge.lease.closed
+        while sky.bridge.lease.closed:
+            await passing(sky, 1)
+        assert sky.bridge.lease.holder == ""
+
+    flown(body, sky)
+    assert "defect while the lost agent uav is answered for" in caplog.text
+
+
+def test_while_the_bridge_leaves_its_robot_the_operator_cannot_let_the_agents_act_again(sky: Sky) -> None:
+    async def body(sky: Sky) -> None:
+        left = asyncio.ensure_future(sky.bridge.orders.shut_down("rtl"))
+        await passing(sky, 0.1)
+        released = sky.bridge.orders.release()
+        assert (released.state, released.reason) == ("refused", "the bridge stops: it takes no action any more")
+        assert sky.begin("goto", 0.0, 0.0, 20)[-1].reason == "the bridge stops: rtl"
+        assert (await leaving(sky, left)).startswith("rtl: the vehicle is in RTL")
+
+    flown(body, sky)

@@ -42,6 +42,24 @@ def test_the_old_life_going_after_the_new_one_came_is_no_loss(presence: Presence
     assert presence.lost(30.0) == {}
 
 
+def test_an_agent_that_had_the_robot_before_the_bridge_restarted_is_lost_if_it_does_not_come(
+    presence: Presence,
+) -> None:
+    presence.expect("other", 20.0)
+    assert not presence.complete
+    assert presence.lost(20.0 + ROUTER_GRACE - 0.1) == {}, "on a busy board a daemon takes its time to reconnect"
+    assert presence.lost(20.0 + ROUTER_GRACE) == {"other": "it has not come back since the bridge did"}
+
+
+def test_an_agent_that_is_expected_and_comes_is_lost_like_any_other_when_it_goes(presence: Presence) -> None:
+    presence.expect("other", 20.0)
+    presence.token("other", "b1", True, 21.0)
+    assert presence.complete
+    assert presence.lost(30.0) == {}
+    presence.token("other", "b1", False, 30.0)
+    assert presence.lost(30.0 + AGENT_GRACE) == {"other": "its token is gone"}
+
+
 def test_a_router_that_restarts_takes_no_agent_with_it(presence: Presence) -> None:
     presence.router(False, 20.0)
     presence.token("uav", "b1", False, 20.0)
