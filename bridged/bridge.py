@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from bridged.lease import Lease
 from bridged.ledger import Ledger
 from bridged.live import RunningManifest
 from bridged.orders import Orders
+from bridged.preparation import order_findings
 from commd.bus import Bus
 from commd.clock import Clock
 from schemas.manifest import Manifest
@@ -89,9 +91,11 @@ class Bridge:
             now=clock.now,
             speed=speed,
         )
-        self.live = RunningManifest(manifest, self._adopt)
+        self.live = RunningManifest(manifest, self._adopt, partial(order_findings, mission, robot))
         self.orders = Orders(self.desk, self.driver, clock)
         self.lease.restore(*self.ledger.held())  # whoever had the robot in our last life is still answered for
+        if self.lease.answers:
+            self.driver.may_be_moving()
         self._tell_holder()
 
     def _adopt(self, manifest: Manifest) -> None:

@@ -23,11 +23,19 @@ MAY_CHANGE = frozenset({"link_loss"})
 class RunningManifest:
     """What one bridge runs by now."""
 
-    def __init__(self, manifest: Manifest, adopt: Callable[[Manifest], None]) -> None:
-        """`adopt` puts a manifest into effect; it may raise Findings, ValueError or OSError."""
+    def __init__(
+        self,
+        manifest: Manifest,
+        adopt: Callable[[Manifest], None],
+        objections: Callable[[Manifest], Iterable[Finding]] = lambda manifest: (),
+    ) -> None:
+        """`adopt` puts a manifest into effect; it may raise Findings, ValueError or OSError.
+
+        `objections` says what the mission needs of the robot and a manifest takes away.
+        """
         self.manifest = manifest
         self.version = 1
-        self._adopt = adopt
+        self._adopt, self._objections = adopt, objections
         self._drivers = manifest.drivers()
         self._files = " and ".join(file for file in (manifest.file, manifest.percepts_file) if file)
 
@@ -50,7 +58,11 @@ class RunningManifest:
             manifest = read_document(made, "", check=check_manifest)
         except Findings as found:
             return problems + _messages(found.findings)
-        problems += [*self._fixed(manifest), *_messages(check_manifest(manifest))]
+        problems += [
+            *self._fixed(manifest),
+            *_messages(check_manifest(manifest)),
+            *_messages(self._objections(manifest)),
+        ]
         if not problems:
             problems = self._put_into_effect(manifest)
         return problems

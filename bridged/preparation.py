@@ -16,7 +16,7 @@ from bridged.manifests import load_robot_manifest
 from bridged.orders import Step, read_steps
 from schemas.findings import Finding, Findings
 from schemas.manifest import Manifest
-from schemas.mission import Mission
+from schemas.mission import Mission, Robot
 from schemas.positions import Steps
 
 
@@ -30,7 +30,7 @@ class Part:
     """What is done when its agent is lost."""
     agents: list[str]
     where: str
-    """Its link, or the prefix of its keys, for people."""
+    """Its link, or the prefix of its keys, or its driver, for people."""
 
 
 def prepare_all(mission: Mission, names: list[str], link: str | None, speed: float) -> tuple[Mission, list[Part]]:
@@ -44,7 +44,7 @@ def prepare_all(mission: Mission, names: list[str], link: str | None, speed: flo
             findings += found.findings
             continue
         robot = mission.robots[name]
-        parts.append(Part(name, manifest, steps, mission.agents_of(name), robot.link or f"{robot.prefix}/**"))
+        parts.append(Part(name, manifest, steps, mission.agents_of(name), _where(robot, manifest)))
     if findings:
         raise Findings(findings)
     return mission, parts
@@ -72,7 +72,7 @@ def prepare(mission: Mission, name: str, link: str | None, speed: float) -> tupl
     except Findings as found:
         findings += found.findings
     if manifest is not None:
-        findings += _order_findings(mission, name, manifest)
+        findings += order_findings(mission, name, manifest)
     robot = replace(robot, link=link or robot.link)
     if robot.signing is not None:
         passphrase = mission.relative(robot.signing.passphrase_file).absolute()
@@ -86,8 +86,13 @@ def prepare(mission: Mission, name: str, link: str | None, speed: float) -> tupl
     return dataclasses.replace(mission, robots=mission.robots | {name: robot}), manifest, steps
 
 
-def _order_findings(mission: Mission, name: str, manifest: Manifest) -> list[Finding]:
-    """Which orders the mission declares for a robot that has none such. The defaults are for those that have them."""
+def _where(robot: Robot, manifest: Manifest) -> str:
+    keys = f"{robot.prefix}/**" if robot.prefix else ""
+    return robot.link or keys or f"driver `{manifest.robot.driver}`"
+
+
+def order_findings(mission: Mission, name: str, manifest: Manifest) -> list[Finding]:
+    """Say which orders the mission declares for a robot that has none such. Defaults are for those that have them."""
     robot, positions, known = mission.robots[name], mission.positions, orders_of(manifest)
     if known is None:
         return []
