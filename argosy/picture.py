@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -22,6 +23,9 @@ KEPT_ACTIONS = 2_000
 
 OPERATOR = "operator: "
 """How the reason of an action begins that an operator's order ended."""
+
+_GROWING = re.compile(r"[0-9.]+ (s\b|of [0-9]+)")
+"""What counts on in a note while it holds: "for 6 s", "88 of 90"."""
 
 
 @dataclass
@@ -145,8 +149,9 @@ class Picture:
             before = self.health.get((parsed[1], parsed[2][1]))
             self.health[parsed[1], parsed[2][1]] = health
             self.heard_at[parsed[1], parsed[2][1]] = self._now()
+            known = {_without_figures(note) for note in before.notes} if before is not None else set()
             for note in health.notes:
-                if before is None or note not in before.notes:
+                if _without_figures(note) not in known:
                     self.journal.add(parsed[1], note, "warning")
 
     def percept(self, key: str, percept: Perception) -> None:
@@ -298,3 +303,8 @@ def _plain(term: Term) -> str:
 def _pair(first: Term, second: Term) -> tuple[float, float] | None:
     one, two = to_float(first), to_float(second)
     return None if one is None or two is None else (one, two)
+
+
+def _without_figures(note: str) -> str:
+    """What a note says but for how long or how often: it is told once, not each second."""
+    return _GROWING.sub("", note)

@@ -70,7 +70,9 @@ def _may_be(kind: str, term: Term, parameter: Parameter) -> bool:
             return kind == "boolean"
         case Structure(_, ()):
             return kind == "string"
-        case Structure() | ListTerm():
+        case ListTerm():
+            return kind == "list"
+        case Structure():
             return False
         case _:
             return True

@@ -408,3 +408,14 @@ def test_a_variable_that_nothing_before_can_have_given_a_value_is_told(text: str
     found = [finding for finding in findings_of(text) if finding.kind == "unbound-variable"]
     assert [finding.message.split()[2] for finding in found] == names
     assert {finding.severity for finding in found} == {"warning"}
+
+
+def test_a_list_may_be_the_argument_of_an_action_that_takes_lists_and_of_no_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = tmp_path / "p.asl"
+    program.write_text('!g.\n+!g <- upload_mission([["takeoff", 0, 0, 10], [-27.6, -48.5, 20], ["rtl"]]).\n')
+    assert check(str(program), "--manifest", "arducopter") == 0
+    program.write_text("!g.\n+!g <- takeoff([5]).\n")
+    assert check(str(program), "--manifest", "arducopter") == 1
+    assert "takeoff takes altitude: float 1..120 m, not [5]" in capsys.readouterr().err

@@ -92,7 +92,9 @@ def test_a_warning_of_a_daemon_is_told_while_it_is_new() -> None:
     recording = Recording()
     for notes in (("no failsafe is on",), ("no failsafe is on",), ()):
         recording.health("uav1", "bridged", notes=notes)
-    assert recording.lines == ["uav1: no failsafe is on"]
+    for seconds in (6, 7):
+        recording.health("uav1", "bridged", notes=(f"nothing has come on pose for {seconds} s", f"{seconds} of 9 cut"))
+    assert recording.lines == ["uav1: no failsafe is on", "uav1: nothing has come on pose for 6 s", "uav1: 6 of 9 cut"]
 
 
 def test_records_of_strangers_and_of_odd_shapes_change_nothing() -> None:
