@@ -6,46 +6,29 @@ Pure: requests and the time (mission seconds) go in, statuses come out. The ledg
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 from msgspec.structs import replace
 
 from bridged.arguments import BadArgument, read_arguments
 from bridged.board import PerceptBoard
 from bridged.drivers.robot import Driver, Execution, Order, Outcome
+from bridged.guarded import Guarded
+from bridged.jobs import Follower, Job
 from bridged.lease import Lease
 from bridged.ledger import Ledger
 from bridged.progress import Progress
+from bridged.statuses import MAX_ID, Statuses
 from schemas.built_in import ACTIONS
 from schemas.manifest import ActionEntry, Argument, Manifest
-from schemas.records import Action, ActionStatus, Header, State
+from schemas.records import Action, ActionStatus
 
 FEEDBACK_EVERY = 1.0
 """Wall seconds between two `running` statuses of one action."""
 MAX_RUNNING = 8
 """Actions that may run at once, counted over all agents."""
-MAX_FOLLOWERS = 16
-"""Queries that may wait for the end of one action; the newest: an asker whose link flaps has given up the others."""
-
-Follower = Callable[[ActionStatus | None], None]
-"""Called with each status of an action from now on; the last one is final, or None if a newer asker took the place."""
 log = logging.getLogger("actions")
-
-
-@dataclass(eq=False)
-class _Job:
-    """An action that runs."""
-
-    action: Action
-    entry: ActionEntry
-    execution: Execution
-    deadline_at: float
-    deadline: float
-    status: ActionStatus
-    told_at: float
-    progress: Progress
-    followers: list[Follower] = field(default_factory=list)
 
 
 class ActionDesk:
@@ -71,11 +54,12 @@ class ActionDesk:
         self.lease = lease
         """Which agent has the robot."""
         self._manifest, self._driver, self._board, self._ledger = manifest, driver, board, ledger
+        self._calls = Guarded(driver)
+        self._statuses = Statuses(robot, boot, stamp, board)
         self._publish = publish
-        self.robot, self._boot, self._stamp, self._now = robot, boot, stamp, now
+        self.robot, self._boot, self._now = robot, boot, now
         self._feedback_every = FEEDBACK_EVERY * speed
-        self._jobs: dict[str, _Job] = {}
-        self._seq = 0
+        self._jobs: dict[str, Job] = {}
         self._by_hand = 0
 
     @property
@@ -93,10 +77,15 @@ class ActionDesk:
         if not request.id:
             self._by_hand += 1
             request = replace(request, id=f"{agent}:{self._boot}:hand{self._by_hand}")
-        if self._known(request, follower):
-            return
-        action = replace(request, agent=agent, name=name)
-        if request.attempt > 1:
+        action = replace(request, agent=agent, name=name[:MAX_ID])
+        if len(action.id) > MAX_ID:
+            action = replace(action, id=action.id[:MAX_ID])
+            self._deny(action, f"an id has {MAX_ID} characters at most, got {len(request.id)}", follower)
+        elif used := self._used_otherwise(action):
+            self._deny(action, used, follower)
+        elif self._known(action, follower):
+            pass
+        elif request.attempt > 1:
             self._refuse(action, "bridge restarted", follower)
         elif request.name not in ("", name) or request.agent not in ("", agent):
             said = f"{request.agent or agent}/{request.name or name}"
@@ -115,8 +104,11 @@ class ActionDesk:
             goes_on = "" if job.entry.cancel == "hold" or not job.entry.motion else "; the vehicle goes on"
             hold = job.entry.cancel == "hold"
             return self._end(job, Outcome("cancelled", f"cancelled by {agent}{goes_on}"), hold=hold)
-        final = self._ledger.final(action)
-        return final or ActionStatus(id=action, state="refused", result=False, reason=f"no action {action} of {agent}")
+        known = self._ledger.find(action)
+        if known is not None and known.agent == agent and known.final is not None:
+            return known.final
+        unknown = Action(id=action[:MAX_ID], agent=agent)
+        return self._statuses.make(unknown, "refused", f"no action {unknown.id} of {agent}")
 
     def order(self, order: Order, reason: str, *, block: bool, insist: bool) -> Execution:
         """Begin an order from above: every action that runs fails with `reason`; `block` refuses new ones after it.
@@ -125,7 +117,7 @@ class ActionDesk:
         """
         if block:
             self.blocked = reason
-        execution = self._driver.order(order, reason, insist=insist)
+        execution = self._calls.order(order, reason, insist=insist)
         self.step()
         for job in list(self._jobs.values()):
             self._end(job, Outcome("failed", reason), hold=False)
@@ -148,27 +140,31 @@ class ActionDesk:
                 self._end(job, outcome, hold=job.entry.cancel == "hold")
             elif now - job.told_at >= self._feedback_every:
                 job.told_at = now
-                running = self._status(job.action, "running", job.execution.waits_for, job.execution.feedback)
+                running = self._statuses.make(job.action, "running", job.execution.waits_for, job.execution.feedback)
                 self._tell(job, replace(running, deadline=max(0.0, job.deadline_at - now)))
-                job.progress.show(job.execution.feedback)
+                job.progress.show(running.feedback)
         self.lease.step(active=self._driver.active, heard=self._driver.heard, busy=bool(self._jobs), now=now)
 
-    def _known(self, request: Action, follower: Follower) -> bool:
-        """Answer a request for an id that was begun before."""
-        job = self._jobs.get(request.id)
+    def _used_otherwise(self, action: Action) -> str:
+        """Say what else an id was used for, empty if for nothing: the answer to another action is none to this one."""
+        job, entry = self._jobs.get(action.id), self._ledger.find(action.id)
         if job is not None:
-            follower(job.status)
-            if len(job.followers) >= MAX_FOLLOWERS:
-                job.followers.pop(0)(None)
-            job.followers.append(follower)
+            agent, name = job.action.agent, job.action.name
+        elif entry is not None:
+            agent, name = entry.agent, entry.name
+        else:
+            return ""
+        return "" if (agent, name) == (action.agent, action.name) else f"the id was used for {name} of {agent}"
+
+    def _known(self, action: Action, follower: Follower) -> bool:
+        """Answer a request for an id that was begun before."""
+        if (job := self._jobs.get(action.id)) is not None:
+            job.join(follower)
             return True
-        if not self._ledger.knows(request.id):
+        if (entry := self._ledger.find(action.id)) is None:
             return False
-        final = self._ledger.final(request.id)
-        if final is None:
-            reason = "the bridge restarted while it ran; how it ended is not known"
-            final = ActionStatus(id=request.id, state="failed", result=False, reason=reason)
-        follower(final)
+        reason = "the bridge restarted while it ran; how it ended is not known"
+        follower(entry.final or self._statuses.make(action, "failed", reason))
         return True
 
     def _begin(self, action: Action, follower: Follower) -> None:
@@ -182,6 +178,9 @@ class ActionDesk:
         except BadArgument as error:
             self._refuse(action, str(error), follower)
             return
+        if action.deadline is not None and not action.deadline > 0:
+            self._refuse(action, f"deadline: expected more than 0 s, got {action.deadline:g}", follower)
+            return
         now = self._now()
         held = self.lease.refuses(action.agent, ", ".join(self.running), now)
         if action.name in ACTIONS:
@@ -192,7 +191,7 @@ class ActionDesk:
             self._refuse(action, reason, follower)
             return
         try:
-            self._ledger.begin(action.id)
+            self._ledger.begin(action)
         except OSError as error:
             if not entry.supersedes:
                 self._refuse(action, f"its id cannot be kept on disk: {error.strerror}", follower)
@@ -202,16 +201,16 @@ class ActionDesk:
         for other in self._superseded(entry):
             self._end(other, Outcome("cancelled", f"superseded by {action.name} of {action.agent}"), hold=False)
         self.lease.take(action.agent, now)
-        deadline = float(entry.deadline) if action.deadline is None else action.deadline
-        accepted = replace(self._status(action, "accepted"), deadline=deadline)
+        deadline = min(float(entry.deadline), action.deadline or math.inf)
+        accepted = replace(self._statuses.make(action, "accepted"), deadline=deadline)
         log.info("action %s %s%s", action.id, action.name, list(arguments.values()))
         follower(accepted)
         self._publish(action.agent, accepted)
-        execution = self._driver.perform(action.name, entry, arguments)
+        execution = self._calls.perform(action.name, entry, arguments)
         progress = Progress(self._board, action.agent, action.name, entry)
-        job = _Job(action, entry, execution, now + deadline, deadline, accepted, now, progress, [follower])
+        job = Job(action, entry, execution, now + deadline, deadline, accepted, now, progress, [follower])
         self._jobs[action.id] = job
-        if execution.outcome is not None and execution.outcome.state == "refused":
+        if execution.outcome is not None and execution.outcome.state != "succeeded":
             self._hold_for(taken)
         self.step()
 
@@ -226,13 +225,13 @@ class ActionDesk:
         if reason:
             self._refuse(action, reason, follower)
             return
-        status = replace(self._status(action, "succeeded"), result=True)
-        self._record(status)
         log.info("action %s %s succeeded", action.id, action.name)
+        status = self._statuses.make(action, "succeeded")
         follower(status)
         self._publish(action.agent, status)
+        self._record(action, status)
 
-    def _take(self, action: Action, entry: ActionEntry) -> list[_Job]:
+    def _take(self, action: Action, entry: ActionEntry) -> list[Job]:
         """Take the robot from an agent of lower rank: what runs for it fails. Returns what moved the robot."""
         taken = list(self._jobs.values())
         for job in taken:
@@ -243,10 +242,10 @@ class ActionDesk:
             return []
         return moving
 
-    def _hold_for(self, taken: list[_Job]) -> None:
+    def _hold_for(self, taken: list[Job]) -> None:
         """Let the robot stay where it is: whoever has taken it does not move it."""
         for job in taken:
-            self._driver.stop(job.execution, Outcome("failed", job.status.reason), hold=True)
+            self._calls.stop(job.execution, Outcome("failed", job.status.reason), hold=True)
 
     def _busy(self, action: Action, entry: ActionEntry, rival: bool) -> str:
         """Why an action cannot begin beside those that run, empty if it can; what runs for a `rival` would end."""
@@ -259,56 +258,42 @@ class ActionDesk:
                 return f"busy: {job.action.name} is running"
         return f"busy: {MAX_RUNNING} actions are running" if len(self._jobs) >= MAX_RUNNING else ""
 
-    def _superseded(self, entry: ActionEntry) -> list[_Job]:
+    def _superseded(self, entry: ActionEntry) -> list[Job]:
         return [job for job in self._jobs.values() if job.entry.motion] if entry.supersedes else []
 
     def _refuse(self, action: Action, reason: str, follower: Follower) -> None:
-        status = self._status(action, "refused", reason)
-        self._record(status)
-        log.info("action %s %s refused: %s", action.id, action.name, reason)
+        self._record(action, self._deny(action, reason, follower))
+
+    def _deny(self, action: Action, reason: str, follower: Follower) -> ActionStatus:
+        """Refuse an action whose id stands for another one, or for none."""
+        status = self._statuses.make(action, "refused", reason)
+        log.info("action %s %s refused: %s", action.id, action.name, status.reason)
         follower(status)
         self._publish(action.agent, status)
+        return status
 
-    def _end(self, job: _Job, outcome: Outcome, *, hold: bool) -> ActionStatus:
-        self._driver.stop(job.execution, outcome, hold=hold)
+    def _end(self, job: Job, outcome: Outcome, *, hold: bool) -> ActionStatus:
+        self._calls.stop(job.execution, outcome, hold=hold)
         return self._finish(job, job.execution.outcome or outcome)
 
-    def _finish(self, job: _Job, outcome: Outcome) -> ActionStatus:
+    def _finish(self, job: Job, outcome: Outcome) -> ActionStatus:
         if job.action.id not in self._jobs:
             return job.status
         del self._jobs[job.action.id]
         job.progress.end()
         self._board.flush(self._now())
-        status = self._status(job.action, outcome.state, outcome.reason, job.execution.feedback)
-        self._record(status)
+        status = self._statuses.make(job.action, outcome.state, outcome.reason, job.execution.feedback)
         log.info("action %s %s %s %s", job.action.id, job.action.name, status.state, status.reason)
         self._tell(job, status)
+        self._record(job.action, status)
         return status
 
-    def _tell(self, job: _Job, status: ActionStatus) -> None:
-        job.status = status
-        for follower in job.followers:
-            follower(status)
+    def _tell(self, job: Job, status: ActionStatus) -> None:
+        job.tell(status)
         self._publish(job.action.agent, status)
 
-    def _status(
-        self, action: Action, state: State, reason: str = "", feedback: dict[str, float] | None = None
-    ) -> ActionStatus:
-        self._seq += 1
-        made = ActionStatus(
-            header=Header(seq=self._seq, stamp=self._stamp(), source=self.robot, boot=self._boot),
-            id=action.id,
-            state=state,
-            reason=reason,
-            feedback=dict(feedback or {}),
-            after=self._board.last_seq(action.agent),
-            name=action.name,
-            parameters=action.parameters,
-        )
-        return replace(made, result=state == "succeeded") if made.final else made
-
-    def _record(self, status: ActionStatus) -> None:
+    def _record(self, action: Action, status: ActionStatus) -> None:
         try:
-            self._ledger.finish(status)
+            self._ledger.finish(action.agent, status)
         except OSError as error:
             log.error("how %s ended cannot be kept on disk: %s", status.id, error.strerror)

@@ -11,15 +11,15 @@ from pathlib import Path
 
 import msgspec
 
-from schemas.codec import BadRecord, codec
-from schemas.records import ActionStatus
+from schemas.records import FINAL_STATES, Action, ActionStatus, Header, State
 
 KEEP = 3600.0
 """Wall seconds for which an id is remembered."""
 MAX_ENTRIES = 20_000
 """Ids remembered at most; the oldest goes first. An hour of five actions a second."""
 REWRITE_AT = 4 * 1024 * 1024
-"""Bytes of the file at which what is older than an hour is left out of it."""
+"""Bytes of the file below which it is not worth leaving out what is older than an hour; then it is when the file has
+doubled."""
 _LEASE = ""
 """In the place of an id: the line tells who has the robot."""
 log = logging.getLogger("ledger")
@@ -31,19 +31,41 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
     id: str
     at: float
     """Unix time in seconds."""
-    final: str = ""
-    """The final status as JSON; empty = begun."""
+    agent: str = ""
+    name: str = ""
+    """Of the action that the id was used for."""
+    state: State = "accepted"
+    """`accepted` = begun; else how it ended."""
+    reason: str = ""
+    after: int | None = None
+    """Seq of the last percept before its end, in the life of the bridge that `boot` names."""
+    boot: str = ""
     holder: str = ""
     """Of the one line without an id: which agent answers for the robot."""
     free: bool = False
     """Whether any other agent may take it."""
+
+    @property
+    def final(self) -> ActionStatus | None:
+        """How it ended, None if it was begun and its end is not known."""
+        if self.state not in FINAL_STATES:
+            return None
+        return ActionStatus(
+            header=Header(boot=self.boot),
+            id=self.id,
+            state=self.state,
+            result=self.state == "succeeded",
+            reason=self.reason,
+            after=self.after,
+            name=self.name,
+        )
 
 
 class Ledger:
     """Append-only file of ids; a line that was cut off by a power loss is left out when it is read.
 
     What is written outlives the process at once. The disk is told to keep it through a power loss by a thread, of which
-    at most one sync runs and one waits: a slow card must not hold up heartbeats.
+    at most one sync runs and one waits: a slow card must not hold up heartbeats. It leaves out what is old, too.
     """
 
     def __init__(self, path: Path, wall: Callable[[], float] = time.time) -> None:
@@ -55,29 +77,36 @@ class Ledger:
         self._sync: Future[None] | None = None
         path.parent.mkdir(parents=True, exist_ok=True)
         self._read()
-        self._rewrite()
+        self._fresh = path.with_suffix(".new")
+        _write(self._fresh, list(self._entries.values()))
+        self._fresh.replace(path)
+        self._file = path.open("ab")
+        self._rewriting: Future[None] | None = None
+        self._copied = 0
+        """Bytes of the file that a rewriting under way covers."""
+        self._rewrite_at = max(REWRITE_AT, 2 * self._file.tell())
 
-    def begin(self, action: str) -> None:
+    def begin(self, action: Action) -> None:
         """Note that an id is about to be executed; it outlives this process when this returns. Raises OSError."""
-        self._append(Entry(action, self._wall()), sync=True)
+        self._append(Entry(action.id, self._wall(), action.agent, action.name), sync=True)
 
-    def finish(self, status: ActionStatus) -> None:
-        """Note how an id ended. Raises OSError."""
-        self._append(Entry(status.id, self._wall(), codec(ActionStatus).encode(status).decode()), sync=False)
+    def finish(self, agent: str, status: ActionStatus) -> None:
+        """Note how an id of an agent ended: no more of it than whoever asks again must know. Raises OSError."""
+        entry = Entry(
+            status.id,
+            self._wall(),
+            agent,
+            status.name,
+            status.state,
+            status.reason,
+            status.after,
+            status.header.boot,
+        )
+        self._append(entry, sync=False)
 
-    def knows(self, action: str) -> bool:
-        """Whether the id was begun within the last hour."""
-        return action in self._entries
-
-    def final(self, action: str) -> ActionStatus | None:
-        """Return how an id ended, None if it was begun and its end is not known."""
-        entry = self._entries.get(action)
-        if entry is None or not entry.final:
-            return None
-        try:
-            return codec(ActionStatus).decode(entry.final.encode())
-        except BadRecord:
-            return None
+    def find(self, action: str) -> Entry | None:
+        """Return what is known of an id, None if it was not begun within the last hour."""
+        return self._entries.get(action) if action else None
 
     def hold(self, agent: str, free: bool) -> None:
         """Note which agent answers for the robot from now on, and whether another may take it. Raises OSError."""
@@ -87,10 +116,9 @@ class Ledger:
         """Return what was noted by `hold`; if that is older than an hour, whose action was begun last."""
         if lease := self._entries.get(_LEASE):
             return lease.holder, lease.free
-        for action in reversed(self._entries):
-            final = self.final(action)
-            if final is None or final.state != "refused":
-                return action.partition(":")[0], False
+        for entry in reversed(self._entries.values()):
+            if entry.state != "refused":
+                return entry.agent, False
         return "", False
 
     def close(self) -> None:
@@ -104,10 +132,12 @@ class Ledger:
         self._file.flush()
         if sync:
             self._keep_through_power_loss()
-        if self._file.tell() > REWRITE_AT:
-            before = self._file
-            self._rewrite()
-            before.close()
+        if self._rewriting is None and self._file.tell() > self._rewrite_at:
+            self._copied = self._file.tell()
+            self._rewriting = self._syncer.submit(_write, self._fresh, list(self._entries.values()))
+        elif self._rewriting is not None and self._rewriting.done():
+            self._replace(self._rewriting)
+            self._rewriting = None
 
     def _keep_through_power_loss(self) -> None:
         """Sync what has been written, unless a sync that has not begun yet will do that."""
@@ -136,17 +166,34 @@ class Ledger:
             except (msgspec.MsgspecError, UnicodeDecodeError):
                 continue
 
-    def _rewrite(self) -> None:
-        """Write what is remembered into a new file and put it in the place of the old one, which stays on an error."""
-        fresh = self.path.with_suffix(".new")
-        with fresh.open("wb") as file:
-            for entry in self._entries.values():
-                file.write(msgspec.json.encode(entry) + b"\n")
+    def _replace(self, rewriting: Future[None]) -> None:
+        """Put the new file, with what was noted meanwhile, in the place of the old one, which stays on an error."""
+        before = self._file
+        try:
+            rewriting.result()
+            with self.path.open("rb") as old:
+                old.seek(self._copied)
+                meanwhile = old.read()
+            file = self._fresh.open("ab")
+            file.write(meanwhile)
             file.flush()
-            os.fsync(file.fileno())
-        now = fresh.open("ab")
-        fresh.replace(self.path)
-        self._file, self._sync = now, None
+            self._fresh.replace(self.path)
+        except OSError as error:
+            log.error("%s cannot be made smaller: %s", self.path, error.strerror)
+        else:
+            before.close()
+            self._file, self._sync = file, None
+            self._keep_through_power_loss()
+        self._rewrite_at = max(REWRITE_AT, 2 * self._file.tell())
+
+
+def _write(path: Path, entries: list[Entry]) -> None:
+    """Write a new file."""
+    with path.open("wb") as file:
+        for entry in entries:
+            file.write(msgspec.json.encode(entry) + b"\n")
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def _sync(file: int) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,16 +9,13 @@ import pytest
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.board import PerceptBoard
-from bridged.desk import MAX_RUNNING, ActionDesk
-from bridged.drivers.robot import Execution, Order, Outcome, Value
-from bridged.lease import Lease
-from bridged.ledger import Ledger
+from bridged.desk import MAX_RUNNING
+from bridged.drivers.robot import Outcome
 from bridged.progress import MAX_FEEDBACK
 from schemas.durations import Duration
-from schemas.manifest import ActionEntry, Manifest, Retry, RobotEntry, load_manifest
-from schemas.records import Action, ActionStatus
+from schemas.manifest import Manifest, Retry, load_manifest
 from schemas.terms import Atom
+from tests.bridged.patient import Desk
 from tests.bridged.sky import GOAL, Sky
 
 
@@ -27,58 +23,6 @@ def copter(action: str, **fields: Any) -> Manifest:
     """The copter's manifest with one action declared otherwise."""
     manifest = load_manifest("arducopter")
     return replace(manifest, actions=manifest.actions | {action: replace(manifest.actions[action], **fields)})
-
-
-class Patient:
-    """A robot that does whatever it is told, and never comes to an end with it."""
-
-    orders: frozenset[Order] = frozenset()
-    active, heard, overridden, silence = False, True, "", 0.0
-
-    def __init__(self) -> None:
-        self.runs: list[Execution] = []
-
-    def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
-        self.runs.append(Execution(name))
-        return self.runs[-1]
-
-    def refuses(self, entry: ActionEntry) -> str:
-        return ""
-
-    def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
-        execution.end(outcome)
-
-
-class Desk:
-    """A desk for a patient robot with as many actions as wanted, none of which moves it."""
-
-    def __init__(self, state: Path, actions: int) -> None:
-        entry = ActionEntry(call="x", motion=False)
-        manifest = Manifest(robot=RobotEntry(driver="x"), actions={f"a{n}": entry for n in range(actions)})
-        self.now, self.robot = 0.0, Patient()
-        self.told: list[ActionStatus] = []
-        self.board = PerceptBoard(manifest, ["uav"], lambda *one: None, robot="r", boot="b", stamp=lambda: 0)
-        self.desk = ActionDesk(
-            manifest,
-            self.robot,  # type: ignore[arg-type]
-            self.board,
-            Ledger(state / "r.actions"),
-            lambda agent, status: self.told.append(status),
-            Lease(["uav"], (), arms=False),
-            robot="r",
-            boot="b",
-            stamp=lambda: 0,
-            now=lambda: self.now,
-        )
-
-    def ask(self, name: str) -> list[ActionStatus]:
-        heard: list[ActionStatus] = []
-        self.desk.ask("uav", name, Action(), heard.append)  # type: ignore[arg-type]
-        return heard
-
-    def feedback(self) -> int:
-        """How many figures of progress the agent perceives."""
-        return sum(one.name == "feedback" for one in self.board.sets["uav"].present())
 
 
 def test_what_does_not_move_the_robot_runs_beside_what_does(tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ from unittest.mock import Mock
 import pytest
 
 from bridged import ledger as module
-from bridged.ledger import KEEP, Ledger
-from schemas.records import ActionStatus
+from bridged.ledger import KEEP, Entry, Ledger
+from schemas.records import Action, ActionStatus
 
 
 def soon(wish: Callable[[], bool], what: str) -> None:
@@ -35,35 +35,49 @@ class Wall:
         return self.time
 
 
+def begun(action: str) -> Action:
+    return Action(id=action, agent=action.partition(":")[0], name="land")
+
+
+def known(ledger: Ledger, action: str) -> bool:
+    return ledger.find(action) is not None
+
+
+def final(ledger: Ledger, action: str) -> ActionStatus | None:
+    entry = ledger.find(action)
+    assert entry is not None
+    return entry.final
+
+
 def ended(action: str) -> ActionStatus:
     return ActionStatus(id=action, state="succeeded", result=True, name="land")
 
 
 def test_an_id_is_known_from_its_beginning_and_its_end_is_kept(tmp_path: Path) -> None:
     ledger = Ledger(tmp_path / "deep" / "uav1.actions")
-    assert not ledger.knows("a:1")
-    ledger.begin("a:1")
-    assert ledger.knows("a:1")
-    assert ledger.final("a:1") is None
-    ledger.finish(ended("a:1"))
-    ledger.begin("a:2")
+    assert not known(ledger, "a:1")
+    ledger.begin(begun("a:1"))
+    assert known(ledger, "a:1")
+    assert final(ledger, "a:1") is None
+    ledger.finish("a", ended("a:1"))
+    ledger.begin(begun("a:2"))
     ledger.close()
     again = Ledger(tmp_path / "deep" / "uav1.actions")
-    assert again.final("a:1") == ended("a:1")
-    assert again.knows("a:2")
-    assert again.final("a:2") is None
+    assert final(again, "a:1") == ended("a:1")
+    assert known(again, "a:2")
+    assert final(again, "a:2") is None
     again.close()
 
 
 def test_a_line_cut_off_by_a_power_loss_costs_only_itself(tmp_path: Path) -> None:
     path, ledger = tmp_path / "uav1.actions", Ledger(tmp_path / "uav1.actions")
-    ledger.begin("a:1")
-    ledger.begin("a:2")
+    ledger.begin(begun("a:1"))
+    ledger.begin(begun("a:2"))
     ledger.close()
     path.write_bytes(path.read_bytes()[:-7] + b"\xff\xfe\n{}")
     again = Ledger(path)
-    assert again.knows("a:1")
-    assert not again.knows("a:2")
+    assert known(again, "a:1")
+    assert not known(again, "a:2")
     again.close()
 
 
@@ -71,34 +85,89 @@ def test_ids_older_than_an_hour_are_forgotten_and_the_file_shrinks(tmp_path: Pat
     wall, path = Wall(), tmp_path / "uav1.actions"
     ledger = Ledger(path, wall)
     for number in range(100):
-        ledger.begin(f"a:{number}")
-        ledger.finish(ended(f"a:{number}"))
+        ledger.begin(begun(f"a:{number}"))
+        ledger.finish("a", ended(f"a:{number}"))
     size = path.stat().st_size
     wall.time += KEEP + 1
-    ledger.begin("b:1")
-    assert not ledger.knows("a:99")
+    ledger.begin(begun("b:1"))
+    assert not known(ledger, "a:99")
     ledger.close()
     ledger = Ledger(path, wall)
-    assert ledger.knows("b:1")
+    assert known(ledger, "b:1")
     assert path.stat().st_size < size / 100
     ledger.close()
 
 
+def rewritten(ledger: Ledger) -> bool:
+    """Whether what is written anew by a thread waits to be put in the place of the old file."""
+    return ledger._rewriting is not None and ledger._rewriting.done()
+
+
 def test_a_disk_that_is_full_while_the_file_shrinks_costs_no_later_id(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("bridged.ledger.REWRITE_AT", 1)
+    ledger = Ledger(tmp_path / "uav1.actions")
+    monkeypatch.setattr("bridged.ledger.Path.replace", Mock(side_effect=OSError(28, "No space left on device")))
+    ledger.begin(begun("a:1"))
+    soon(lambda: rewritten(ledger), "the new file")
+    ledger.begin(begun("a:2"))
+    ledger.begin(begun("a:3"))
+    monkeypatch.undo()
+    ledger.close()
+    assert "uav1.actions cannot be made smaller: No space left on device" in caplog.text
+    again = Ledger(tmp_path / "uav1.actions")
+    assert [known(again, f"a:{number}") for number in (1, 2, 3)] == [True] * 3
+    again.close()
+
+
+def test_what_is_noted_while_the_file_shrinks_is_in_the_new_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ledger = Ledger(tmp_path / "uav1.actions")
     monkeypatch.setattr("bridged.ledger.REWRITE_AT", 1)
-    with monkeypatch.context() as full:
-        full.setattr("bridged.ledger.Path.replace", Mock(side_effect=OSError(28, "No space left on device")))
-        with pytest.raises(OSError, match="No space left"):
-            ledger.begin("a:1")
-    ledger.begin("a:2")
+    wall, path, written, write = Wall(), tmp_path / "uav1.actions", Event(), module._write
+    ledger = Ledger(path, wall)
+
+    def slow(fresh: Path, entries: list[Entry]) -> None:
+        write(fresh, entries)
+        assert written.wait(30)
+
+    monkeypatch.setattr("bridged.ledger._write", slow)
+    ledger.begin(begun("a:1"))
+    ledger.begin(begun("a:2"))
+    ledger.finish("a", ended("a:1"))
+    written.set()
+    soon(lambda: rewritten(ledger), "the new file")
+    before = path.stat().st_ino
+    ledger.begin(begun("a:3"))
+    assert path.stat().st_ino != before
+    ledger.begin(begun("a:4"))
     ledger.close()
-    again = Ledger(tmp_path / "uav1.actions")
-    assert again.knows("a:1")
-    assert again.knows("a:2")
+    monkeypatch.undo()
+    again = Ledger(path, wall)
+    assert [known(again, f"a:{number}") for number in range(1, 5)] == [True] * 4
+    assert final(again, "a:1") == ended("a:1")
     again.close()
+
+
+def test_a_file_whose_ids_are_all_of_the_last_hour_is_written_anew_only_when_it_has_doubled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bridged.ledger.REWRITE_AT", 1000)
+    rewrites, write = list[int](), module._write
+    ledger = Ledger(tmp_path / "uav1.actions")
+
+    def counted(fresh: Path, entries: list[Entry]) -> None:
+        rewrites.append(len(entries))
+        write(fresh, entries)
+
+    monkeypatch.setattr("bridged.ledger._write", counted)
+    for number in range(2000):
+        ledger.finish("a", ended(f"a:{number}"))
+        if ledger._rewriting is not None:
+            soon(lambda: rewritten(ledger), "the new file")
+    assert 5 <= len(rewrites) <= 8, "1000 bytes, 2000, 4000 and so on"
+    ledger.close()
 
 
 def test_a_slow_disk_holds_nothing_up_and_every_id_is_synced_in_the_end(
@@ -119,16 +188,16 @@ def test_a_slow_disk_holds_nothing_up_and_every_id_is_synced_in_the_end(
             synced.append(seen.st_size)
 
     monkeypatch.setattr("bridged.ledger.os.fsync", slow)
-    ledger.begin("a:0")
+    ledger.begin(begun("a:0"))
     assert busy.wait(30)
     for number in range(1, 100):
-        ledger.begin(f"a:{number}")
+        ledger.begin(begun(f"a:{number}"))
     assert path.read_bytes().count(b"\n") == 100, "another process would find every id, although nothing is synced"
     assert not synced
     disk.set()
     soon(lambda: len(synced) == 2, "one sync and one more for what came meanwhile")
     assert synced[-1] == path.stat().st_size
-    ledger.begin("a:100")
+    ledger.begin(begun("a:100"))
     soon(lambda: synced[-1] == path.stat().st_size, "the sync of a later id")
     ledger.close()
 
@@ -138,7 +207,7 @@ def test_a_sync_that_fails_is_said(
 ) -> None:
     ledger = Ledger(tmp_path / "uav1.actions")
     monkeypatch.setattr("bridged.ledger.os.fsync", Mock(side_effect=OSError(5, "Input/output error")))
-    ledger.begin("a:1")
+    ledger.begin(begun("a:1"))
     soon(lambda: bool(caplog.records), "the log line")
     assert caplog.records[0].message == "action ids may not outlive a power loss: Input/output error"
     ledger.close()
@@ -150,8 +219,8 @@ def test_no_more_ids_are_kept_than_fit_and_the_oldest_goes_first(
     monkeypatch.setattr(module, "MAX_ENTRIES", 10)
     ledger = Ledger(tmp_path / "uav1.actions")
     for number in range(12):
-        ledger.begin(f"a:{number}")
-    assert [ledger.knows(f"a:{number}") for number in range(4)] == [False, False, True, True]
+        ledger.begin(begun(f"a:{number}"))
+    assert [known(ledger, f"a:{number}") for number in range(4)] == [False, False, True, True]
     ledger.close()
 
 
@@ -159,12 +228,12 @@ def test_who_has_the_robot_is_kept_beside_the_ids(tmp_path: Path) -> None:
     path = tmp_path / "uav1.actions"
     ledger = Ledger(path)
     assert ledger.held() == ("", False)
-    ledger.begin("a:b:1")
+    ledger.begin(begun("a:b:1"))
     assert ledger.held() == ("a", False), "no line says it: whose action was begun last"
     ledger.hold("c", free=True)
-    ledger.begin("a:b:2")
+    ledger.begin(begun("a:b:2"))
     ledger.close()
     again = Ledger(path)
     assert again.held() == ("c", True)
-    assert not again.knows("c")
+    assert not known(again, "c")
     again.close()
