@@ -14,11 +14,11 @@ MOST_LINES = 5
 
 def last_words(status: Status, ending: Ending) -> list[str]:
     """Return the last warnings and errors of a run and the last lines of dead processes, nothing twice."""
-    told = {
-        (entry.who, entry.text): str(entry)
-        for entry in status.journal.entries
-        if entry.level in ("warning", "error") and entry.text not in ending.text
-    }
+    told: dict[tuple[str, str], str] = {}
+    for entry in status.journal.entries:
+        if entry.level in ("warning", "error") and entry.text not in ending.text:
+            told.pop((entry.who, entry.text), None)  # said again: it stands where it was said last
+            told[entry.who, entry.text] = str(entry)
     lines = ["  last words", *(f"  {text}" for text in list(told.values())[-MOST:])] if told else []
     for child in status.children:
         if not child.dead:

@@ -194,7 +194,7 @@ class Picture:
 
     def _no_vehicle(self, robot: RobotSeen, percept: Perception) -> None:
         text = percept.name + (f"({','.join(map(write, percept.parameters))})" if percept.parameters else "")
-        robot.told[percept.name] = text if len(text) <= MAX_TOLD else f"{text[: MAX_TOLD - 1]}…"
+        robot.told[percept.name] = text if len(text) <= MAX_TOLD else f"{text[: MAX_TOLD - 2]}…)"
         robot.heard = self._now()
 
     def _state(self, robot: RobotSeen, mode: Term, connected: bool, armed: bool) -> None:
