@@ -13,7 +13,8 @@ from msgspec.structs import replace
 
 from bridged.arguments import BadArgument, read_arguments
 from bridged.board import PerceptBoard
-from bridged.drivers.robot import Driver, Execution, Order, Outcome
+from bridged.body import Body
+from bridged.drivers.robot import Execution, Order, Outcome
 from bridged.guarded import Guarded
 from bridged.jobs import Follower, Job
 from bridged.lease import Lease
@@ -37,7 +38,7 @@ class ActionDesk:
     def __init__(
         self,
         manifest: Manifest,
-        driver: Driver,
+        driver: Body,
         board: PerceptBoard,
         ledger: Ledger,
         publish: Callable[[str, ActionStatus], None],
@@ -245,7 +246,7 @@ class ActionDesk:
     def _hold_for(self, taken: list[Job]) -> None:
         """Let the robot stay where it is: whoever has taken it does not move it."""
         for job in taken:
-            self._calls.stop(job.execution, Outcome("failed", job.status.reason), hold=True)
+            self._calls.hold(job.execution, job.status.reason)
 
     def _busy(self, action: Action, entry: ActionEntry, rival: bool) -> str:
         """Why an action cannot begin beside those that run, empty if it can; what runs for a `rival` would end."""

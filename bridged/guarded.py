@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 
-from bridged.drivers.robot import Driver, Execution, Order, Outcome, Value
+from bridged.body import Body
+from bridged.drivers.robot import Execution, Order, Outcome, Value
 from schemas.manifest import ActionEntry
 
 log = logging.getLogger("actions")
@@ -14,7 +15,7 @@ log = logging.getLogger("actions")
 class Guarded:
     """The calls by which a robot is moved and stopped; none of them raises."""
 
-    def __init__(self, driver: Driver) -> None:
+    def __init__(self, driver: Body) -> None:
         self._driver = driver
 
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
@@ -38,6 +39,13 @@ class Guarded:
         except Exception:
             log.exception("defect in the driver when %s was to end", execution.name)
         execution.end(outcome)
+
+    def hold(self, execution: Execution, reason: str) -> None:
+        """Let the robot stay where it is although what moved it has ended."""
+        try:
+            self._driver.hold(execution, reason)
+        except Exception:
+            log.exception("defect in the driver when the robot was to hold after %s", execution.name)
 
 
 def _failed(name: str, error: Exception) -> Execution:

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast, get_args
 
+from bridged.body import Body
 from bridged.desk import ActionDesk
-from bridged.drivers.robot import Driver, Order, Outcome
+from bridged.drivers.robot import Order, Outcome
 from bridged.guarded import Guarded
 from commd.clock import Clock
 from schemas.durations import Duration
@@ -59,7 +60,7 @@ def read_steps(mission: Mission, robot: str) -> tuple[Step, ...]:
 class Orders:
     """Carries out orders, one at a time: a later one takes over from a sequence that is under way."""
 
-    def __init__(self, desk: ActionDesk, driver: Driver, clock: Clock) -> None:
+    def __init__(self, desk: ActionDesk, driver: Body, clock: Clock) -> None:
         self._desk, self._driver, self._clock = desk, driver, clock
         self._calls = Guarded(driver)
         self._sequence: asyncio.Task[None] | None = None

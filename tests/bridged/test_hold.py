@@ -208,3 +208,16 @@ def test_a_live_change_cannot_take_away_an_order_that_the_mission_relies_on(tmp_
     running = RunningManifest(manifest, lambda manifest: None, lambda manifest: order_findings(mission, "r", manifest))
     problems = running.change(ManifestChange(remove=("orders.hold",)))
     assert any(one.startswith("on_shutdown: the robot has no order `hold`") for one in problems), problems
+
+
+def test_a_robot_that_is_taken_by_an_action_that_does_not_move_it_is_told_to_stop(
+    endpoint: str, tmp_path: Path
+) -> None:
+    async def body(turtle: Turtle) -> None:
+        going = await turtle.ask("a", "goto", 1.0)
+        pen = await turtle.ask("b", "pen", True)
+        assert (going[-1].state, going[-1].reason) == ("failed", "lease taken by b")
+        await until(lambda: turtle.stops == 1, "it is told to stop")
+        assert not pen[-1].final
+
+    with_a_turtle(endpoint, tmp_path, body)
