@@ -46,7 +46,7 @@ class Translator:
                 parameters = tuple(_argument(field, reading.fields, self._term) for field in fields)
             except _Absent:
                 continue
-            except (KeyError, IndexError, ValueError, TypeError):
+            except (KeyError, IndexError, ValueError, TypeError, OverflowError):
                 self.unreadable += 1
                 continue
             yield Belief(name, entry, parameters)

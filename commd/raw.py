@@ -108,9 +108,15 @@ class Publisher(_Handle):
 class Querier(_Handle):
     """Asks on one key."""
 
-    def __init__(self, session: zenoh.Session, querier: zenoh.Querier, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        querier: zenoh.Querier,
+        loop: asyncio.AbstractEventLoop,
+        counters: Counter[str],
+    ) -> None:
         super().__init__(querier)
-        self._session, self._querier, self._loop = session, querier, loop
+        self._session, self._querier, self._loop, self._counters = session, querier, loop, counters
 
     @property
     def matching(self) -> bool:
@@ -129,6 +135,8 @@ class Querier(_Handle):
         def arrived(reply: Sample | None) -> None:
             if reply is None or replies.qsize() < REPLIES:
                 replies.put_nowait(reply)
+            else:
+                self._counters["dropped"] += 1
 
         def callback(reply: zenoh.Reply) -> None:
             self._soon(arrived, _read_reply(reply))
@@ -197,7 +205,7 @@ class RawBus:
         querier = self._session.declare_querier(
             key, target=zenoh.QueryTarget.ALL, allowed_destination=zenoh.Locality.REMOTE
         )
-        return Querier(self._session, querier, self._loop)
+        return Querier(self._session, querier, self._loop, self._counters)
 
     def serve(self, key: str, answer: Callable[[Sample], Sample | None]) -> _Handle:
         """Answer queries of others on a key with what `answer` says on the event loop at once; None = no reply."""
@@ -267,8 +275,8 @@ class _Queue:
 
 
 def _matching(declared: zenoh.Publisher | zenoh.Querier) -> bool:
-    status: Any = declared.matching_status  # an object that is always true, whatever its stub says
     try:
+        status: Any = declared.matching_status  # an object that is always true, whatever its stub says
         return bool(status.matching)
     except zenoh.ZError:
         return False

@@ -56,6 +56,7 @@ STATUS = '{field = "status", each = ["name", {field = "values", each = ["key", "
         ),
         ('["x"]', {"x": float("nan")}, (Number("NaN"),)),
         ('["x"]', {"x": None}, "unreadable"),
+        ('[{field = "x", scale = 0.5}]', {"x": 10**400}, "unreadable"),
         ('["x", "y"]', {"x": 1}, "unreadable"),
         ('["x"]', {"x": Atom("down")}, (Atom("down"),)),
     ],

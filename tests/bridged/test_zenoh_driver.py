@@ -15,7 +15,7 @@ import zenoh
 
 from bridged.drivers.robot import Outcome
 from commd.bus import Bus, open_bus
-from commd.raw import BACKLOG, LARGEST, Sample
+from commd.raw import BACKLOG, LARGEST, REPLIES, Sample
 from schemas.manifest import read_manifest
 from tests.bridged.pond import MANIFEST, Pond, in_a_pond, manifest, served, until
 
@@ -366,6 +366,69 @@ def test_what_runs_goes_on_when_another_manifest_has_it_no_longer(endpoint: str)
         del query
         await until(lambda: execution.over, "the action ends")
         assert execution.outcome == Outcome("succeeded")
+
+    in_a_pond(endpoint, body)
+
+
+def test_an_action_that_is_taken_away_while_it_waits_for_a_listener_ends_in_words(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        told, asked = pond.begin("tell", text="x"), pond.begin("blink", times=1)
+        await asyncio.sleep(0)
+        pond.driver.adopt(read_manifest(MANIFEST.partition("[actions.tell]")[0], "lamp.toml"))
+        await until(lambda: told.over and asked.over, "both end")
+        assert told.outcome == Outcome("failed", "nobody listens on lamp/text")
+        assert asked.outcome == Outcome("failed", "nobody serves lamp/blink")
+
+    in_a_pond(endpoint, body)
+
+
+def test_a_defect_where_a_reply_is_read_fails_its_action_and_no_other(endpoint: str) -> None:
+    def defect(*_: object) -> None:
+        raise KeyError("depth")
+
+    async def body(pond: Pond) -> None:
+        told: list[str] = []
+        loop = asyncio.get_running_loop()
+        loop.set_exception_handler(lambda _, context: told.append(context["message"]))
+        pond.serve("lamp/blink", b'{"success": true}')
+        pond.driver._sources.answered = defect  # type: ignore[method-assign]
+        outcome = await pond.do("blink", times=1)
+        assert outcome == Outcome("failed", "defect of the driver: KeyError: 'depth'")
+        assert told == ["carrying out blink"]
+        pond.driver._on_step = defect
+        await until(lambda: "looking at the actions" in told, "the bridge's own defect is told")
+        del pond.driver._sources.answered
+        assert (await pond.do("blink", times=1)).state == "succeeded", "the driver runs on"
+
+    in_a_pond(endpoint, body)
+
+
+def test_a_robot_that_says_something_only_in_replies_is_heard_by_them(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        pond.serve("lamp/blink", b'{"success": true, "count": 3}')
+        assert not pond.driver.heard
+        assert (await pond.do("blink", times=1)).state == "succeeded"
+        assert fields(pond)[0]["count"] == 3
+        assert pond.driver.heard
+        assert pond.driver.counters()["samples"] == 1
+
+    percept = MANIFEST.partition("[actions")[0].replace("lamp/state", "lamp/blink").replace('"on"', '"count"')
+    in_a_pond(endpoint, body, text=percept + "[actions" + MANIFEST.partition("[actions")[2])
+
+
+def test_replies_that_are_too_many_to_wait_are_counted(endpoint: str) -> None:
+    async def body(pond: Pond) -> None:
+        held: list[zenoh.Query] = []
+        pond.robot._session.declare_queryable("lamp/blink", zenoh.handlers.Callback(held.append, indirect=False))
+        execution = pond.begin("blink", times=3)
+        await until(lambda: bool(held), "the query arrives")
+        with held.pop() as query:
+            for _ in range(REPLIES + 5):
+                query.reply("lamp/blink", b"")
+            time.sleep(0.2)  # the event loop stands still, Zenoh's threads do not
+        del query
+        await until(lambda: execution.over, "the action ends")
+        assert pond.driver._bus.counters["dropped"] == 5
 
     in_a_pond(endpoint, body)
 

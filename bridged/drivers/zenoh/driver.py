@@ -6,6 +6,7 @@ import asyncio
 from collections import Counter
 from collections.abc import Callable, Coroutine, Mapping
 from contextlib import aclosing
+from functools import partial
 from typing import Any, Protocol
 
 from bridged.drivers.robot import Execution, Order, Outcome, Setup, Value
@@ -55,7 +56,7 @@ class ZenohDriver:
         pause = min(TICK, 1 / (TICKS * self._clock.speed))
         try:
             while True:
-                self._on_step()
+                self._step()
                 await asyncio.sleep(pause)
         finally:
             for task in self._tasks.values():
@@ -92,13 +93,13 @@ class ZenohDriver:
             execution.end(Outcome("refused", str(error)))
             return execution
         if entry.service:
-            self._begin(execution, self._ask(execution, entry, self._services[entry.service], payload))
+            self._begin(execution, partial(self._ask, execution, entry, self._services[entry.service], payload))
             return execution
         topic = self._topics[entry.topic, entry.latch]
         if topic.heard:
             execution.end(self._put(topic, payload))
         else:
-            self._begin(execution, self._put_when_heard(execution, entry, topic, payload))
+            self._begin(execution, partial(self._put_when_heard, execution, entry, topic, payload))
         return execution
 
     def refuses(self, entry: ActionEntry) -> str:
@@ -163,14 +164,24 @@ class ZenohDriver:
     def _key(self, name: str) -> str:
         return f"{self._prefix}/{name}" if self._prefix else name
 
-    def _begin(self, execution: Execution, work: Coroutine[Any, Any, Outcome]) -> None:
+    def _begin(self, execution: Execution, work: Callable[[], Coroutine[Any, Any, Outcome]]) -> None:
         async def carry_out() -> None:
-            outcome = await work
+            try:
+                outcome = await work()
+            except Exception as error:  # an action must not run for ever for a defect
+                _tell_defect(f"carrying out {execution.name}", error)
+                outcome = Outcome("failed", f"defect of the driver: {type(error).__name__}: {error}")
             self._tasks.pop(execution, None)
             execution.end(outcome)
-            self._on_step()
+            self._step()
 
         self._tasks[execution] = asyncio.create_task(carry_out())
+
+    def _step(self) -> None:
+        try:
+            self._on_step()
+        except Exception as error:  # a defect must not end the robot's driver
+            _tell_defect("looking at the actions", error)
 
     def _put(self, topic: Topic, payload: bytes) -> Outcome:
         try:
@@ -233,6 +244,10 @@ class ZenohDriver:
     @property
     def _codec_name(self) -> str:
         return self._manifest.robot.payload or DEFAULT
+
+
+def _tell_defect(what: str, error: Exception) -> None:
+    asyncio.get_running_loop().call_exception_handler({"message": what, "exception": error})
 
 
 def _renew(declared: dict[Any, Any], wanted: set[Any], declare: Callable[[Any], _Closable]) -> None:

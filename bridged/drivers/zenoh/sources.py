@@ -93,9 +93,12 @@ class Sources:
             self._drop(name)
 
     def answered(self, name: str, fields: Mapping[str, object]) -> None:
-        """A service answered: percepts whose source is its key are made from the reply."""
-        if name in self.by_name and fields:
-            self._on_reading(Reading(name, fields))
+        """A service answered: the robot is heard, and percepts whose source is its key are made from the reply."""
+        if source := self.by_name.get(name):
+            source.samples += 1
+            source.heard = self._clock.wall()
+            if fields:
+                self._on_reading(Reading(name, fields))
 
     @property
     def heard_at(self) -> float:
