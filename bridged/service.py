@@ -32,6 +32,8 @@ from schemas.records import (
     StopOrder,
 )
 
+ACTION_BYTES = 128 * 1024
+"""A larger request is refused unread: a mission of 700 items, each of eight long numbers, has 100 kB."""
 MAX_STATUSES = 64
 """Statuses of one action that may wait to be sent; of the running ones the oldest is left out first."""
 FOLLOW_AT_MOST = 3600.0
@@ -61,10 +63,12 @@ class Service:
         bus, fleet = self._bus, self._bus.fleet
         for agent in self._agents:
             bus.serve(keys.percept(fleet, agent, "**"), Perception, partial(self._repair, agent, board.sets[agent]))
-            bus.serve(keys.action(fleet, agent, "*"), Action, partial(self._act, agent, desk, live))
-            bus.serve(keys.cancel(fleet, agent), Cancel, partial(self._cancel, agent, desk))
+            bus.serve(
+                keys.action(fleet, agent, "*"), Action, partial(self._act, agent, desk, live), at_most=ACTION_BYTES
+            )
+            bus.serve(keys.cancel(fleet, agent), Cancel, partial(self._cancel, agent, desk), urgent=True)
         bus.serve(keys.manifest(fleet, self._robot), ManifestChange, partial(self._read_or_change, live))
-        bus.serve(keys.stop(fleet, self._robot), StopOrder, partial(self._stop, orders))
+        bus.serve(keys.stop(fleet, self._robot), StopOrder, partial(self._stop, orders), urgent=True)
 
     async def _repair(self, agent: str, present: PerceptSet, query: Query[Perception]) -> None:
         """Answer with every present belief of an agent that the query asks for, each on its own key."""

@@ -21,7 +21,7 @@ import zenoh
 from commd.raw import RawBus
 from commd.session import session_config
 from schemas import keys
-from schemas.codec import BadRecord, Wire, codec
+from schemas.codec import MAX_BYTES, BadRecord, Wire, codec
 from schemas.records import Header, Record
 
 Token: TypeAlias = zenoh.LivelinessToken
@@ -165,17 +165,29 @@ class Bus:
 
         self._session.declare_subscriber(key, self._hand_over(deliver))
 
-    def serve(self, key: str, record: type[R], handler: Callable[[Query[R]], Awaitable[None]]) -> Callable[[], None]:
+    def serve(
+        self,
+        key: str,
+        record: type[R],
+        handler: Callable[[Query[R]], Awaitable[None]],
+        *,
+        at_most: int = MAX_BYTES,
+        urgent: bool = False,
+    ) -> Callable[[], None]:
         """Serve queries: `handler(query)` runs as a task of its own and the query ends when it returns.
 
-        Returns what ends the serving; without it, it lasts as long as the session.
+        A payload of more than `at_most` bytes is refused unread. What is `urgent` has room of its own beside all other
+        queries. Returns what ends the serving; without it, it lasts as long as the session.
         """
+        room = 2 * QUERIES if urgent else QUERIES
 
         def deliver(query: zenoh.Query) -> None:
-            if len(self._tasks) >= QUERIES:
-                self.counters["dropped"] += 1
-                with query:
-                    query.reply_err(b"busy: too many queries at once", encoding=zenoh.Encoding.TEXT_PLAIN)
+            size = 0 if query.payload is None else len(query.payload)
+            if size > at_most:
+                self._refuse(query, "bad_input", f"{record.__name__}: {size} bytes, expected at most {at_most}")
+                return
+            if len(self._tasks) >= room:
+                self._refuse(query, "dropped", "busy: too many queries at once")
                 return
             task = self._loop.create_task(self._serve(query, record, handler))
             self._tasks.add(task)
@@ -190,6 +202,12 @@ class Bus:
                 log.debug("not_withdrawn key=%s why=%s", key, error)
 
         return withdraw
+
+    def _refuse(self, query: zenoh.Query, counter: str, why: str) -> None:
+        """Tell an asker why its query is not served, and count it."""
+        self.counters[counter] += 1
+        with query:
+            Query(self, query, None, why).reply_error(why)
 
     def _served(self, task: asyncio.Task[None]) -> None:
         self._tasks.discard(task)

@@ -222,6 +222,54 @@ def test_a_flood_is_bounded_and_what_did_not_fit_is_counted(endpoint: str, monke
     on_a_bus(endpoint, body)
 
 
+def test_what_is_urgent_is_served_while_all_other_queries_wait(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("commd.bus.QUERIES", 3)
+
+    async def body(connect: Connect) -> None:
+        asker, server = await connect(), await connect()
+        waiting, done = list[Query[Action]](), asyncio.Event()
+
+        async def slow(query: Query[Action]) -> None:
+            waiting.append(query)
+            await done.wait()
+
+        async def quick(query: Query[Action]) -> None:
+            query.reply(ActionStatus(id="x", state="cancelled"))
+
+        async def ask(key: str) -> list[Any]:
+            return [reply async for reply in asker.query(key, Action(), ActionStatus, 10)]
+
+        server.serve("argosy/test/uav/action/goto", Action, slow)
+        server.serve("argosy/test/uav/cancel", Action, quick, urgent=True)
+        await served(asker, "argosy/test/uav/action/goto")
+        await served(asker, "argosy/test/uav/cancel")
+        asking = [asyncio.create_task(ask("argosy/test/uav/action/goto")) for _ in range(3)]
+        await until(lambda: len(waiting) == 3, "all places are taken")
+        assert [reply.error for reply in await ask("argosy/test/uav/action/goto")] == ["busy: too many queries at once"]
+        assert [reply.record.id for reply in await ask("argosy/test/uav/cancel")] == ["x"]
+        done.set()
+        await asyncio.gather(*asking)
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_payload_that_is_larger_than_its_server_wants_is_refused_unread(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        asker, server = await connect(), await connect()
+
+        async def never(query: Query[Action]) -> None:
+            raise AssertionError(query.key)
+
+        server.serve("argosy/test/uav/action/goto", Action, never, at_most=100)
+        await served(asker, "argosy/test/uav/action/goto")
+        large = Action(parameters=("x" * 100,))
+        replies = [one async for one in asker.query("argosy/test/uav/action/goto", large, ActionStatus, 10)]
+        assert [one.error for one in replies] == ["Action: 119 bytes, expected at most 100"]
+        assert server.counters["bad_input"] == 1
+
+    on_a_bus(endpoint, body)
+
+
 def test_the_admin_space_of_the_router_can_be_read(endpoint: str) -> None:
     async def body(connect: Any) -> None:
         client = await connect("uav")
