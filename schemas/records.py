@@ -53,7 +53,7 @@ class Action(Record, frozen=True, kw_only=True):
     name: str = ""
     parameters: tuple[Term, ...] = ()
     deadline: float | None = None
-    """Mission seconds from arrival until it must have ended; none = the manifest's."""
+    """Mission seconds from arrival until it must have ended, at most the manifest's; none = the manifest's."""
     attempt: int = 1
     """How often this id was asked for; above 1 it is never started, only answered."""
 

@@ -24,7 +24,7 @@ from schemas import keys
 from schemas.manifest import ActionDescription, load_manifest
 from schemas.mission import read_mission
 from schemas.percepts import PerceptSet
-from schemas.records import ActionStatus, Cancel, Health, Outcome, Perception, StopOrder
+from schemas.records import Action, ActionStatus, Cancel, Health, Outcome, Perception, StopOrder
 from tests.bridged.airfield import Airfield, on_the_airfield, present, until
 from tests.bridged.sky import MISSION
 from tests.support.ports import free_port
@@ -440,6 +440,8 @@ def test_a_query_that_is_no_request_is_answered_with_what_the_action_is(endpoint
             request = bus.query(wild, Cancel(id="x"), ActionDescription, 5)
             bad = [reply.record async for reply in request if reply.record]
             assert "expected a Action, got a Cancel" in bad[0].problem
+            large = bus.query(keys.action("test", "uav", "land"), Action(parameters=("x" * 200_000,)), ActionStatus, 5)
+            assert ["expected at most 131072" in reply.error async for reply in large] == [True]
             assert not field.vehicle.copter.armed
             field.stop.set()
             await daemon
