@@ -15,6 +15,7 @@ from bridged.arguments import read_call
 from bridged.drivers import find_driver
 from bridged.drivers.robot import Driver, Execution, Order, Outcome, Reading, Setup, Value
 from bridged.upkeep import Upkeep, may_come
+from schemas.findings import Findings
 from schemas.manifest import ActionEntry, Manifest
 
 HOLD_PATIENCE = 10.0
@@ -187,7 +188,12 @@ class Body:
         if name != self._manifest.robot.driver:
             tell = setup.on_reading
             setup = replace(setup, on_reading=lambda reading: tell(replace(reading, driver=name)))
-        driver = self._drivers[name] = find_driver(name).make_driver(setup)
+        try:
+            driver = self._drivers[name] = find_driver(name).make_driver(setup)
+        except (Findings, ValueError, OSError):
+            raise
+        except Exception as error:  # drivers may be anybody's
+            raise ValueError(f"driver `{name}` cannot be made: {type(error).__name__}: {error}") from error
         self._upkeep[name] = Upkeep(self._setup.name, name, driver, partial(self._failed, name))
 
     def _failed(self, name: str, why: str) -> None:

@@ -16,6 +16,7 @@ from bridged.watch import watch_agents
 from commd.bus import Bus, open_bus
 from commd.clock import Clock
 from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, report_health, run_daemon
+from schemas.findings import Findings
 from schemas.mission import Mission, load_mission
 
 SETTLED = 3.0
@@ -84,22 +85,28 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
 
 
 async def bind(bus: Bus, mission: Mission, part: Part, clock: Clock, args: Namespace, shared: dict[str, Any]) -> Bridge:
-    """Claim a robot's name and begin to serve its agents. Raises AlreadyRunning, and OSError for the ledger."""
+    """Claim a robot's name and begin to serve its agents. Raises AlreadyRunning, and Findings in words."""
     await bus.claim(part.name)
     service = Service(bus, part.name, part.agents)
-    bridge = Bridge(
-        mission,
-        part.name,
-        part.manifest,
-        clock,
-        state_directory(args.state) / mission.fleet / f"{part.name}.actions",
-        service.publish_percept,
-        service.publish_status,
-        boot=bus.boot,
-        bus=bus,
-        simulated=args.simulated,
-        shared=shared,
-    )
+    ledger = state_directory(args.state) / mission.fleet / f"{part.name}.actions"
+    try:
+        bridge = Bridge(
+            mission,
+            part.name,
+            part.manifest,
+            clock,
+            ledger,
+            service.publish_percept,
+            service.publish_status,
+            boot=bus.boot,
+            bus=bus,
+            simulated=args.simulated,
+            shared=shared,
+        )
+    except (ValueError, OSError) as error:
+        why = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
+        said = f"robot {part.name} cannot be served: {why}"
+        raise Findings([mission.positions.finding(("robots", part.name), said)]) from error
     service.open(bridge.board, bridge.desk, bridge.orders, bridge.live)
     return bridge
 

@@ -7,6 +7,8 @@ import logging
 import os
 import resource
 import signal
+import threading
+import time
 from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Awaitable, Callable
 from typing import Any
@@ -21,6 +23,8 @@ from schemas.records import Health
 
 HEALTH_PERIOD = 1.0
 """Wall seconds between two health records."""
+LINGER = 1.0
+"""Wall seconds that threads have which are no daemons when the daemon has ended."""
 log = logging.getLogger("process")
 
 EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT = 0, 1, 2
@@ -40,7 +44,14 @@ def add_router_argument(parser: ArgumentParser) -> None:
 
 def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
     """Run a daemon's `main(stop)` until it returns; SIGTERM, SIGINT and SIGHUP (the terminal or the ssh connection it
-    was started from is gone) set `stop`. Returns the exit code."""
+    was started from is gone) set `stop`. Returns the exit code, unless threads that are no daemons outlive it: then the
+    process ends here."""
+    code = _run(name, main)
+    _end_with_threads(code)
+    return code
+
+
+def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
     when = "" if stderr().dates_its_lines else "%(asctime)s.%(msecs)03d "
     logging.basicConfig(
         level=logging.INFO,
@@ -74,6 +85,18 @@ def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> in
         return EXIT_FAILED
     finally:
         flush()
+
+
+def _end_with_threads(code: int) -> None:
+    """End the process at once if threads would keep it: what an extension leaves running must not outlive its end."""
+    until = time.monotonic() + LINGER
+    others = [one for one in threading.enumerate() if not one.daemon and one is not threading.main_thread()]
+    for one in others:
+        one.join(max(0.0, until - time.monotonic()))
+    if left := [one.name for one in others if one.is_alive()]:
+        log.warning("ending although threads still run: %s", ", ".join(left))
+        flush()
+        os._exit(code)
 
 
 def _defect(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:

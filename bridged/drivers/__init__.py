@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import cast
 
 from bridged.arguments import order_problems
+from bridged.drivers.loading import load
 from bridged.drivers.robot import DriverKind, Order
 from schemas.findings import Finding
 from schemas.manifest import Manifest
@@ -40,7 +41,7 @@ def find_driver(name: str) -> DriverKind:
     for entry in found.select(name=name):
         origin = "" if entry.dist is None else f" of {entry.dist.name} {entry.dist.version}"
         try:
-            kind = entry.load()
+            kind = load(entry)
         except (Exception, SystemExit) as error:  # whatever a package does when it is imported
             raise NoDriver(f"driver `{name}`{origin} cannot be loaded: {type(error).__name__}: {error}") from None
         lacking = [

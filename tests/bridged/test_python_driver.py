@@ -5,11 +5,15 @@ from __future__ import annotations
 import signal
 import sys
 import textwrap
-from collections.abc import Callable
+import threading
+import time
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
 
+from bridged.drivers import loading
+from bridged.drivers.python.actions import MAX_RATE, Call
 from bridged.drivers.python.driver import PythonDriver
 from schemas.findings import Findings
 from schemas.manifest import read_manifest
@@ -434,3 +438,51 @@ def test_another_manifest_is_taken_over_without_losing_a_percept(tmp_path: Path)
             workshop.bridge.driver.adopt(read_manifest(TOOLS.replace("gpio.sonar", "gpio.sonnar"), "bench.toml"))
 
     in_the_workshop(Workshop(tmp_path, checked(TOOLS)), body)
+
+
+def test_a_plug_in_whose_import_does_not_end_is_a_finding_within_a_bound(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(loading, "PATIENCE", 0.3)
+    caplog.set_level("INFO")
+    install(
+        monkeypatch,
+        tmp_path,
+        {"my_stuck": "import threading\nthreading.Event().wait(20)\n"},
+        {"argosy.python": {"stuck": "my_stuck"}},
+    )
+    said = problems(robot('[actions.go]\ncall = "stuck.go"'))
+    assert any("cannot be imported: SlowImport: it has not ended within 0.3 s" in one for one in said), said
+    assert "importing my_stuck, which `stuck` names" in caplog.text
+
+
+def test_the_thread_of_a_function_that_is_named_no_more_ends(
+    gpio: Callable[[], dict[str, object]], tmp_path: Path
+) -> None:
+    text = robot('[percepts.count]\nsource = "gpio.count"\nargs = ["0"]', '[actions.led]\ncall = "gpio.drop"')
+    text = text.replace('call = "gpio.drop"', 'call = "gpio.drop"\nparams = [{name = "height"}]')
+
+    def threads() -> set[str]:
+        return {one.name for one in threading.enumerate()} & {"gpio.count", "gpio.drop"}
+
+    async def body(workshop: Workshop) -> None:
+        await workshop.do("led", 1.0)
+        await until(lambda: threads() == {"gpio.count", "gpio.drop"}, "both are called")
+        workshop.bridge.driver.adopt(checked(text[: text.index("[actions")]))
+        await until(lambda: threads() == {"gpio.count"}, "the thread of the action ends")
+        workshop.bridge.driver.adopt(checked(text))
+        assert (await workshop.do("led", 1.0)).state == "succeeded"
+
+    in_the_workshop(Workshop(tmp_path, checked(text)), body)
+
+
+def test_a_generator_that_does_not_pause_is_asked_at_a_bounded_rate() -> None:
+    asked = []
+
+    def eager() -> Generator[dict[str, int], None, None]:
+        for number in range(50):
+            asked.append(time.monotonic())
+            yield {"to_go": number}
+
+    Call("go", "x.go").work(eager, {})
+    assert asked[-1] - asked[0] >= 49 / MAX_RATE

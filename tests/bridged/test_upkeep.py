@@ -13,10 +13,11 @@ from typing import Any
 import pytest
 
 from bridged import upkeep
-from bridged.daemon import serve
+from bridged.daemon import leave, serve
 from bridged.drivers.mavlink.link import LinkError
 from bridged.drivers.mavlink.wire import Encoder
 from schemas import keys
+from schemas.findings import Findings
 from schemas.manifest import find_manifest
 from schemas.mission import Mission, read_mission
 from schemas.percepts import PerceptSet
@@ -26,6 +27,7 @@ from tests.bridged.airfield import Airfield, on_the_airfield, until
 from tests.bridged.plugins import install
 from tests.bridged.radio import BEAT, Speaker
 from tests.bridged.sky import MISSION
+from tests.bridged.workshop import MISSION as workshop_mission
 from tests.bridged.workshop import Workshop, checked, in_the_workshop
 from tests.support.buses import Connect, on_a_bus, served
 from tests.support.ports import free_port
@@ -264,6 +266,52 @@ def test_a_robot_alone_waits_for_its_device_and_a_port_that_is_taken_ends_its_br
         taken.close()
 
     on_a_bus(endpoint, body)
+
+
+def test_a_driver_that_cannot_be_made_and_a_state_folder_that_cannot_be_used_are_told_with_the_robot(
+    endpoint: str, tmp_path: Path, sonar: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(setup: object) -> None:
+        raise KeyError("pin")
+
+    async def body(connect: Connect) -> None:
+        await connect()
+        mission = two_robots(tmp_path, f"udpin:127.0.0.1:{free_port()}", "udpin:127.0.0.1:0")
+        (tmp_path / "file").write_text("")
+        daemon, _ = serving(mission, endpoint, tmp_path / "file", "r1")
+        with pytest.raises(Findings, match=r"two.yaml:8:.* robot r1 cannot be served: .*file.*: Not a directory"):
+            await daemon
+        (tmp_path / "watchful.toml").write_text(WATCHFUL + PERCEPT)
+        monkeypatch.setattr(sonar, "make_driver", broken)
+        daemon, _ = serving(mission, endpoint, tmp_path, "r1")
+        with pytest.raises(Findings, match="robot r1 cannot be served: driver `sonar` cannot be made: KeyError: 'pin'"):
+            await daemon
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_driver_that_ends_by_itself_is_a_failure_in_words(sonar: Any, tmp_path: Path) -> None:
+    async def body(workshop: Workshop) -> None:
+        await workshop.perceives("range", 2.5)
+        sonar.echo.set()
+        said = "driver `sonar` does not run: RuntimeError: driver `sonar` of bench has ended by itself"
+        await until(lambda: any(note.startswith(said) for note in workshop.bridge.health().notes), "it is told")
+
+    in_the_workshop(Workshop(tmp_path, checked(BENCH)), body)
+
+
+def test_a_robot_that_cannot_be_left_for_a_defect_does_not_keep_others_from_being_left(
+    sonar: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def defect(order: str) -> str:
+        raise KeyError(order)
+
+    workshop = Workshop(tmp_path, checked(BENCH))
+    workshop.bridge.orders.shut_down = defect  # type: ignore[method-assign]
+    mission = read_mission(workshop_mission, tmp_path / "workshop.yaml")
+    caplog.set_level("INFO")
+    asyncio.run(leave(workshop.bridge, mission))
+    assert "leaving bench: not known, for a defect" in caplog.text
 
 
 def test_what_may_come_by_waiting_is_a_device_or_a_name() -> None:

@@ -11,6 +11,9 @@ from bridged.drivers.python.plugins import Function
 from bridged.drivers.python.workers import Raised, Result
 from bridged.drivers.robot import Execution, Outcome, Value
 
+MAX_RATE = 500.0
+"""Times in a wall second that a generator is asked for its progress, at most: one need not pause by itself."""
+
 
 class Call(Execution):
     """One call of a function for an action; of a generator, until its end or until the action is over."""
@@ -41,6 +44,7 @@ class Call(Execution):
                 self._told = _figures(next(generator))
             except StopIteration as end:
                 return end.value
+            self._over.wait(1 / MAX_RATE)
         generator.close()
         return None
 

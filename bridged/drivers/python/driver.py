@@ -47,6 +47,8 @@ class PythonDriver(PlainDriver):
         self._workers: dict[str, Worker] = {}
         self._calls: set[Call] = set()
         """Those that have not returned, also when their action is over."""
+        self._unused: set[str] = set()
+        """Functions that the manifest names no more, and that still have a thread."""
         self._polls: dict[str, asyncio.Task[None]] = {}
         self._running = False
         self._counts = Counter(failed=0, late=0)
@@ -68,6 +70,7 @@ class PythonDriver(PlainDriver):
                     self.setup.on_step()
                 except Exception as error:  # a defect must not end the robot's other drivers with this one
                     _tell_defect("looking at the actions", error)
+                self._close_unused()
                 await asyncio.sleep(pause)
         finally:
             self._running = False
@@ -220,6 +223,14 @@ class PythonDriver(PlainDriver):
         """The shortest `ttl` of a source's percepts; 0 if none has one."""
         ttls = [entry.ttl for entry in self.manifest.percepts.values() if entry.source == source and entry.ttl]
         return min(ttls, default=0.0)
+
+    def _close_unused(self) -> None:
+        """Let threads end that nobody needs since the last look; what runs, and a generator's close, may end first."""
+        unused = self._workers.keys() - self._functions.keys()
+        for name in unused & self._unused:
+            if not self._workers[name].busy:
+                self._workers.pop(name).close()
+        self._unused = unused
 
     async def _close(self) -> None:
         """Let generators end in their threads; what hangs is left to the end of the process."""

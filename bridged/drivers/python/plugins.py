@@ -13,6 +13,8 @@ from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
 from typing import Any
 
+from bridged.drivers.loading import load
+
 REAL, TWINS = "argosy.python", "argosy.python.simulated"
 """Groups of entry points."""
 
@@ -83,7 +85,7 @@ def _offered(entry: EntryPoint) -> dict[str, Function]:
     """Import the module of an entry point and return its functions. Raises NoFunction."""
     origin = "" if entry.dist is None else f" of {entry.dist.name} {entry.dist.version}"
     try:
-        module = entry.load()
+        module = load(entry)
     except (Exception, SystemExit) as error:  # whatever a package does when it is imported
         what = f"{type(error).__name__}: {error}"
         raise NoFunction(f"the plug-in `{entry.name}`{origin} cannot be imported: {what}") from None
