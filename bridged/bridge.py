@@ -75,9 +75,7 @@ class Bridge:
             )
         )
         self.ledger = Ledger(ledger)
-        self.lease = Lease(
-            agents, mission.robots[robot].lease.priority, self._lease_changed, arms=bool(self.driver.own.orders)
-        )
+        self.lease = Lease(agents, mission.robots[robot].lease.priority, self._lease_changed, arms=self.driver.arms)
         self.desk = ActionDesk(
             manifest,
             self.driver,

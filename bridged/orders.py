@@ -201,7 +201,7 @@ class Orders:
             self._desk.end_all("", Outcome("failed", "the bridge stops"))
             await asyncio.sleep(ARMING_SHOWS)
         if not self._driver.active:
-            return self._as_last_heard("not armed")
+            return self._as_last_heard("not armed" if self._driver.arms else "left as it is")
         outcome, done = Outcome("failed", "the robot has no such order"), order
         for attempt in (order, *self._others(order)):
             if attempt not in self._driver.orders:
@@ -214,7 +214,8 @@ class Orders:
                 return f"{attempt}: {outcome.reason or 'the vehicle does it'}"
             if outcome.state == "timed_out":
                 break  # it does not answer: another order would not be heard either
-        return f"{self._as_last_heard('armed')}, and it has not confirmed {done}: {outcome.reason}"
+        state = "armed" if self._driver.arms else "it may be moving"
+        return f"{self._as_last_heard(state)}, and it has not confirmed {done}: {outcome.reason}"
 
     def _others(self, order: Order) -> list[Order]:
         """What is tried when the robot does not do `order`, of what it can."""

@@ -131,3 +131,12 @@ def test_what_one_driver_refuses_the_other_still_does(site: Path) -> None:
         assert status[-1].state == "succeeded"
 
     rigged(site, body)
+
+
+def test_figures_of_one_name_of_two_drivers_are_added(site: Path) -> None:
+    async def body(rig: Rigged) -> None:
+        rig.sky.driver.counters = lambda: {"calls": 1000}  # type: ignore[method-assign]
+        await rig.until(lambda: rig.gripper.counters()["calls"], "the gripper is called")
+        assert rig.sky.bridge.driver.counters()["calls"] == 1000 + rig.gripper.counters()["calls"]
+
+    rigged(site, body)

@@ -13,6 +13,7 @@ from bridged import body as body_module
 from bridged.bridge import Bridge
 from bridged.drivers import check_manifest
 from bridged.drivers.robot import Outcome
+from bridged.drivers.zenoh.driver import ZenohDriver
 from bridged.live import RunningManifest
 from bridged.preparation import order_findings
 from commd.bus import Bus
@@ -177,8 +178,19 @@ def test_a_robot_that_moved_when_its_bridge_ended_is_stopped_when_the_next_one_e
         turtle.begin()
         assert turtle.bridge.lease.answers == "a"
         assert turtle.bridge.driver.active
-        await turtle.bridge.orders.shut_down("rtl")
+        assert await turtle.bridge.orders.shut_down("rtl") == "hold: the vehicle does it"
         await until(lambda: turtle.stops == 1, "it is told to stop")
+        assert not turtle.bridge.driver.active
+
+    with_a_turtle(endpoint, tmp_path, body)
+
+
+def test_a_robot_that_knows_no_arming_is_not_called_disarmed_when_it_is_left(endpoint: str, tmp_path: Path) -> None:
+    async def body(turtle: Turtle) -> None:
+        driver = turtle.bridge.driver.own
+        assert isinstance(driver, ZenohDriver)
+        await until(lambda: driver.heard, "somebody listens")
+        assert await turtle.bridge.orders.shut_down("rtl") == "left as it is"
 
     with_a_turtle(endpoint, tmp_path, body)
 

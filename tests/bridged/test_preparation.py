@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bridged.preparation import prepare, state_directory
+from bridged.preparation import prepare, prepare_all, state_directory
 from schemas.findings import Findings
 from schemas.mission import read_mission
 from tests.bridged.sky import MISSION
@@ -31,6 +31,16 @@ def test_a_good_mission_is_taken_and_the_command_line_chooses_the_link(tmp_path:
     assert ready.robots["uav1"].link == "tcp:127.0.0.1:5760"
     assert "takeoff" in manifest.actions
     assert [(step.order, step.pause) for step in steps] == [("hold", 5.0), ("rtl", 0.0)]
+
+
+def test_people_are_told_where_a_robot_is_by_its_link_its_prefix_or_its_driver(tmp_path: Path) -> None:
+    (tmp_path / "quiet.toml").write_text('[robot]\ndriver = "zenoh"\n')
+    text = MISSION.replace(
+        "robots:", "robots:\n  quiet: {manifest: quiet.toml}\n  far: {manifest: quiet.toml, prefix: a/b}"
+    )
+    mission = read_mission(text, tmp_path / "m.yaml")
+    _, parts = prepare_all(mission, ["uav1", "quiet", "far"], None, 1.0)
+    assert [part.where for part in parts] == ["udpin:127.0.0.1:0", "driver `zenoh`", "a/b/**"]
 
 
 def test_everything_that_is_wrong_with_a_robot_is_told_at_once(tmp_path: Path) -> None:
