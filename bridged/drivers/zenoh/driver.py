@@ -170,7 +170,7 @@ class ZenohDriver:
                 outcome = await work()
             except Exception as error:  # an action must not run for ever for a defect
                 _tell_defect(f"carrying out {execution.name}", error)
-                outcome = Outcome("failed", f"defect of the driver: {type(error).__name__}: {error}")
+                outcome = Outcome("failed", f"defect in the driver: {type(error).__name__}: {error}")
             self._tasks.pop(execution, None)
             execution.end(outcome)
             self._step()
