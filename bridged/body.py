@@ -157,9 +157,7 @@ class Body:
         others = [upkeep.keep_apart() for name, upkeep in self._upkeep.items() if name != own]
         tasks = [asyncio.create_task(one) for one in others]
         try:
-            if self.alone:
-                await self._upkeep[own].keep(may_come)
-            await self._upkeep[own].keep_apart()
+            await (self._upkeep[own].keep(may_come) if self.alone else self._upkeep[own].keep_apart())
         finally:
             for task in tasks:
                 task.cancel()

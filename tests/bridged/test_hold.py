@@ -123,6 +123,7 @@ def test_cancelling_a_motion_lets_the_robot_hold_and_what_does_not_move_it_go_on
         turtle.bridge.desk.cancel("a", going[-1].id)
         await until(lambda: turtle.stops == 1, "it is told to stop")
         assert going[-1].state == "cancelled"
+        turtle.bridge.step()
         assert not pen[-1].final
         await until(lambda: not turtle.bridge.driver.active, "it holds")
         assert turtle.notes() == ""
