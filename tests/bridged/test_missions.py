@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink import missions
 from bridged.drivers.mavlink.mission_items import Item, read_items
+from bridged.simulation.mission import Item as Stored
 from schemas.records import ActionStatus
 from schemas.terms import Term
 from tests.bridged.sky import HOME, MISSION, Message, Passes, Sky
@@ -189,8 +191,6 @@ def test_every_item_keeps_the_limits_of_the_mission_file(tmp_path: Path, item: T
 
 def test_a_mission_of_somebody_else_is_read_before_it_is_flown_and_keeps_the_limits(tmp_path: Path) -> None:
     sky = armed(Sky(tmp_path, mission=LIMITED))
-    from bridged.simulation.mission import Item as Stored
-
     sky.vehicle.copter.mission.store([
         Stored(0, 0, 16, (0, 0, 0, 0), 0, 0, 0.0), Stored(1, 3, 22, (0, 0, 0, 0), 0, 0, 50.0),
     ])  # fmt: skip
@@ -345,3 +345,148 @@ def test_the_place_of_home_is_sent_as_item_zero(sky: Sky) -> None:
     sky.do("upload_mission", TOUR)
     items = [one for one in sky.sent if one.get_type() == "MISSION_ITEM_INT"]
     assert (items[0].seq, items[0].x, items[0].y) == (0, round(HOME.lat * 1e7), round(HOME.lon * 1e7))
+
+
+def stored_by_another_station(sky: Sky, *items: Term) -> None:
+    """Another ground station stores a mission, as the vehicle has it then."""
+    copter = sky.vehicle.copter
+    stored = [
+        Stored(seq, 3, 16, (0, 0, 0, 0), round(one[0] * 1e7), round(one[1] * 1e7), one[2])
+        for seq, one in enumerate(items, 1)
+        if isinstance(one, list)
+    ]
+    copter.mission.store([Stored(0, 0, 16, (0, 0, 0, 0), 0, 0, 0.0), *stored])
+    copter.count_mission(len(items) + 1)
+
+
+def test_a_mission_that_jumps_is_over_only_when_the_vehicle_says_so(sky: Sky) -> None:
+    sky.flying()
+    sky.do("upload_mission", [NEAR, FAR, ["MAV_CMD_DO_JUMP", 0, 0, 0, 1, 2]])
+    heard = sky.begin("start_mission")
+    sky.forward(lambda: heard[-1].final, "the end of the mission", 400)
+    assert (heard[-1].state, heard[-1].reason) == ("succeeded", "")
+    reached = [one.parameters for who, one in sky.percepts if one.name == "item_reached" and who == "uav"]
+    assert reached == [(1,), (2,)] * 3
+    assert sky.vehicle.copter.mission.complete
+
+
+def test_a_pilot_right_after_the_end_of_a_mission_is_a_pilot(sky: Sky) -> None:
+    heard = started(sky)
+    sky.forward(lambda: heard[-1].final, "the end of the mission")
+    assert heard[-1].state == "succeeded", heard[-1].reason
+    sky.wait(1)
+    sky.vehicle.copter.set_mode(5)
+    sky.forward(lambda: sky.belief("override"), "the override", 5)
+    assert sky.do("return_to_launch").state == "refused"
+    assert sky.vehicle.copter.mode.name == "LOITER"
+
+
+def test_a_mission_that_another_station_stored_since_ours_is_the_one_that_is_judged(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, mission=LIMITED).flying()
+    assert sky.do("upload_mission", [NEAR, FAR]).state == "succeeded"
+    stored_by_another_station(sky, NEAR, [*FAR[:2], 50])
+    final = sky.do("start_mission")
+    assert final.reason == "item 2 of the mission: altitude 50 m is above the mission's limit of 30 m"
+    assert final.state == "refused"
+    assert sky.vehicle.copter.mode.name == "GUIDED"
+    assert [one[4] for one in waypoints(sky)] == [20.0, 50.0], "what the vehicle holds is told"
+
+
+@pytest.mark.parametrize("action", [("upload_mission", [FAR]), ("clear_mission",)])
+def test_a_mission_that_is_flown_is_neither_replaced_nor_cleared(
+    sky: Sky, action: tuple[str, *tuple[Term, ...]]
+) -> None:
+    heard = started(sky)
+    sky.forward(lambda: (heard[-1].feedback or {}).get("item") == 2, "item 2")
+    final = sky.do(*action)
+    assert final.reason == "start_mission is flying the vehicle's mission; cancel it first"
+    assert final.state == "refused"
+    sky.forward(lambda: heard[-1].final, "the end of the mission")
+    assert heard[-1].state == "succeeded", heard[-1].reason
+    final = sky.do(*action)
+    assert final.reason == "the vehicle is flying its mission (AUTO); set another mode first"
+    assert sky.do("set_mode", "GUIDED").state == "succeeded"
+    assert sky.do(*action).state == "succeeded"
+
+
+@pytest.mark.parametrize("items", [[NEAR, FAR, NEAR, FAR], []])
+def test_a_mission_that_another_station_changes_in_flight_fails_in_words(sky: Sky, items: list[Term]) -> None:
+    heard = started(sky)
+    sky.forward(lambda: (heard[-1].feedback or {}).get("item") == 2, "item 2")
+    stored_by_another_station(sky, *items)
+    sky.forward(lambda: heard[-1].final, "the end of the mission", 5)
+    assert heard[-1].state == "failed"
+    assert heard[-1].reason.startswith("the vehicle's mission was changed by others while it was flown")
+
+
+def test_an_acknowledgement_of_an_upload_before_is_not_taken_for_that_of_this_one(sky: Sky) -> None:
+    assert sky.do("upload_mission", [NEAR, FAR]).state == "succeeded"
+    identity = sky.driver.identity
+    late = dialect.MAVLink_mission_ack_message(identity.system, identity.component, dialect.MAV_MISSION_ACCEPTED)
+    sky.hears_us = lambda message: message.get_type() != "MISSION_COUNT"
+    heard = sky.begin("upload_mission", [FAR, NEAR])
+    sky.downlink.append(late)
+    sky.wait(0.3)
+    assert not heard[-1].final
+    sky.hears_us = lambda message: True
+    sky.forward(lambda: heard[-1].final, "the upload", 10)
+    assert heard[-1].state == "succeeded", heard[-1].reason
+    assert [item.z for item in sky.vehicle.copter.mission.items] == [15, 20]
+
+
+def test_a_refusal_for_another_station_is_not_that_of_our_item(sky: Sky) -> None:
+    def refuse_another(message: Message) -> bool:
+        if message.get_type() == "MISSION_SET_CURRENT":
+            sky.downlink.append(dialect.MAVLink_mission_ack_message(255, 190, dialect.MAV_MISSION_DENIED))
+        return True
+
+    sky.do("upload_mission", TOUR)
+    sky.hears_us = refuse_another
+    assert sky.do("set_mission_item", 3).state == "succeeded"
+
+
+def test_auto_is_set_only_on_a_whole_mission_within_the_limits(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, mission=LIMITED).flying()
+    stored_by_another_station(sky, NEAR, [*FAR[:2], 50])
+    final = sky.do("set_mode", "AUTO")
+    assert final.reason == "item 2 of the mission: altitude 50 m is above the mission's limit of 30 m"
+    assert (final.state, sky.vehicle.copter.mode.name) == ("refused", "GUIDED")
+    stored_by_another_station(sky, NEAR, FAR)
+    assert sky.do("set_mode", "AUTO").state == "succeeded"
+
+
+def test_auto_is_not_set_on_what_an_upload_that_broke_off_has_left(sky: Sky) -> None:
+    sky.flying()
+    sky.hears_us = lambda message: not (message.get_type() == "MISSION_ITEM_INT" and message.seq == 2)
+    assert sky.do("upload_mission", TOUR).state != "succeeded"
+    sky.hears_us = lambda message: True
+    final = sky.do("set_mode", "AUTO")
+    assert final.state == "refused"
+    assert final.reason.startswith("the upload was broken off at item 2 of 3")
+    assert sky.vehicle.copter.mode.name == "GUIDED"
+
+
+TERRAIN = {"frame": 10, "command": 16, "x_lat": NEAR[0], "y_long": NEAR[1], "z_alt": 20.0}
+MOVES_HOME: Term = ["MAV_CMD_DO_SET_HOME", -27.6050, -48.5200, 0]
+
+
+def test_items_whose_limits_cannot_be_kept_are_refused_under_limits(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, mission=LIMITED)
+    sky.forward(lambda: sky.belief("home_pos"), "home")
+    final = sky.do("upload_mission", [NEAR, MOVES_HOME])
+    said = "it moves home, from where the mission's limits are measured"
+    assert (final.state, final.reason) == ("refused", f"item 2 of the mission: {said}")
+    [high] = read_items([TERRAIN], 3)
+    flight = sky.driver._conversation.flight  # the manifest that ships has no items with frames
+    assert missions._outside(flight, (high,)).startswith("item 1 of the mission: an altitude above terrain cannot be")
+
+
+def test_without_limits_home_may_be_moved(sky: Sky) -> None:
+    sky.wait(1)
+    assert sky.do("upload_mission", [NEAR, MOVES_HOME]).state == "succeeded"
+
+
+def test_a_mission_of_which_nothing_is_flown_says_so(sky: Sky) -> None:
+    sky.do("upload_mission", [["MAV_CMD_DO_SET_SERVO", 0, 0, 0, 9, 1900]])
+    final = armed(sky).do("start_mission")
+    assert (final.state, final.reason) == ("refused", "nothing in the vehicle's mission is flown; upload one")

@@ -105,6 +105,8 @@ class Plan:
     """What an upload that did not end has left, in words."""
     busy: str = ""
     """The action that is speaking the mission protocol now: the vehicle speaks it with one at a time."""
+    flown_by: str = ""
+    """The action that is flying the mission now."""
 
 
 class Flight:

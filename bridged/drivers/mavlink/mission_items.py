@@ -15,10 +15,8 @@ MAX_ITEMS = 700
 """Items of one mission; ArduPilot stores about as many."""
 RELATIVE, AMSL = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL
 _AMSL = frozenset({dialect.MAV_FRAME_GLOBAL, dialect.MAV_FRAME_GLOBAL_INT})
-_RELATIVE = frozenset({
-    dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
-    dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT, dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
-})  # fmt: skip
+_RELATIVE = frozenset({dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT})
+_TERRAIN = frozenset({dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT, dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT})
 SHORT = {
     "waypoint": dialect.MAV_CMD_NAV_WAYPOINT,
     "takeoff": dialect.MAV_CMD_NAV_TAKEOFF,
@@ -69,6 +67,11 @@ class Item:
     def ends_on_ground(self) -> bool:
         """Whether it ends with the motors."""
         return self.command in (dialect.MAV_CMD_NAV_LAND, dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+
+    @property
+    def above_terrain(self) -> bool:
+        """Whether its altitude counts from the ground below."""
+        return self.frame in _TERRAIN
 
     @property
     def placed(self) -> bool:
@@ -150,8 +153,8 @@ def _item(
     longitude: float,
     altitude: float,
 ) -> Item:
-    if frame not in _AMSL | _RELATIVE and command <= LAST_NAV:
-        raise ValueError(f"frame {frame} is neither above home nor above mean sea level")
+    if frame not in _AMSL | _RELATIVE | _TERRAIN and command <= LAST_NAV:
+        raise ValueError(f"frame {frame} is neither above home, above mean sea level nor above terrain")
     if not 0 <= command <= 65535:
         raise ValueError(f"no command {command}")
     if abs(latitude) > 90 or abs(longitude) > 180:

@@ -59,14 +59,15 @@ def upload(flight: Flight, task: Task, items: tuple[Item, ...]) -> Generator[Non
         task.waits_for = f"the vehicle to take item {sent} of {count}"
         yield
         message = flight.message
-        if message is not None and message.get_type().startswith("MISSION_") and _ours(flight, message):
+        if message is not None and message.get_type().startswith("MISSION_") and ours(flight, message):
             match message.get_type():
                 case "MISSION_REQUEST" | "MISSION_REQUEST_INT" if message.seq < count:
                     quiet_since, sent = flight.now, max(sent, message.seq + 1)
                     task.leaves = plan.broken = _broken(sent, count)
                     flight.send(_packed(flight, message.seq, items[message.seq]))
                 case "MISSION_ACK" if message.type == dialect.MAV_MISSION_ACCEPTED:
-                    break
+                    if sent == count:  # any other is a late one, of an exchange before
+                        break
                 case "MISSION_ACK" if message.type != dialect.MAV_MISSION_INVALID_SEQUENCE or not sent:
                     task.leaves = ""
                     left = f"; {plan.broken}" if sent else ""
@@ -76,7 +77,7 @@ def upload(flight: Flight, task: Task, items: tuple[Item, ...]) -> Generator[Non
                 task.leaves = ""
                 return Outcome("failed", f"the vehicle fell silent during the upload; {plan.broken}")
             held = yield from download(flight, task)
-            if isinstance(held, tuple) and _same(held, items):
+            if isinstance(held, tuple) and same_items(held, items):
                 break
             return Outcome("failed", f"the vehicle did not acknowledge the mission; {plan.broken}")
     task.leaves = ""
@@ -113,7 +114,7 @@ def count_items(flight: Flight, task: Task) -> Generator[None, None, int | None]
     task.waits_for = "the vehicle to tell how many items it holds"
     for _ in range(TRIES):
         flight.send(dialect.MAVLink_mission_request_list_message(*_peer(flight)))
-        message = yield from next_message(flight, "MISSION_COUNT", TRY_EVERY, lambda one: _ours(flight, one))
+        message = yield from next_message(flight, "MISSION_COUNT", TRY_EVERY, lambda one: ours(flight, one))
         if message is not None:
             return int(message.count)
     return None
@@ -124,7 +125,7 @@ def clear(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
     for _ in range(TRIES):
         flight.send(dialect.MAVLink_mission_clear_all_message(*_peer(flight)))
         task.waits_for = "the vehicle to clear its mission"
-        message = yield from next_message(flight, "MISSION_ACK", TRY_EVERY, lambda one: _ours(flight, one))
+        message = yield from next_message(flight, "MISSION_ACK", TRY_EVERY, lambda one: ours(flight, one))
         if message is not None and message.type != dialect.MAV_MISSION_ACCEPTED:
             return Outcome("refused", f"the vehicle refused to clear its mission: {_result(message)}")
         held = yield from count_items(flight, task)
@@ -145,7 +146,7 @@ def _read(flight: Flight, seq: int) -> Generator[None, None, Item | Outcome]:
         while flight.now <= until:
             yield
             message = flight.message
-            if message is None or not message.get_type().startswith("MISSION_") or not _ours(flight, message):
+            if message is None or not message.get_type().startswith("MISSION_") or not ours(flight, message):
                 continue
             match message.get_type():
                 case "MISSION_ITEM_INT" | "MISSION_ITEM" if message.seq == seq:
@@ -174,7 +175,7 @@ def _peer(flight: Flight) -> tuple[int, int]:
     return identity.vehicle, identity.autopilot
 
 
-def _ours(flight: Flight, message: dialect.MAVLink_message) -> bool:
+def ours(flight: Flight, message: dialect.MAVLink_message) -> bool:
     """Of the mission's list (not of the fence's or the rally points'), and for us."""
     return hasattr(message, "target_system") and for_us(flight, message) and getattr(message, "mission_type", 0) == 0
 
@@ -183,5 +184,6 @@ def _result(message: dialect.MAVLink_message) -> str:
     return RESULTS.get(message.type, f"result {message.type}")
 
 
-def _same(held: tuple[Item, ...], items: tuple[Item, ...]) -> bool:
+def same_items(held: tuple[Item, ...], items: tuple[Item, ...]) -> bool:
+    """Whether a vehicle that holds the ones holds the others; home is its own business."""
     return len(held) == len(items) and all(one.same(other) for one, other in zip(held[1:], items[1:], strict=True))

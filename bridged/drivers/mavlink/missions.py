@@ -11,8 +11,17 @@ from bridged.drivers.mavlink.asking import Poll, asked_message
 from bridged.drivers.mavlink.confirmation import acknowledged
 from bridged.drivers.mavlink.flight import SUCCEEDED, Call, Flight, Steps, Task
 from bridged.drivers.mavlink.mission_items import AMSL, RELATIVE, Item, read_items
-from bridged.drivers.mavlink.mission_transfer import RESULTS, TRY_EVERY, break_off, clear, download, upload
-from bridged.drivers.mavlink.procedures import mode_call
+from bridged.drivers.mavlink.mission_transfer import (
+    RESULTS,
+    TRY_EVERY,
+    break_off,
+    clear,
+    download,
+    ours,
+    same_items,
+    upload,
+)
+from bridged.drivers.mavlink.procedures import change_mode, mode_call
 from bridged.drivers.mavlink.vehicle import Place
 from bridged.drivers.robot import Outcome, Reading
 from schemas.manifest import Retry
@@ -40,8 +49,8 @@ def upload_mission(flight: Flight, task: Task, call: Call) -> Steps:
         items = read_items(said, AMSL if call.frame == dialect.MAV_FRAME_GLOBAL_INT else RELATIVE)
     except ValueError as error:
         return Outcome("refused", str(error))
-    if broken := _outside(flight, items):
-        return Outcome("refused", broken)
+    if refused := _flown_now(flight) or _outside(flight, items):
+        return Outcome("refused", refused)
     with _Speaking(flight, task) as busy:
         if busy:
             return Outcome("refused", busy)
@@ -63,6 +72,8 @@ def download_mission(flight: Flight, task: Task, call: Call) -> Steps:
 
 def clear_mission(flight: Flight, task: Task, call: Call) -> Steps:
     """`mission_clear`: the vehicle counts no items but home."""
+    if flown := _flown_now(flight):
+        return Outcome("refused", flown)
     with _Speaking(flight, task) as busy:
         if busy:
             return Outcome("refused", busy)
@@ -99,48 +110,64 @@ def _go_to_item(flight: Flight, task: Task, wanted: int) -> Generator[None, None
             match message:
                 case dialect.MAVLink_mission_current_message() if message.seq == wanted:
                     return None
-                case dialect.MAVLink_mission_ack_message() if message.type != dialect.MAV_MISSION_ACCEPTED:
+                case dialect.MAVLink_mission_ack_message() if message.type != dialect.MAV_MISSION_ACCEPTED and ours(
+                    flight, message
+                ):
                     return Outcome("refused", f"the vehicle refused item {wanted}: {RESULTS.get(message.type)}")
     return Outcome("failed", f"the vehicle did not go to item {wanted}; has its mission so many?")
 
 
+def enter_mode(flight: Flight, task: Task, call: Call) -> Steps:
+    """`mode`: as `change_mode`. AUTO flies the stored mission, so that must be whole and within the limits then too."""
+    if int(call.parameters[1]) == flight.vehicle.modes.auto:
+        if flight.plan.broken:
+            return Outcome("refused", flight.plan.broken)
+        if flight.limits.altitude is not None or flight.limits.radius is not None:
+            failure = yield from _read_within_limits(flight, task)
+            if failure is not None:
+                return failure
+    return (yield from change_mode(flight, task, call))
+
+
 def start_mission(flight: Flight, task: Task, call: Call) -> Steps:
-    """`mission_start`: AUTO, then every item to the last; on the ground a mission begins with a takeoff."""
+    """`mission_start`: AUTO, then every item to the last; on the ground a mission begins with a takeoff.
+
+    What the vehicle stores is read first, whoever has stored it: another station may have since we did.
+    """
     vehicle, modes = flight.vehicle, flight.vehicle.modes
     if flight.plan.broken:
         return Outcome("refused", flight.plan.broken)
     if not vehicle.armed:
         return Outcome("refused", f"a mission is started armed; {flight.state_in_words()}")
-    if flight.plan.items is None:
-        with _Speaking(flight, task) as busy:
-            failure = Outcome("refused", busy) if busy else (yield from _learn(flight, task))
-        if failure is not None:
-            return failure
+    failure = yield from _read_within_limits(flight, task)
+    if failure is not None:
+        return failure
     items = flight.plan.items or ()
     last = max((seq for seq, item in enumerate(items) if seq and item.flown), default=0)
     if not last:
-        return Outcome("refused", "the vehicle has no mission; upload one")
-    if broken := _outside(flight, items[1:]):
-        return Outcome("refused", broken)
-    told = yield from asked_message(flight, task, "MISSION_CURRENT", TRY_EVERY)
-    if told is not None and (told.mission_state == COMPLETE or told.seq > last):
-        failure = yield from _go_to_item(flight, task, 1)
-        if failure is not None:
-            return failure
-    grounded = not vehicle.aloft or modes.ground
-    if vehicle.mode != modes.auto:  # whether it stays is seen all the way
-        flight.expect_mode(modes.auto)
-        call = mode_call(modes.auto)
-        command = flight.submit(task, call.number, call.parameters, START)
-        refusal = yield from acknowledged(flight, task, command, lambda: vehicle.mode == modes.auto)
-        if refusal is not None:
-            return refusal
-        flight.expect_mode(modes.auto)
-    if grounded:
-        refusal = yield from _begin(flight, task)
-        if refusal is not None:
-            return refusal
-    return (yield from _fly(flight, task, items, last, grounded=grounded and not modes.ground))
+        nothing = "nothing in the vehicle's mission is flown" if len(items) > 1 else "the vehicle has no mission"
+        return Outcome("refused", f"{nothing}; upload one")
+    with _Flying(flight, task):
+        told = yield from asked_message(flight, task, "MISSION_CURRENT", TRY_EVERY)
+        if told is not None and (told.mission_state == COMPLETE or told.seq > last):
+            failure = yield from _go_to_item(flight, task, 1)
+            if failure is not None:
+                return failure
+        grounded = not vehicle.aloft or modes.ground
+        if vehicle.mode != modes.auto:  # whether it stays is seen all the way
+            flight.expect_mode(modes.auto)
+            call = mode_call(modes.auto)
+            command = flight.submit(task, call.number, call.parameters, START)
+            refusal = yield from acknowledged(flight, task, command, lambda: vehicle.mode == modes.auto)
+            if refusal is not None:
+                return refusal
+            flight.expect_mode(modes.auto)
+        if grounded:
+            refusal = yield from _begin(flight, task)
+            if refusal is not None:
+                return refusal
+        stored = None if told is None else told.total
+        return (yield from _fly(flight, task, items, last, stored, grounded=grounded and not modes.ground))
 
 
 def _begin(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
@@ -148,37 +175,48 @@ def _begin(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
     return (yield from acknowledged(flight, task, command, lambda: flight.vehicle.aloft and not _ground(flight)))
 
 
-def _fly(flight: Flight, task: Task, items: tuple[Item, ...], last: int, *, grounded: bool) -> Steps:
+def _fly(
+    flight: Flight, task: Task, items: tuple[Item, ...], last: int, stored: int | None, *, grounded: bool
+) -> Steps:
     """Watch the mission until it is over; the vehicle's own messages tell how far it is.
 
     A vehicle that disarms calls its mission complete wherever it is, so the end in the air is believed at the next
-    HEARTBEAT, and the end on the ground when the motors have stopped at the last item.
+    HEARTBEAT, and the end on the ground when the motors have stopped at the last item. One that leaves AUTO at the end
+    of a mission does so at once: two HEARTBEATs later a change is somebody else's. Of a mission that jumps, reaching an
+    item proves nothing: it is over when the vehicle says so. `stored` is how many items MISSION_CURRENT told before.
     """
-    vehicle, asked = flight.vehicle, flight.now
+    vehicle, modes, asked = flight.vehicle, flight.vehicle.modes, flight.now
     poll, patience = Poll(flight, task, "MISSION_CURRENT", PROGRESS_EVERY), flight.now + flight.wait(*BEGINS_WITHIN)
-    reached, current, running, over_at, left_at = 0, 0, False, math.inf, None
+    jumps, complete = any(item.command == dialect.MAV_CMD_DO_JUMP for item in items), False
+    reached, furthest, current, running, over_at, left_at = 0, 0, 1, False, math.inf, None
     while True:
         poll()
         message = flight.message
         match message:
             case dialect.MAVLink_mission_item_reached_message():
-                reached = max(reached, message.seq)
+                reached = message.seq if jumps else max(reached, message.seq)
             case dialect.MAVLink_mission_current_message():
-                current = max(current, message.seq)
-                if message.mission_state == COMPLETE and running and vehicle.armed:
-                    reached = last
+                stored = message.total if stored is None else stored
+                if message.total != stored or message.mission_state == dialect.MISSION_STATE_NO_MISSION:
+                    said = "the vehicle's mission was changed by others while it was flown (another ground station?)"
+                    return Outcome("failed", flight.with_texts(said, asked))
+                furthest = max(furthest, message.seq)
+                current = max(1, message.seq if jumps else furthest)
+                complete = complete or (message.mission_state == COMPLETE and running and vehicle.armed)
                 running = running or message.mission_state == dialect.MISSION_STATE_ACTIVE
+        reached = last if complete else reached
         grounded = grounded and not vehicle.aloft
-        _progress(flight, task, items, max(current, 1), last, reached)
+        _progress(flight, task, items, current, last, reached)
         if items[last].ends_on_ground:
-            if not vehicle.armed and max(current, reached) >= last:
+            if not vehicle.armed and max(furthest, reached) >= last:
                 return SUCCEEDED
-        elif reached >= last and vehicle.armed and not grounded:
+        elif (complete or (reached >= last and not jumps)) and vehicle.armed and not grounded:
             over_at = min(over_at, vehicle.heartbeats)
-            if vehicle.heartbeats > over_at:
-                flight.expect_mode(vehicle.modes.after_mission)
+            stays = vehicle.mode == modes.auto != modes.after_mission
+            if vehicle.mode in (modes.auto, modes.after_mission) and vehicle.heartbeats > over_at + stays:
                 return SUCCEEDED
-        if vehicle.armed and (vehicle.mode == vehicle.modes.auto or over_at < math.inf):
+        over = over_at < math.inf and vehicle.mode == modes.after_mission
+        if vehicle.armed and (vehicle.mode == modes.auto or over):
             left_at = None
         else:
             left_at = flight.now if left_at is None else left_at
@@ -221,6 +259,31 @@ def _learn(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
     return None
 
 
+def _read_within_limits(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+    """Read what the vehicle stores; percepts follow. Returns why it cannot be flown, None if it can."""
+    with _Speaking(flight, task) as busy:
+        if busy:
+            return Outcome("refused", busy)
+        held = yield from download(flight, task)
+    if isinstance(held, Outcome):
+        return held
+    if flight.plan.items is None or not same_items(held, flight.plan.items):
+        flight.plan.items = held
+        _tell(flight)
+    broken = _outside(flight, held[1:])
+    return Outcome("refused", broken) if broken else None
+
+
+def _flown_now(flight: Flight) -> str:
+    """In words, that the vehicle flies its mission: what it stores must not change under it. Empty = it does not."""
+    vehicle = flight.vehicle
+    if flight.plan.flown_by:
+        return f"{flight.plan.flown_by} is flying the vehicle's mission; cancel it first"
+    if vehicle.armed and vehicle.mode == vehicle.modes.auto:
+        return f"the vehicle is flying its mission ({vehicle.mode_name}); set another mode first"
+    return ""
+
+
 def _tell(flight: Flight) -> None:
     """The items as readings: those of an older mission go first."""
     items = flight.plan.items or ()
@@ -245,9 +308,14 @@ def _tell(flight: Flight) -> None:
 
 def _outside(flight: Flight, items: tuple[Item, ...]) -> str:
     """Which item breaks which limit of the mission file, in words; empty = none."""
-    home = flight.altitude_of_home() or 0.0
+    home, limits = flight.altitude_of_home() or 0.0, flight.limits
     for seq, item in enumerate(items, 1):
-        if broken := item.outside(flight.too_high, flight.too_far, home):
+        broken = item.outside(flight.too_high, flight.too_far, home)
+        if limits.altitude is not None and item.flown and item.above_terrain:
+            broken = "an altitude above terrain cannot be compared with the mission's limit, which is above home"
+        if item.command == dialect.MAV_CMD_DO_SET_HOME and (limits.altitude is not None or limits.radius is not None):
+            broken = "it moves home, from where the mission's limits are measured"
+        if broken:
             return f"item {seq} of the mission: {broken}"
     return ""
 
@@ -282,3 +350,16 @@ class _Speaking:
             self._flight.plan.busy = ""
         if self._task.leaves:
             break_off(self._flight)
+
+
+class _Flying:
+    """The mission is started or flown for one action: it is not changed under it."""
+
+    def __init__(self, flight: Flight, task: Task) -> None:
+        self._plan, self._task = flight.plan, task
+
+    def __enter__(self) -> None:
+        self._plan.flown_by = self._task.name
+
+    def __exit__(self, *_: object) -> None:
+        self._plan.flown_by = ""

@@ -29,7 +29,7 @@ class ModeTable:
     auto: int
     """Flies the stored mission."""
     after_mission: int
-    """What the vehicle may go to by itself when the mission is over."""
+    """The mode that the vehicle is in when the mission is over: `auto`, or what it goes to by itself."""
     without_position: frozenset[int]
     """Modes in which the vehicle flies without knowing where it is."""
     takeoff: int | None = None
@@ -106,7 +106,7 @@ ARDUCOPTER = ModeTable(
     land=9,
     rtl=6,
     auto=3,
-    after_mission=5,
+    after_mission=3,
     without_position=frozenset({0, 1, 2, 13, 14, 18, 20, 28}),
 )
 """ArduPilot ArduCopter/mode.h of 2025-10."""

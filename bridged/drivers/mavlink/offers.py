@@ -69,7 +69,7 @@ class CallOffer:
 
 
 COMMANDS: Mapping[str, Offer] = MappingProxyType({
-    "mode": Offer(procedures.change_mode, sets_mode=True, takes_control=True),
+    "mode": Offer(missions.enter_mode, sets_mode=True, takes_control=True),
     "armed": Offer(procedures.arm),
     "altitude": Offer(procedures.take_off, _CLIMB),
     "target": Offer(procedures.reposition),
