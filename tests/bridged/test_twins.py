@@ -11,7 +11,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.driver import MavlinkDriver
-from bridged.drivers.mavlink.twins import BACK_WITHIN, Twins
+from bridged.drivers.mavlink.flight import Call
+from bridged.drivers.mavlink.modes import MODE_TABLES
+from bridged.drivers.mavlink.twins import BACK_WITHIN, Twins, leads_down, may_lead_down
 from bridged.drivers.mavlink.wire import Encoder
 from bridged.drivers.robot import Setup
 from commd.clock import Clock
@@ -136,3 +138,11 @@ def test_two_vehicles_of_one_id_in_flight_are_left_their_ways_down_which_go_to_b
                 vehicle.close()
 
     asyncio.run(body())
+
+
+@pytest.mark.parametrize("manifest", ["arduplane", "ardurover"])
+def test_a_return_that_does_not_land_is_a_way_down_too(manifest: str) -> None:
+    entry = load_manifest(manifest).actions["return_to_launch"]
+    assert entry.confirm == "at_home"
+    assert may_lead_down(entry)
+    assert leads_down(entry, Call(), MODE_TABLES[manifest])

@@ -50,7 +50,7 @@ class Twins:
         return [self._said] if wall < self._until else []
 
 
-WAYS_DOWN = frozenset({"landed", "home", "mode", "armed"})
+WAYS_DOWN = frozenset({"landed", "home", "at_home", "mode", "armed"})
 """Confirmations of actions that can bring a vehicle down, or end its flight."""
 
 
