@@ -8,8 +8,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.parameters import spellings
+from bridged.simulation.faults import Faults
 from schemas.terms import Term
-from tests.bridged.sky import Message, Sky
+from tests.bridged.sky import MISSION, Message, Sky
 
 
 @pytest.fixture
@@ -150,3 +151,62 @@ def _from_others(message: Message) -> Message:
 
     (back,) = Framer(WireCounters()).feed(Encoder(254, 190).pack(message))
     return back
+
+
+GUARDED = MISSION + "    failsafe: {gcs: bridge}\n    limits: {altitude: 30}\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "by"),
+    [
+        ("FS_GCS_ENABLE", 0, "failsafe"),
+        ("fs_gcs_enable", 0.4, "failsafe"),
+        ("MAV_GCS_SYSID", 250, "failsafe"),
+        ("SYSID_MYGCS", 250, "failsafe"),
+        ("FS_GCS_TIMEOUT", 1000, "failsafe"),
+        ("FENCE_ENABLE", 0, "limits"),
+        ("FENCE_ACTION", 0, "limits"),
+    ],
+)
+def test_what_the_mission_relies_on_is_not_switched_off_by_a_parameter(
+    tmp_path: Path, name: str, value: float, by: str
+) -> None:
+    sky = Sky(tmp_path, mission=GUARDED)
+    sky.wait(1)
+    final = sky.do("set_param", name, value)
+    assert final.state == "refused"
+    assert final.reason.startswith(f"{name.upper()} is not set to {value:g}: the mission declares `{by}`")
+    assert not any(one.get_type() == "PARAM_SET" for one in sky.sent)
+
+
+def test_what_the_mission_relies_on_may_be_switched_on(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, mission=GUARDED)
+    assert sky.do("set_param", "FS_GCS_ENABLE", 1).state == "succeeded"
+    assert sky.do("enable_fence", True).state == "succeeded"
+    final = sky.do("enable_fence", False)
+    assert final.reason == "FENCE_ENABLE is not set to 0: the mission declares `limits`, and the fence stays as it is"
+    assert (final.state, sky.vehicle.copter.parameters["FENCE_ENABLE"]) == ("refused", 1)
+
+
+def test_a_value_that_32_bits_do_not_hold_is_refused(sky: Sky) -> None:
+    final = sky.do("set_param", "RTL_ALT", 1e39)
+    said = "RTL_ALT: a parameter's value is a number of 32 bits, up to 3.4e38"
+    assert (final.state, final.reason) == ("refused", said)
+
+
+def test_a_fence_is_known_by_what_it_is_although_no_acknowledgement_comes(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, faults=Faults.parse(["mute-acks"]))
+    for wanted in (True, False):
+        final = sky.do("enable_fence", wanted)
+        assert (final.state, final.reason) == ("succeeded", "")
+        assert sky.vehicle.copter.parameters["FENCE_ENABLE"] == wanted
+
+
+def test_a_fence_whose_bit_is_not_told_is_known_by_its_parameter_although_no_acknowledgement_comes(
+    tmp_path: Path,
+) -> None:
+    sky = Sky(tmp_path, faults=Faults.parse(["mute-acks"]))
+    sky.wait(1)
+    sky.we_hear = lambda message: message.get_type() != "SYS_STATUS"
+    final = sky.do("enable_fence", True)
+    assert (final.state, final.reason) == ("succeeded", "")

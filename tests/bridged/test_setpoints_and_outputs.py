@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.simulation.faults import Faults
 from schemas.manifest import Manifest, load_manifest, read_manifest
 from tests.bridged.sky import GOAL, MISSION, Message, Sky, is_command
 
@@ -336,3 +337,26 @@ def test_a_gripper_is_known_by_the_output_that_its_parameter_names(sky: Sky) -> 
     final = sky.do("gripper", True)
     assert final.state == "succeeded", final.reason
     assert sky.do("gripper", False).state == "succeeded"
+
+
+def test_a_motor_that_idles_at_the_width_of_a_gripper_is_no_gripper(sky: Sky) -> None:
+    for name, value in (("SERVO9_FUNCTION", 28), ("GRIP_ENABLE", 1), ("GRIP_RELEASE", 1000)):
+        sky.vehicle.copter.parameters.set(name, value)
+    sky.wait(1)
+    sky.hears_us = lambda message: not is_command(dialect.MAV_CMD_DO_GRIPPER)(message)
+    final = sky.do("gripper", False)
+    assert final.state == "failed"
+    assert final.reason.startswith("no acknowledgement of MAV_CMD_DO_GRIPPER")
+
+
+def test_a_vehicle_none_of_whose_outputs_is_a_gripper_says_so(sky: Sky) -> None:
+    sky.wait(1)
+    final = sky.do("gripper", True)
+    said = "none of the 16 outputs that were told is a gripper (SERVOn_FUNCTION = 28)"
+    assert (final.state, final.reason) == ("failed", said)
+
+
+def test_a_reposition_is_known_by_the_target_although_no_acknowledgement_comes(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, faults=Faults.parse(["mute-acks"])).flying()
+    final = sky.do("reposition", *GOAL[:2], 10)
+    assert (final.state, final.reason) == ("succeeded", "")

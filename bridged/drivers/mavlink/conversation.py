@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.commands import Commands, Identity
 from bridged.drivers.mavlink.control import Control
 from bridged.drivers.mavlink.failsafe import FailsafeCheck
-from bridged.drivers.mavlink.flight import Call, Flight, Procedure, Steps, Task
+from bridged.drivers.mavlink.flight import NOBODYS_FAILSAFE, Call, Flight, Procedure, Steps, Task
 from bridged.drivers.mavlink.limit_watch import LimitWatch
 from bridged.drivers.mavlink.modes import MODE_TABLES, ModeTable
 from bridged.drivers.mavlink.offers import Offer
@@ -39,7 +39,7 @@ HEARTBEAT_LATE = (1.5, 1.5)
 """Mission and wall seconds without a HEARTBEAT after which the link, not the rate of a message, is in doubt."""
 MAX_TASKS = 16
 """Executions under way at once; the bridge allows fewer."""
-NO_LIMITS, NOBODYS_FAILSAFE = Limits(), Failsafe()
+NO_LIMITS = Limits()
 log = logging.getLogger("mavlink")
 
 
@@ -62,7 +62,7 @@ class Conversation:
         self.texts = Texts()
         self.commands = Commands(identity, speed, send)
         self.streams = Streams(manifest, self.commands, speed)
-        self.flight = Flight(self.vehicle, self.commands, self.texts, send, speed, limits, on_reading)
+        self.flight = Flight(self.vehicle, self.commands, self.texts, send, speed, limits, on_reading, failsafe)
         self.failsafe = FailsafeCheck(failsafe, identity, send, speed)
         self._limits = LimitWatch(self.flight)
         self.received = 0

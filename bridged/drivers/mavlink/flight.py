@@ -13,7 +13,7 @@ from bridged.drivers.mavlink.texts import Texts
 from bridged.drivers.mavlink.vehicle import Place, Vehicle
 from bridged.drivers.robot import Execution, Outcome, Reading, Value
 from schemas.manifest import Retry
-from schemas.mission import Limits
+from schemas.mission import Failsafe, Limits
 
 Steps = Generator[None, None, Outcome]
 """A procedure: it looks at the flight, yields until something changes, and returns how it ended."""
@@ -35,6 +35,7 @@ MAX_PARAMETERS = 256
 
 Triple = tuple[float, float, float]
 SUCCEEDED = Outcome("succeeded")
+NOBODYS_FAILSAFE = Failsafe()
 
 
 @dataclass(eq=False)
@@ -121,11 +122,13 @@ class Flight:
         speed: float,
         limits: Limits,
         tell: Callable[[Reading], None] = lambda reading: None,
+        failsafe: Failsafe = NOBODYS_FAILSAFE,
     ) -> None:
         self.vehicle = vehicle
         self.commands = commands
         self.texts = texts
         self.limits = limits
+        self.failsafe = failsafe
         self.now = 0.0
         self.asked_last = -1
         """The mode that we asked for last: one that it takes on while it cannot be heard is nobody else's."""

@@ -6,6 +6,7 @@ versions of ArduPilot: both spellings are asked for, and the vehicle's answer te
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Generator
 
@@ -22,6 +23,10 @@ READ_EVERY, PULL_EVERY = (0.5, 0.5), (1.0, 1.0)
 _NEW_NAMES = {"SYSID_THISMAV": "MAV_SYSID", "SYSID_MYGCS": "MAV_GCS_SYSID"}
 _OLD_NAMES = {new: old for old, new in _NEW_NAMES.items()}
 _RENAMED = (_NEW_NAMES, _OLD_NAMES)
+_FAILSAFE_SWITCHES = frozenset({"FS_GCS_ENABLE", "FS_GCS_ENABL", "FS_ACTION"})
+_FAILSAFE_SETTINGS = frozenset({"MAV_GCS_SYSID", "SYSID_MYGCS", "FS_GCS_TIMEOUT"})
+_FENCE_SWITCHES = frozenset({"FENCE_ENABLE", "FENCE_ACTION", "FENCE_TYPE"})
+"""Switches are off at 0; any other value of a setting may make the failsafe watch somebody else, or too late."""
 
 
 def spellings(name: str) -> tuple[str, ...]:
@@ -51,6 +56,25 @@ def read_parameter(flight: Flight, task: Task, name: str) -> Generator[None, Non
             if message is not None and message.get_type() == "PARAM_VALUE" and message.param_id in names:
                 return message.param_id, message.param_value
     return None
+
+
+def read_parameters(flight: Flight, task: Task, names: tuple[str, ...]) -> Generator[None, None, dict[str, float]]:
+    """Ask for several parameters at once. Returns those that the vehicle told."""
+    told: dict[str, float] = {}
+    for _ in range(READ_TRIES):
+        for name in names:
+            if name not in told:
+                _request(flight, name)
+        until = flight.now + flight.wait(*READ_EVERY)
+        while flight.now <= until and len(told) < len(names):
+            task.waits_for = f"the values of {names[0]} to {names[-1]}; {len(told)} of {len(names)} came"
+            yield
+            message = flight.message
+            if message is not None and message.get_type() == "PARAM_VALUE" and message.param_id in names:
+                told[message.param_id] = message.param_value
+        if len(told) == len(names):
+            break
+    return told
 
 
 def get_parameter(flight: Flight, task: Task, call: Call) -> Steps:
@@ -95,13 +119,34 @@ def pull_parameters(flight: Flight, task: Task, call: Call) -> Steps:
 
 def set_parameter(flight: Flight, task: Task, call: Call) -> Steps:
     """`param_set`: the vehicle tells that it has the value that was asked for."""
-    name, wanted = str(call.arguments["name"]), _as_float32(call.arguments["value"])
+    name, wanted = str(call.arguments["name"]), call.arguments["value"]
+    if not isinstance(wanted, int | float):
+        return Outcome("refused", f"a parameter's value is a number, got {wanted!r}")
+    if guarded := guard(flight, name, wanted):
+        return Outcome("refused", guarded)
     failure = yield from write_parameter(flight, task, name, wanted)
     return failure or SUCCEEDED
 
 
+def guard(flight: Flight, name: str, value: float) -> str:
+    """In words, that the mission file relies on what a value would switch off; empty = it does not."""
+    name, off = name.upper(), abs(value) < 1
+    if flight.failsafe.gcs != "none" and (name in _FAILSAFE_SETTINGS or (name in _FAILSAFE_SWITCHES and off)):
+        return f"{name} is not set to {value:g}: the mission declares `failsafe`, which relies on it"
+    limits = flight.limits
+    if (limits.altitude is not None or limits.radius is not None) and name in _FENCE_SWITCHES and off:
+        return f"{name} is not set to {value:g}: the mission declares `limits`, and the fence stays as it is"
+    return ""
+
+
 def write_parameter(flight: Flight, task: Task, name: str, wanted: float) -> Generator[None, None, Outcome | None]:
     """Set a parameter. Returns the failure, None if the vehicle has taken the value."""
+    try:
+        wanted = struct.unpack("<f", struct.pack("<f", wanted))[0]  # as the vehicle will tell it
+    except OverflowError:
+        wanted = math.inf
+    if not math.isfinite(wanted):
+        return Outcome("refused", f"{name}: a parameter's value is a number of 32 bits, up to 3.4e38")
     found = yield from read_parameter(flight, task, name)
     if found is None:
         return Outcome("failed", f"the vehicle knows no parameter {name}")
@@ -127,9 +172,3 @@ def write_parameter(flight: Flight, task: Task, name: str, wanted: float) -> Gen
 def _request(flight: Flight, name: str) -> None:
     identity = flight.commands.identity
     flight.send(dialect.MAVLink_param_request_read_message(identity.vehicle, identity.autopilot, name.encode(), -1))
-
-
-def _as_float32(value: object) -> float:
-    if not isinstance(value, int | float):
-        raise TypeError(f"a parameter's value is a number, got {value!r}")
-    return float(struct.unpack("<f", struct.pack("<f", float(value)))[0])
