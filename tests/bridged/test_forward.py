@@ -21,6 +21,7 @@ from tests.support.buses import until
 from tests.support.ports import free_port
 
 GUIDED = dialect.MAVLink_heartbeat_message(2, 3, 129, 4, 4, 3)
+CAMERA = dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3)
 RTL = dialect.MAVLink_heartbeat_message(2, 3, 129, 6, 4, 3)
 
 
@@ -112,6 +113,28 @@ def test_a_packet_of_the_vehicle_that_comes_back_is_not_sent_on_again() -> None:
             assert len(station.raw) == 2
             for one in (vehicle, mirror):
                 one.close()
+        station.close()
+
+    run(body)
+
+
+def test_a_camera_of_the_vehicle_at_another_address_is_seen_and_takes_nothing_from_the_autopilot() -> None:
+    async def body() -> None:
+        port, station = free_port(), Speaker(system=255, component=230)
+        async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")):
+            vehicle, camera = Speaker(port), Speaker(port, component=100)
+            camera.say(CAMERA)
+            await until(lambda: bool(station.kinds(1, 100)), "the station sees the camera, which spoke first")
+            for _ in range(20):
+                vehicle.say(BEAT)
+                camera.say(CAMERA)
+            await until(lambda: len(station.listen()) == 41, "the station sees all of both")
+            assert [spoken_as(one) for one in station.heard].count((1, 1)) == 20
+            await until(lambda: bool(vehicle.kinds(1, 191)), "we speak to the autopilot")
+            station.say(command(1))
+            await until(lambda: bool(vehicle.kinds(255, 230)), "the autopilot hears the station")
+            vehicle.close()
+            camera.close()
         station.close()
 
     run(body)

@@ -16,7 +16,7 @@ from bridged.drivers.mavlink.peer import Ids, LinkCounters, LinkError, Peer
 from bridged.drivers.mavlink.serial_line import open_serial
 from bridged.drivers.mavlink.signing import Signing
 from bridged.drivers.mavlink.sockets import TcpListener, call_tcp, open_udp
-from bridged.drivers.mavlink.wire import Framer, Gate, check_ids
+from bridged.drivers.mavlink.wire import AUTOPILOT, Framer, Gate, check_ids
 
 __all__ = ["Ids", "Link", "LinkAddress", "LinkCounters", "LinkError", "OnPacket", "OnState", "Peer", "open_link"]
 
@@ -60,6 +60,8 @@ class Link:
         self._make_gate = make_gate or (lambda peer: _OpenGate(self))
         self._peers: dict[object, Peer] = {}
         self._routes: dict[int, Peer] = {}
+        self._autopilots: set[int] = set()
+        """Systems whose route is where their autopilot speaks."""
         self._endpoint: Endpoint | None = None
 
     @property
@@ -68,7 +70,7 @@ class Link:
         return [peer for peer in self._peers.values() if peer.heard or not self.address.kind.endswith("in")]
 
     def peer_of(self, sysid: int) -> Peer | None:
-        """Where the system was heard last."""
+        """Where the system's autopilot was heard last; if it never was, any part of the system."""
         return self._routes.get(sysid)
 
     def send(
@@ -139,6 +141,7 @@ class Link:
             self.set_state(False, "closed")
         self._peers.clear()
         self._routes.clear()
+        self._autopilots.clear()
 
     def add_peer(self, key: object, label: str, write: Callable[[bytes], bool]) -> Peer:
         """For endpoints: another end came up, or its first bytes came in."""
@@ -158,6 +161,7 @@ class Link:
         peer = self._peers.pop(key, None)
         if peer is not None:
             self._routes = {sysid: route for sysid, route in self._routes.items() if route is not peer}
+            self._autopilots &= self._routes.keys()
 
     def received(self, peer: Peer, data: bytes, *, datagram: bool) -> None:
         """For endpoints: bytes came in. An error of the callback is reported to the event loop; the link goes on."""
@@ -166,17 +170,28 @@ class Link:
             sysid = message.get_srcSystem()
             peer.heard, peer.heard_at = True, loop.time()
             peer.systems[sysid] = peer.heard_at
-            route = self._routes.get(sysid)
-            if route is not peer:
-                if route is not None:
-                    self.counters.moves += 1
-                self._routes[sysid] = peer
+            self._route(sysid, message.get_srcComponent(), peer)
             try:
                 self._on_packet(message, peer)
             except Exception as error:
                 loop.call_exception_handler(
                     {"message": f"{self.address}: handling {message.get_type()} failed", "exception": error}
                 )
+
+    def _route(self, sysid: int, component: int, peer: Peer) -> None:
+        """A camera or companion of the same id may speak from elsewhere: what is sent goes to the autopilot."""
+        if component == AUTOPILOT:
+            known = sysid in self._autopilots
+            self._autopilots.add(sysid)
+        elif sysid in self._autopilots:
+            return
+        else:
+            known = True
+        route = self._routes.get(sysid)
+        if route is not peer:
+            if route is not None and known:
+                self.counters.moves += 1
+            self._routes[sysid] = peer
 
     def set_state(self, up: bool, why: str) -> None:
         """For endpoints: packets can pass, or they cannot."""

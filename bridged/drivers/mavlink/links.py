@@ -18,9 +18,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.address import LinkAddress
 from bridged.drivers.mavlink.forward import GroundStation
-from bridged.drivers.mavlink.link import Ids, Link, LinkError, Peer, open_link
+from bridged.drivers.mavlink.link import STILL_THERE, Ids, Link, LinkError, Peer, open_link
 from bridged.drivers.mavlink.signing import Signing, SigningError, Timestamps
-from bridged.drivers.mavlink.wire import SIGNED, Gate
+from bridged.drivers.mavlink.wire import AUTOPILOT, SIGNED, Gate, component
 
 STRANGE_FOR = 10.0
 """Wall seconds for which a vehicle that nobody claims, or a packet that was not taken, is a warning."""
@@ -99,7 +99,8 @@ class SharedLink:
         self._by_key: dict[bytes, Signing] = {}
         self._strangers: dict[int, tuple[str, float]] = {}
         self._refused: dict[tuple[int, str, str], float] = {}
-        self._homes: dict[int, tuple[Peer, float]] = {}
+        self._homes: dict[tuple[int, int], tuple[Peer, float]] = {}
+        """Where each part of each vehicle, by system and component, spoke last, and when."""
 
     @property
     def up(self) -> bool:
@@ -136,6 +137,7 @@ class SharedLink:
             if not self.riders and self.link is not None:
                 link, self.link = self.link, None
                 await link.close()
+                self._homes.clear()
                 if self._timestamps is not None:
                     self._timestamps.close()
                     self._timestamps = None
@@ -208,18 +210,20 @@ class SharedLink:
     def copy(self, packet: bytearray, system: int, peer: Peer) -> None:
         """A packet came: pass it to the ground stations of its vehicle, unless it comes back from one of them.
 
-        A vehicle has one address at a time: what another address says in its name meanwhile may be our own copy.
+        Each part of a vehicle has one address at a time: what another address says in its name meanwhile may be our
+        own copy. Where signatures are needed, an address is that of a vehicle once a packet from there was taken.
         """
         rider = self.riders.get(system)
         if rider is None or not rider.stations:
             return
-        if rider.signing is not None and self.link is not None and self.link.peer_of(system) is not peer:
+        if rider.signing is not None and system not in peer.systems:
             return
         now = asyncio.get_running_loop().time()
-        home, at = self._homes.get(system, (peer, now))
+        speaker = (system, component(packet))
+        home, at = self._homes.get(speaker, (peer, now))
         if home is not peer and now - at < HOME_AFTER and self.link is not None and home in self.link.peers:
             return
-        self._homes[system] = (peer, now)
+        self._homes[speaker] = (peer, now)
         for station in rider.stations:
             station.copy(bytes(packet))
 
@@ -256,8 +260,14 @@ class SharedLink:
             rider.stations.append(station)
 
     def _pass_on(self, rider: Rider, packet: bytes) -> bool:
-        home = self._homes.get(rider.vehicle)
-        return self.link is not None and home is not None and self.link.pass_on([home[0]], packet)
+        """To the autopilot, and to the other parts of the vehicle wherever they speak."""
+        since = asyncio.get_running_loop().time() - STILL_THERE
+        homes = {
+            home
+            for (system, part), (home, at) in self._homes.items()
+            if system == rider.vehicle and (part == AUTOPILOT or at > since)
+        }
+        return self.link is not None and bool(homes) and self.link.pass_on(homes, packet)
 
     def _receive(self, message: dialect.MAVLink_message, peer: Peer) -> None:
         system = message.get_srcSystem()

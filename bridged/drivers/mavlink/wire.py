@@ -9,6 +9,8 @@ from bridged.drivers.mavlink.signing import SIGNATURE_BYTES, Signing
 
 MAGIC_1 = 0xFE
 MAGIC_2 = 0xFD
+AUTOPILOT = 1
+"""MAV_COMP_ID_AUTOPILOT1: the component of a system that flies it."""
 SIGNED = 0x01
 """The only incompatibility flag of MAVLink 2 that is defined; a packet with another one must be dropped."""
 
@@ -182,6 +184,11 @@ def check_ids(system: int, component: int) -> None:
 def source(packet: bytes | bytearray) -> int:
     """The system that sent a packet."""
     return packet[3] if packet[0] == MAGIC_1 else packet[5]
+
+
+def component(packet: bytes | bytearray) -> int:
+    """The part of the system that sent a packet."""
+    return packet[4] if packet[0] == MAGIC_1 else packet[6]
 
 
 def message_id(packet: bytes | bytearray) -> int:
