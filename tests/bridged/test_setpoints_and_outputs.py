@@ -9,6 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.faults import Faults
+from bridged.simulation.mission import Item as Stored
 from schemas.manifest import Manifest, load_manifest, read_manifest
 from tests.bridged.sky import GOAL, MISSION, Message, Sky, is_command
 
@@ -360,3 +361,19 @@ def test_a_reposition_is_known_by_the_target_although_no_acknowledgement_comes(t
     sky = Sky(tmp_path, faults=Faults.parse(["mute-acks"])).flying()
     final = sky.do("reposition", *GOAL[:2], 10)
     assert (final.state, final.reason) == ("succeeded", "")
+
+
+def test_a_raw_command_does_not_go_round_what_the_limits_need(tmp_path: Path) -> None:
+    sky = limited(tmp_path, "{altitude: 30, radius: 100}").flying()
+    home = sky.vehicle.copter.home
+    final = sky.do("raw", "MAV_CMD_DO_SET_HOME", 0, 0, 0)
+    said = "it moves home, from where the mission's limits are measured"
+    assert (final.state, final.reason) == ("refused", said)
+    assert sky.vehicle.copter.home == home
+    sky.vehicle.copter.mission.store([
+        Stored(0, 0, 16, (0, 0, 0, 0), 0, 0, 0.0), Stored(1, 3, 16, (0, 0, 0, 0), -276036830, -485180520, 50.0),
+    ])  # fmt: skip
+    sky.vehicle.copter.count_mission(2)
+    final = sky.do("raw", "MAV_CMD_MISSION_START", 0, 0, 0)
+    assert final.reason == "item 1 of the mission: altitude 50 m is above the mission's limit of 30 m"
+    assert (final.state, sky.vehicle.copter.mode.name) == ("refused", "GUIDED")

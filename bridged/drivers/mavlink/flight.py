@@ -232,6 +232,11 @@ class Flight:
         """Whether we asked for `mode` lately."""
         return self._expected.get(mode, -1.0) >= self.now
 
+    @property
+    def limited(self) -> bool:
+        """Whether the mission file sets limits."""
+        return self.limits.altitude is not None or self.limits.radius is not None
+
     def altitude_of_home(self) -> float | None:
         """Metres AMSL of home, None if nothing tells it."""
         vehicle = self.vehicle

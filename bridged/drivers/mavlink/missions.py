@@ -33,6 +33,7 @@ END_SHOWS = (3.0, 2.0)
 BEGINS_WITHIN = (15.0, 3.0)
 """Mission and wall seconds in which a vehicle on the ground must take off for its mission."""
 SET_CURRENT_TRIES = 4
+MOVES_HOME = "it moves home, from where the mission's limits are measured"
 COMPLETE = dialect.MISSION_STATE_COMPLETE
 START = Retry(times=5)
 
@@ -118,15 +119,21 @@ def _go_to_item(flight: Flight, task: Task, wanted: int) -> Generator[None, None
 
 
 def enter_mode(flight: Flight, task: Task, call: Call) -> Steps:
-    """`mode`: as `change_mode`. AUTO flies the stored mission, so that must be whole and within the limits then too."""
+    """`mode`: as `change_mode`; AUTO only on a mission that may be flown."""
     if int(call.parameters[1]) == flight.vehicle.modes.auto:
-        if flight.plan.broken:
-            return Outcome("refused", flight.plan.broken)
-        if flight.limits.altitude is not None or flight.limits.radius is not None:
-            failure = yield from _read_within_limits(flight, task)
-            if failure is not None:
-                return failure
+        failure = yield from may_fly(flight, task)
+        if failure is not None:
+            return failure
     return (yield from change_mode(flight, task, call))
+
+
+def may_fly(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+    """Whatever makes the vehicle fly its mission: it must be whole, and within the limits if there are any."""
+    if flight.plan.broken:
+        return Outcome("refused", flight.plan.broken)
+    if not flight.limited:
+        return None
+    return (yield from _read_within_limits(flight, task))
 
 
 def start_mission(flight: Flight, task: Task, call: Call) -> Steps:
@@ -313,8 +320,8 @@ def _outside(flight: Flight, items: tuple[Item, ...]) -> str:
         broken = item.outside(flight.too_high, flight.too_far, home)
         if limits.altitude is not None and item.flown and item.above_terrain:
             broken = "an altitude above terrain cannot be compared with the mission's limit, which is above home"
-        if item.command == dialect.MAV_CMD_DO_SET_HOME and (limits.altitude is not None or limits.radius is not None):
-            broken = "it moves home, from where the mission's limits are measured"
+        if item.command == dialect.MAV_CMD_DO_SET_HOME and flight.limited:
+            broken = MOVES_HOME
         if broken:
             return f"item {seq} of the mission: {broken}"
     return ""

@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.asking import Fits, Poll
 from bridged.drivers.mavlink.confirmation import acknowledged
 from bridged.drivers.mavlink.flight import SUCCEEDED, Call, Flight, Steps, Task
+from bridged.drivers.mavlink.missions import MOVES_HOME, may_fly
 from bridged.drivers.mavlink.parameters import guard, read_parameter, read_parameters
 from bridged.drivers.robot import Outcome
 
@@ -27,7 +28,17 @@ SHOWS_WITHIN, FENCE_SHOWS_WITHIN = (5.0, 3.0), (2.0, 1.5)
 
 
 def acknowledge(flight: Flight, task: Task, call: Call) -> Steps:
-    """Any command: the vehicle said ACCEPTED. The weakest of all: it says that it will try, not that it did."""
+    """Any command: the vehicle said ACCEPTED. The weakest of all: it says that it will try, not that it did.
+
+    MISSION_START needs a mission that may be flown; under limits home, from where they are measured, is not moved.
+    """
+    if call.number == dialect.MAV_CMD_DO_SET_HOME and flight.limited:
+        return Outcome("refused", MOVES_HOME)
+    if call.number == dialect.MAV_CMD_MISSION_START:
+        failure = yield from may_fly(flight, task)
+        if failure is not None:
+            return failure
+        flight.expect_mode(flight.vehicle.modes.auto)
     command = flight.submit_call(task, call)
     refusal = yield from acknowledged(flight, task, command, lambda: False)
     return refusal or SUCCEEDED

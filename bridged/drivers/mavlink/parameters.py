@@ -133,8 +133,7 @@ def guard(flight: Flight, name: str, value: float) -> str:
     name, off = name.upper(), abs(value) < 1
     if flight.failsafe.gcs != "none" and (name in _FAILSAFE_SETTINGS or (name in _FAILSAFE_SWITCHES and off)):
         return f"{name} is not set to {value:g}: the mission declares `failsafe`, which relies on it"
-    limits = flight.limits
-    if (limits.altitude is not None or limits.radius is not None) and name in _FENCE_SWITCHES and off:
+    if flight.limited and name in _FENCE_SWITCHES and off:
         return f"{name} is not set to {value:g}: the mission declares `limits`, and the fence stays as it is"
     return ""
 
