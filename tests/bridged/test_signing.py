@@ -7,7 +7,17 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.signing import MINUTE, RESERVE, Signing, SigningError, Timestamps, key_of, read_key
+from bridged.drivers.mavlink.signing import (
+    FAR_AHEAD,
+    LATEST,
+    MINUTE,
+    RESERVE,
+    Signing,
+    SigningError,
+    Timestamps,
+    key_of,
+    read_key,
+)
 from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
 
 KEY = key_of(b"argo")
@@ -103,6 +113,25 @@ def test_our_timestamps_go_on_above_those_of_others() -> None:
     vehicle.signing.timestamp = ahead = 11 * MINUTE
     assert Framer(WireCounters(), by).feed(BEAT.pack(vehicle))
     assert timestamp(Encoder(255, 190, by).pack(BEAT)) > ahead
+
+
+@pytest.mark.parametrize("ahead", [FAR_AHEAD + 1, LATEST - 10 - 10 * MINUTE])
+def test_a_timestamp_near_the_end_of_time_is_not_taken_and_spoils_none_of_ours(tmp_path: Path, ahead: int) -> None:
+    file, clock, vehicle = tmp_path / "link.signing", Hand(), pymavlinks()
+    by = signing(clock, file)
+    vehicle.signing.timestamp = clock.at + ahead
+    assert by.objection(BEAT.pack(vehicle)) == "impossibly new"
+    encoder = Encoder(255, 190, by)
+    assert [timestamp(encoder.pack(BEAT)) for _ in range(20)] == list(range(clock.at, clock.at + 20))
+    by.timestamps.close()
+    assert Timestamps(file, clock).next() >= clock.at + 20, "the next life goes on"
+
+
+def test_a_vehicle_with_the_time_of_today_is_taken_by_a_board_that_starts_at_the_beginning_of_time() -> None:
+    assert not signing(Hand(1)).objection(BEAT.pack(pymavlinks()))
+    today, vehicle = 12 * 365 * 24 * 60 * MINUTE, pymavlinks()
+    vehicle.signing.timestamp = today
+    assert not signing(Hand(1)).objection(BEAT.pack(vehicle))
 
 
 def test_timestamps_rise_while_the_clock_stands_and_follow_it_when_it_goes() -> None:

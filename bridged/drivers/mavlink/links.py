@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import re
+import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -19,7 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.address import LinkAddress
 from bridged.drivers.mavlink.forward import GroundStation
 from bridged.drivers.mavlink.link import STILL_THERE, Ids, Link, LinkError, Peer, open_link
-from bridged.drivers.mavlink.signing import Signing, SigningError, Timestamps
+from bridged.drivers.mavlink.signing import OUTDATED, Signing, SigningError, Timestamps
 from bridged.drivers.mavlink.wire import AUTOPILOT, SIGNED, Gate, component
 
 STRANGE_FOR = 10.0
@@ -28,6 +29,8 @@ MAX_NOTED = 8
 """Such vehicles, and such packets, that are remembered."""
 HOME_AFTER = 3.0
 """Wall seconds of silence after which what another address sends is the vehicle's for its ground stations."""
+TELL_AGAIN = 1.0
+"""Wall seconds between two packets that tell a sender how late it is."""
 log = logging.getLogger("mavlink")
 
 
@@ -230,12 +233,25 @@ class SharedLink:
     def refuse(self, system: int, objection: str, peer: Peer) -> None:
         """A packet was not taken for its signature."""
         what, now = (system, objection, str(peer)), asyncio.get_running_loop().time()
+        if objection == OUTDATED and now - peer.told_at >= TELL_AGAIN:
+            peer.told_at = now
+            self._tell_time(system, peer)
         if what not in self._refused:
             self._refused = {other: at for other, at in self._refused.items() if at > now - STRANGE_FOR}
             if len(self._refused) >= MAX_NOTED:
                 return
             log.warning("%s packets of system %d from %s are not taken", objection, system, peer)
         self._refused[what] = now
+
+    def _tell_time(self, system: int, peer: Peer) -> None:
+        """A vehicle whose clock stood still takes the time from our signature; until then nothing of it is taken.
+
+        It has no route yet, so nothing else would reach it. The message itself asks for nothing but an answer.
+        """
+        rider = self.riders.get(system)
+        if rider is not None and self.link is not None:
+            asks = dialect.MAVLink_timesync_message(0, time.time_ns())
+            self.link.send_to([peer], asks, ids=rider.ids, signing=rider.signing)
 
     def _signing(self, rider: Rider) -> Signing | None:
         """One for each key, all with one row of timestamps: a vehicle on the air may hear what is said to others."""

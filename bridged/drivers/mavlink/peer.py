@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import inf
 from typing import NamedTuple
 
 from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
@@ -39,6 +40,7 @@ class Peer:
     framer: Framer = field(init=False)  # given by the link, whose choice of packets may depend on the peer
     heard_at: float = 0.0  # event loop time of its last valid packet
     heard: bool = False
+    told_at: float = -inf  # event loop time at which its clock was told last that it is behind
     systems: dict[int, float] = field(default_factory=dict)  # who spoke from here, and when last
     encoders: dict[Ids, Encoder] = field(default_factory=dict)
 

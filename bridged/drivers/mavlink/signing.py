@@ -21,6 +21,11 @@ BEGAN = 1_420_070_400
 """Unix seconds of 2015-01-01 00:00 UTC, from which timestamps count."""
 PER_SECOND = 100_000
 MINUTE = 60 * PER_SECOND
+FAR_AHEAD = 30 * 365 * 24 * 60 * MINUTE
+"""No clock that a vehicle or a computer starts from is so far from ours; a timestamp that is would use up those that
+are left until 2104, after which nothing can be signed."""
+OUTDATED = "outdated"
+"""The objection to a rightly signed packet of a sender whose clock is behind, or to a replay of an old one."""
 RESERVE = MINUTE
 """How far ahead timestamps are written down: the file is written once in so long, and no life of the bridge begins
 below what an earlier one may have used."""
@@ -78,6 +83,11 @@ class Timestamps:
         if file is not None:
             file.parent.mkdir(parents=True, exist_ok=True)
             self._write(self._reserved)
+
+    @property
+    def last_credible(self) -> int:
+        """What is later than this is not taken over from anybody."""
+        return self._clock() + FAR_AHEAD
 
     @property
     def present(self) -> int:
@@ -145,7 +155,10 @@ class Signing:
         signing.timestamp = self.timestamps.next()
 
     def objection(self, packet: bytes | bytearray) -> str:
-        """Why a packet with a right checksum is not taken, empty if it is: `unsigned`, `wrongly signed`, `replayed`."""
+        """Why a packet with a right checksum is not taken, empty if it is.
+
+        It is `unsigned`, `wrongly signed`, `replayed`, `outdated` or `impossibly new`.
+        """
         if packet[0] != dialect.PROTOCOL_MARKER_V2 or not packet[2] & dialect.MAVLINK_IFLAG_SIGNED:
             return "unsigned"
         ours = hashlib.sha256(self._key + packet[:-6]).digest()[:6]
@@ -153,9 +166,12 @@ class Signing:
             return "wrongly signed"
         stream = bytes((packet[-SIGNATURE_BYTES], packet[5], packet[6]))
         timestamp = int.from_bytes(packet[-12:-6], "little")
+        if timestamp > self.timestamps.last_credible:
+            return "impossibly new"
         last = self._streams.get(stream)
-        oldest = self.timestamps.present - MINUTE if last is None else last + 1
-        if timestamp < oldest:
+        if last is None and timestamp < self.timestamps.present - MINUTE:
+            return OUTDATED
+        if last is not None and timestamp <= last:
             return "replayed"
         if last is None and len(self._streams) >= MAX_STREAMS:
             del self._streams[next(iter(self._streams))]

@@ -45,7 +45,7 @@ class Gate:
         return None
 
     def refuse(self, system: int, objection: str) -> None:
-        """Be told of a packet that was not taken: `unsigned`, `wrongly signed` or `replayed`."""
+        """Be told of a packet that was not taken, and of the objection of `Signing`."""
 
     def copy(self, packet: bytearray, system: int, message_id: int) -> None:
         """Be told of every packet as it came: with a right checksum, wanted or not, or of a kind that is not known."""
