@@ -490,3 +490,21 @@ def test_a_mission_of_which_nothing_is_flown_says_so(sky: Sky) -> None:
     sky.do("upload_mission", [["MAV_CMD_DO_SET_SERVO", 0, 0, 0, 9, 1900]])
     final = armed(sky).do("start_mission")
     assert (final.state, final.reason) == ("refused", "nothing in the vehicle's mission is flown; upload one")
+
+
+@pytest.mark.parametrize(("last", "height"), [("rtl", 20.0), ("rtl", 5.0), ("land", 6.0)])
+def test_motors_that_stop_in_the_air_at_the_last_item_are_no_end_of_a_mission(
+    sky: Sky, last: str, height: float
+) -> None:
+    heard = started(sky.flying(height), [[*NEAR[:2], height], [last, 0, 0, 0]])
+    sky.forward(lambda: (heard[-1].feedback or {}).get("item") == 2, "the last item")
+    sky.vehicle.copter.disarm(force=True)
+    sky.forward(lambda: heard[-1].final, "the end of the mission", 20)
+    assert heard[-1].state == "failed"
+    assert heard[-1].reason.startswith("the motors stopped in the air, at the last item")
+
+
+def test_a_mission_that_returns_ends_at_home(sky: Sky) -> None:
+    heard = started(sky, [["takeoff", 0, 0, 5], NEAR, ["rtl"]])
+    sky.forward(lambda: heard[-1].final, "the end of the mission", 300)
+    assert (heard[-1].state, heard[-1].reason) == ("succeeded", "")

@@ -8,7 +8,7 @@ from collections.abc import Generator
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.asking import Poll, asked_message
-from bridged.drivers.mavlink.confirmation import acknowledged
+from bridged.drivers.mavlink.confirmation import acknowledged, from_home, metres
 from bridged.drivers.mavlink.flight import SUCCEEDED, Call, Flight, Steps, Task
 from bridged.drivers.mavlink.mission_items import AMSL, RELATIVE, Item, read_items
 from bridged.drivers.mavlink.mission_transfer import (
@@ -32,6 +32,10 @@ END_SHOWS = (3.0, 2.0)
 """Mission and wall seconds in which a vehicle that left AUTO by itself tells that its mission is over."""
 BEGINS_WITHIN = (15.0, 3.0)
 """Mission and wall seconds in which a vehicle on the ground must take off for its mission."""
+FALLS, STANDS_FOR = 2.0, (2.0, 1.0)
+"""m/s of nothing that stands; mission and wall seconds before and after the motors stop in which it is not that fast."""
+HOME_NEAR = 3.0
+"""Metres from home at which a vehicle has returned."""
 SET_CURRENT_TRIES = 4
 MOVES_HOME = "it moves home, from where the mission's limits are measured"
 COMPLETE = dialect.MISSION_STATE_COMPLETE
@@ -196,8 +200,10 @@ def _fly(
     poll, patience = Poll(flight, task, "MISSION_CURRENT", PROGRESS_EVERY), flight.now + flight.wait(*BEGINS_WITHIN)
     jumps, complete = any(item.command == dialect.MAV_CMD_DO_JUMP for item in items), False
     reached, furthest, current, running, over_at, left_at = 0, 0, 1, False, math.inf, None
+    fast_at = -math.inf
     while True:
         poll()
+        fast_at = flight.now if vehicle.speed > FALLS else fast_at
         message = flight.message
         match message:
             case dialect.MAVLink_mission_item_reached_message():
@@ -216,7 +222,7 @@ def _fly(
         _progress(flight, task, items, current, last, reached)
         if items[last].ends_on_ground:
             if not vehicle.armed and max(furthest, reached) >= last:
-                return SUCCEEDED
+                return (yield from _landed(flight, task, items[last], fast_at))
         elif (complete or (reached >= last and not jumps)) and vehicle.armed and not grounded:
             over_at = min(over_at, vehicle.heartbeats)
             stays = vehicle.mode == modes.auto != modes.after_mission
@@ -233,6 +239,31 @@ def _fly(
             said = "the mission was started, but the vehicle did not leave the ground; does it begin with a takeoff?"
             return Outcome("failed", flight.with_texts(said, asked))
         yield
+
+
+def _landed(flight: Flight, task: Task, item: Item, fast_at: float) -> Steps:
+    """Whether the motors that have stopped at the last item did so on the ground, and at home if it says so.
+
+    What stands before and after that has landed, on a hill too; what falls is fast. A vehicle that is disarmed calls
+    itself landed wherever it is. `fast_at` is when it was too fast to stand for the last time.
+    """
+    vehicle, asked, seen = flight.vehicle, flight.now, flight.vehicle.positions
+    until = asked + flight.wait(*STANDS_FOR)
+    while flight.now <= until:
+        task.waits_for = "the vehicle to stand on the ground"
+        fast_at = flight.now if vehicle.speed > FALLS else fast_at
+        yield
+    if vehicle.armed:
+        return Outcome("failed", f"the vehicle was armed again at the end of its mission; {flight.state_in_words()}")
+    if vehicle.positions == seen:
+        said = "the motors have stopped at the last item, and the vehicle does not tell where it is"
+        return Outcome("failed", flight.with_texts(said, asked))
+    if asked - fast_at <= flight.wait(*STANDS_FOR):
+        return Outcome("failed", flight.with_texts("the motors stopped in the air, at the last item", asked))
+    away = from_home(flight)
+    if item.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH and (away is None or away > HOME_NEAR):
+        return Outcome("failed", f"the vehicle landed {metres(away)} from home")
+    return SUCCEEDED
 
 
 def _progress(flight: Flight, task: Task, items: tuple[Item, ...], current: int, last: int, reached: int) -> None:
