@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink import links
 from bridged.drivers.mavlink.forward import target_of
 from bridged.drivers.mavlink.signing import Signing, key_of
-from bridged.drivers.mavlink.wire import Encoder
+from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
 from tests.bridged.radio import BEAT, STATION_BEAT, Speaker, place, riding, spoken_as
 from tests.support.buses import until
 from tests.support.ports import free_port
@@ -211,6 +211,52 @@ def test_an_absent_station_and_one_that_does_not_read_cost_dropped_packets_only(
             assert ride.driver.counters()["messages"] > begun
             asleep.close()
             vehicle.close()
+
+    run(body)
+
+
+def test_a_station_that_floods_a_slow_vehicle_loses_its_own_packets_and_keeps_none_of_ours_waiting() -> None:
+    """The vehicle reads some kilobytes a second by TCP; a station sends it a hundred."""
+
+    async def body() -> None:
+        slow, port = socket.socket(), free_port()
+        slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        slow.bind(("127.0.0.1", 0))
+        slow.listen()
+        slow.setblocking(False)
+        file = dialect.MAVLink_file_transfer_protocol_message(0, 1, 1, [7] * 251)
+        fields = f"link: 'tcp:127.0.0.1:{slow.getsockname()[1]}', forward: 'udpin:127.0.0.1:{port}'"
+        async with riding(fields) as [ride]:
+            vehicle, _ = await asyncio.get_running_loop().sock_accept(slow)
+            vehicle.setblocking(False)
+            vehicle.send(Encoder(1, 1).pack(BEAT))
+            await until(lambda: ride.driver.heard, "the vehicle is heard")
+            lost_before = ride.driver.counters()["link_dropped"]
+            station = Speaker(port, 255, 230)
+            flooded = ride.driver._rider.stations[0].counters
+
+            def choked() -> bool:
+                for _ in range(50):
+                    station.say(file)
+                return flooded.dropped > 200
+
+            await until(choked, "the link is full")
+            ours = dialect.MAVLink_command_long_message(1, 1, 20, 0, 77.0, 0, 0, 0, 0, 0, 0)
+            ride.driver._send(ours)
+            framer, waited = Framer(WireCounters()), 0
+            while True:
+                for _ in range(5):
+                    station.say(file)
+                data = await asyncio.wait_for(asyncio.get_running_loop().sock_recv(vehicle, 300), 10)
+                waited += len(data)
+                if any(getattr(one, "param1", 0) == 77.0 for one in framer.feed(data)):
+                    break
+            assert waited < 24_000, "bytes of the station, most of them in the system's own buffers"
+            assert ride.driver.counters()["link_dropped"] == lost_before
+            assert ride.driver.counters()["forward_dropped"] >= 200
+            vehicle.close()
+            station.close()
+        slow.close()
 
     run(body)
 

@@ -13,6 +13,9 @@ from bridged.drivers.mavlink.peer import LinkCounters, Peer
 MAX_QUEUED_BYTES = 65536
 """Bytes that may wait for one peer; about 1500 packets, 11 s of a 57600 baud line."""
 
+MAX_FOREIGN_BYTES = 4096
+"""Bytes that may wait at a vehicle's link for more of a ground station's packets to be let in: ours come next, soon."""
+
 BACKOFF_S = (0.2, 5.0)
 """First and longest pause between two attempts to open a link again, in wall seconds."""
 STEADY_S = 5.0

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.address import LinkAddress
-from bridged.drivers.mavlink.endpoint import Endpoint, Supervised
+from bridged.drivers.mavlink.endpoint import MAX_QUEUED_BYTES, Endpoint, Supervised
 from bridged.drivers.mavlink.peer import Ids, LinkCounters, LinkError, Peer
 from bridged.drivers.mavlink.serial_line import open_serial
 from bridged.drivers.mavlink.signing import Signing
@@ -101,9 +101,14 @@ class Link:
         packed = [(peer, peer.encoder(ids or self._ids).pack(message, signing or self.signing)) for peer in peers]
         return sum(self._write(peer, packet) for peer, packet in packed) > 0
 
-    def pass_on(self, peers: Iterable[Peer], packet: bytes) -> bool:
-        """Sends somebody else's packet as it is to some peers, False if it was dropped for all of them."""
-        return sum(self._write(peer, packet) for peer in list(peers)) > 0
+    def pass_on(self, peers: Iterable[Peer], packet: bytes, most: int = MAX_QUEUED_BYTES) -> bool:
+        """Sends somebody else's packet as it is to some peers, False if it was dropped for all of them.
+
+        It is dropped for a peer for which more than `most` bytes wait; that is for its sender to count.
+        """
+        sent = sum(peer.waiting() <= most and peer.write(packet) for peer in list(peers))
+        self.counters.sent += sent
+        return sent > 0
 
     def peers_of(self, sysid: int) -> list[Peer]:
         """Every address from which the system has spoken lately: more than one if two vehicles have one id."""

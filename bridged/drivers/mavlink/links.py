@@ -18,6 +18,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.address import LinkAddress
+from bridged.drivers.mavlink.endpoint import MAX_FOREIGN_BYTES
 from bridged.drivers.mavlink.forward import GroundStation
 from bridged.drivers.mavlink.link import STILL_THERE, Ids, Link, LinkError, Peer, open_link
 from bridged.drivers.mavlink.signing import OUTDATED, Signing, SigningError, Timestamps
@@ -283,7 +284,7 @@ class SharedLink:
             for (system, part), (home, at) in self._homes.items()
             if system == rider.vehicle and (part == AUTOPILOT or at > since)
         }
-        return self.link is not None and bool(homes) and self.link.pass_on(homes, packet)
+        return self.link is not None and bool(homes) and self.link.pass_on(homes, packet, MAX_FOREIGN_BYTES)
 
     def _receive(self, message: dialect.MAVLink_message, peer: Peer) -> None:
         system = message.get_srcSystem()

@@ -38,6 +38,7 @@ class Peer:
     label: str
     write: Callable[[bytes], bool]
     framer: Framer = field(init=False)  # given by the link, whose choice of packets may depend on the peer
+    waiting: Callable[[], int] = lambda: 0  # bytes that wait to be written
     heard_at: float = 0.0  # event loop time of its last valid packet
     heard: bool = False
     told_at: float = -inf  # event loop time at which its clock was told last that it is behind

@@ -38,6 +38,7 @@ class SerialLine:
         self._loop.add_reader(self._device, self._read)
         self._open = True
         self._peer = link.add_peer(self, str(link.address), self._write)
+        self._peer.waiting = lambda: len(self._waiting)
         self.lost: asyncio.Future[str] = self._loop.create_future()
 
     def close(self, why: str = "closed") -> None:

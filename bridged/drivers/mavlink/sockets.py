@@ -7,7 +7,14 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import cast
 
-from bridged.drivers.mavlink.endpoint import MAX_QUEUED_BYTES, Connection, Endpoint, Switchboard, in_words
+from bridged.drivers.mavlink.endpoint import (
+    MAX_FOREIGN_BYTES,
+    MAX_QUEUED_BYTES,
+    Connection,
+    Endpoint,
+    Switchboard,
+    in_words,
+)
 from bridged.drivers.mavlink.peer import LinkError, Peer
 
 CONNECT_TIMEOUT_S = 5.0
@@ -74,7 +81,9 @@ class UdpSocket(asyncio.DatagramProtocol):
         if len(self._peers) > MAX_REMEMBERED:
             self._peers = {key for key in self._peers if self._link.find_peer(key) is not None}
         self._peers.add(key)
-        return self._link.add_peer(key, label, lambda data: self._write(data, addr))
+        peer = self._link.add_peer(key, label, lambda data: self._write(data, addr))
+        peer.waiting = self._queued
+        return peer
 
     def _write(self, data: bytes, addr: tuple[str, int] | None) -> bool:
         transport = self._transport
@@ -111,8 +120,11 @@ class _TcpConnection(asyncio.Protocol):
         wire: socket.socket = transport.get_extra_info("socket")
         with suppress(OSError, AttributeError):
             wire.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNANSWERED_TIMEOUT_MS)
+            # Megabytes may wait in the system, for minutes: what waits is to be seen here, and bounded here.
+            wire.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, MAX_FOREIGN_BYTES)
         remote = transport.get_extra_info("peername") or ("?", 0)
         self._peer = self._link.add_peer(self, f"tcp:{remote[0]}:{remote[1]}", self._write)
+        self._peer.waiting = transport.get_write_buffer_size
 
     def data_received(self, data: bytes) -> None:
         if self._peer is not None:
