@@ -478,7 +478,7 @@ def test_items_whose_limits_cannot_be_kept_are_refused_under_limits(tmp_path: Pa
     assert (final.state, final.reason) == ("refused", f"item 2 of the mission: {said}")
     [high] = read_items([TERRAIN], 3)
     flight = sky.driver._conversation.flight  # the manifest that ships has no items with frames
-    assert missions._outside(flight, (high,)).startswith("item 1 of the mission: an altitude above terrain cannot be")
+    assert missions.outside(flight, (high,)).startswith("item 1 of the mission: an altitude above terrain cannot be")
 
 
 def test_without_limits_home_may_be_moved(sky: Sky) -> None:

@@ -1,45 +1,20 @@
-"""Missions as actions: upload, download, start with progress, clear, and the item that is flown next."""
+"""Missions as actions: upload, download, clear, and the item that is flown next; `mission_flight` flies them."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Generator
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.asking import Poll, asked_message
-from bridged.drivers.mavlink.confirmation import acknowledged, from_home, metres
+from bridged.drivers.mavlink.asking import Poll
 from bridged.drivers.mavlink.flight import SUCCEEDED, Call, Flight, Steps, Task
 from bridged.drivers.mavlink.mission_items import AMSL, RELATIVE, Item, read_items
-from bridged.drivers.mavlink.mission_transfer import (
-    RESULTS,
-    TRY_EVERY,
-    break_off,
-    clear,
-    download,
-    ours,
-    same_items,
-    upload,
-)
-from bridged.drivers.mavlink.procedures import change_mode, mode_call
+from bridged.drivers.mavlink.mission_transfer import RESULTS, TRY_EVERY, break_off, clear, download, ours, upload
 from bridged.drivers.mavlink.vehicle import Place
 from bridged.drivers.robot import Outcome, Reading
-from schemas.manifest import Retry
 
-PROGRESS_EVERY = (1.0, 0.5)
-"""Mission and wall seconds between requests for MISSION_CURRENT."""
-END_SHOWS = (3.0, 2.0)
-"""Mission and wall seconds in which a vehicle that left AUTO by itself tells that its mission is over."""
-BEGINS_WITHIN = (15.0, 3.0)
-"""Mission and wall seconds in which a vehicle on the ground must take off for its mission."""
-FALLS, STANDS_FOR = 2.0, (2.0, 1.0)
-"""m/s of nothing that stands; mission and wall seconds before and after the motors stop in which it is not that fast."""
-HOME_NEAR = 3.0
-"""Metres from home at which a vehicle has returned."""
 SET_CURRENT_TRIES = 4
 MOVES_HOME = "it moves home, from where the mission's limits are measured"
-COMPLETE = dialect.MISSION_STATE_COMPLETE
-START = Retry(times=5)
 
 
 def upload_mission(flight: Flight, task: Task, call: Call) -> Steps:
@@ -54,21 +29,21 @@ def upload_mission(flight: Flight, task: Task, call: Call) -> Steps:
         items = read_items(said, AMSL if call.frame == dialect.MAV_FRAME_GLOBAL_INT else RELATIVE)
     except ValueError as error:
         return Outcome("refused", str(error))
-    if refused := _flown_now(flight) or _outside(flight, items):
+    if refused := _flown_now(flight) or outside(flight, items):
         return Outcome("refused", refused)
-    with _Speaking(flight, task) as busy:
+    with Speaking(flight, task) as busy:
         if busy:
             return Outcome("refused", busy)
         failure = yield from upload(flight, task, (_home(flight), *items))
         if failure is not None:
             return failure
-        _tell(flight)
+        tell_items(flight)
     return SUCCEEDED
 
 
 def download_mission(flight: Flight, task: Task, call: Call) -> Steps:
     """`mission_download`: every item was told; they become readings of MISSION and MISSION_LIST."""
-    with _Speaking(flight, task) as busy:
+    with Speaking(flight, task) as busy:
         if busy:
             return Outcome("refused", busy)
         failure = yield from _learn(flight, task)
@@ -79,14 +54,14 @@ def clear_mission(flight: Flight, task: Task, call: Call) -> Steps:
     """`mission_clear`: the vehicle counts no items but home."""
     if flown := _flown_now(flight):
         return Outcome("refused", flown)
-    with _Speaking(flight, task) as busy:
+    with Speaking(flight, task) as busy:
         if busy:
             return Outcome("refused", busy)
         failure = yield from clear(flight, task)
         if failure is not None:
             return failure
         flight.plan.items, flight.plan.broken = (_home(flight),), ""
-        _tell(flight)
+        tell_items(flight)
     return SUCCEEDED
 
 
@@ -98,11 +73,11 @@ def set_current(flight: Flight, task: Task, call: Call) -> Steps:
     known = flight.plan.items
     if known is not None and not 0 < wanted < len(known):
         return Outcome("refused", f"no item {wanted}; the mission has {max(0, len(known) - 1)}")
-    failure = yield from _go_to_item(flight, task, wanted)
+    failure = yield from go_to_item(flight, task, wanted)
     return failure or SUCCEEDED
 
 
-def _go_to_item(flight: Flight, task: Task, wanted: int) -> Generator[None, None, Outcome | None]:
+def go_to_item(flight: Flight, task: Task, wanted: int) -> Generator[None, None, Outcome | None]:
     identity, poll = flight.commands.identity, Poll(flight, task, "MISSION_CURRENT")
     task.waits_for = f"the vehicle to tell that item {wanted} is its current one"
     for _ in range(SET_CURRENT_TRIES):
@@ -122,194 +97,13 @@ def _go_to_item(flight: Flight, task: Task, wanted: int) -> Generator[None, None
     return Outcome("failed", f"the vehicle did not go to item {wanted}; has its mission so many?")
 
 
-def enter_mode(flight: Flight, task: Task, call: Call) -> Steps:
-    """`mode`: as `change_mode`; AUTO only on a mission that may be flown."""
-    if int(call.parameters[1]) == flight.vehicle.modes.auto:
-        failure = yield from may_fly(flight, task)
-        if failure is not None:
-            return failure
-    return (yield from change_mode(flight, task, call))
-
-
-def may_fly(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
-    """Whatever makes the vehicle fly its mission: it must be whole, and within the limits if there are any."""
-    if flight.plan.broken:
-        return Outcome("refused", flight.plan.broken)
-    if not flight.limited:
-        return None
-    return (yield from _read_within_limits(flight, task))
-
-
-def start_mission(flight: Flight, task: Task, call: Call) -> Steps:
-    """`mission_start`: AUTO, then every item to the last; on the ground a mission begins with a takeoff.
-
-    What the vehicle stores is read first, whoever has stored it: another station may have since we did.
-    """
-    vehicle, modes = flight.vehicle, flight.vehicle.modes
-    if flight.plan.broken:
-        return Outcome("refused", flight.plan.broken)
-    if not vehicle.armed:
-        return Outcome("refused", f"a mission is started armed; {flight.state_in_words()}")
-    failure = yield from _read_within_limits(flight, task)
-    if failure is not None:
-        return failure
-    items = flight.plan.items or ()
-    last = max((seq for seq, item in enumerate(items) if seq and item.flown), default=0)
-    if not last:
-        nothing = "nothing in the vehicle's mission is flown" if len(items) > 1 else "the vehicle has no mission"
-        return Outcome("refused", f"{nothing}; upload one")
-    with _Flying(flight, task):
-        told = yield from asked_message(flight, task, "MISSION_CURRENT", TRY_EVERY)
-        if told is not None and (told.mission_state == COMPLETE or told.seq > last):
-            failure = yield from _go_to_item(flight, task, 1)
-            if failure is not None:
-                return failure
-        grounded = not vehicle.aloft or modes.ground
-        if vehicle.mode != modes.auto:  # whether it stays is seen all the way
-            flight.expect_mode(modes.auto)
-            call = mode_call(modes.auto)
-            command = flight.submit(task, call.number, call.parameters, START)
-            refusal = yield from acknowledged(flight, task, command, lambda: vehicle.mode == modes.auto)
-            if refusal is not None:
-                return refusal
-            flight.expect_mode(modes.auto)
-        if grounded:
-            refusal = yield from _begin(flight, task)
-            if refusal is not None:
-                return refusal
-        stored = None if told is None else told.total
-        return (yield from _fly(flight, task, items, last, stored, grounded=grounded and not modes.ground))
-
-
-def _begin(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
-    command = flight.submit(task, dialect.MAV_CMD_MISSION_START, (0.0,) * 7, START)
-    return (yield from acknowledged(flight, task, command, lambda: flight.vehicle.aloft and not _ground(flight)))
-
-
-def _fly(
-    flight: Flight, task: Task, items: tuple[Item, ...], last: int, stored: int | None, *, grounded: bool
-) -> Steps:
-    """Watch the mission until it is over; the vehicle's own messages tell how far it is.
-
-    A vehicle that disarms calls its mission complete wherever it is, so the end in the air is believed at the next
-    HEARTBEAT, and the end on the ground when the motors have stopped at the last item. One that leaves AUTO at the end
-    of a mission does so at once: two HEARTBEATs later a change is somebody else's. Of a mission that jumps, reaching an
-    item proves nothing: it is over when the vehicle says so. `stored` is how many items MISSION_CURRENT told before.
-    """
-    vehicle, modes, asked = flight.vehicle, flight.vehicle.modes, flight.now
-    poll, patience = Poll(flight, task, "MISSION_CURRENT", PROGRESS_EVERY), flight.now + flight.wait(*BEGINS_WITHIN)
-    jumps, complete = any(item.command == dialect.MAV_CMD_DO_JUMP for item in items), False
-    reached, furthest, current, running, over_at, left_at = 0, 0, 1, False, math.inf, None
-    fast_at = -math.inf
-    while True:
-        poll()
-        fast_at = flight.now if vehicle.speed > FALLS else fast_at
-        message = flight.message
-        match message:
-            case dialect.MAVLink_mission_item_reached_message():
-                reached = message.seq if jumps else max(reached, message.seq)
-            case dialect.MAVLink_mission_current_message():
-                stored = message.total if stored is None else stored
-                if message.total != stored or message.mission_state == dialect.MISSION_STATE_NO_MISSION:
-                    said = "the vehicle's mission was changed by others while it was flown (another ground station?)"
-                    return Outcome("failed", flight.with_texts(said, asked))
-                furthest = max(furthest, message.seq)
-                current = max(1, message.seq if jumps else furthest)
-                complete = complete or (message.mission_state == COMPLETE and running and vehicle.armed)
-                running = running or message.mission_state == dialect.MISSION_STATE_ACTIVE
-        reached = last if complete else reached
-        grounded = grounded and not vehicle.aloft
-        _progress(flight, task, items, current, last, reached)
-        if items[last].ends_on_ground:
-            if not vehicle.armed and max(furthest, reached) >= last:
-                return (yield from _landed(flight, task, items[last], fast_at))
-        elif (complete or (reached >= last and not jumps)) and vehicle.armed and not grounded:
-            over_at = min(over_at, vehicle.heartbeats)
-            stays = vehicle.mode == modes.auto != modes.after_mission
-            if vehicle.mode in (modes.auto, modes.after_mission) and vehicle.heartbeats > over_at + stays:
-                return SUCCEEDED
-        over = over_at < math.inf and vehicle.mode == modes.after_mission
-        if vehicle.armed and (vehicle.mode == modes.auto or over):
-            left_at = None
-        else:
-            left_at = flight.now if left_at is None else left_at
-            if flight.now - left_at > flight.wait(*END_SHOWS):
-                return _broken_off(flight, reached, last, asked)
-        if grounded and flight.now > patience:
-            said = "the mission was started, but the vehicle did not leave the ground; does it begin with a takeoff?"
-            return Outcome("failed", flight.with_texts(said, asked))
-        yield
-
-
-def _landed(flight: Flight, task: Task, item: Item, fast_at: float) -> Steps:
-    """Whether the motors that have stopped at the last item did so on the ground, and at home if it says so.
-
-    What stands before and after that has landed, on a hill too; what falls is fast. A vehicle that is disarmed calls
-    itself landed wherever it is. `fast_at` is when it was too fast to stand for the last time.
-    """
-    vehicle, asked, seen = flight.vehicle, flight.now, flight.vehicle.positions
-    until = asked + flight.wait(*STANDS_FOR)
-    while flight.now <= until:
-        task.waits_for = "the vehicle to stand on the ground"
-        fast_at = flight.now if vehicle.speed > FALLS else fast_at
-        yield
-    if vehicle.armed:
-        return Outcome("failed", f"the vehicle was armed again at the end of its mission; {flight.state_in_words()}")
-    if vehicle.positions == seen:
-        said = "the motors have stopped at the last item, and the vehicle does not tell where it is"
-        return Outcome("failed", flight.with_texts(said, asked))
-    if asked - fast_at <= flight.wait(*STANDS_FOR):
-        return Outcome("failed", flight.with_texts("the motors stopped in the air, at the last item", asked))
-    away = from_home(flight)
-    if item.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH and (away is None or away > HOME_NEAR):
-        return Outcome("failed", f"the vehicle landed {metres(away)} from home")
-    return SUCCEEDED
-
-
-def _progress(flight: Flight, task: Task, items: tuple[Item, ...], current: int, last: int, reached: int) -> None:
-    task.feedback = {"item": float(current), "items": float(last), "reached": float(reached)}
-    where = flight.vehicle.position
-    if where is not None:
-        task.feedback["altitude"] = round(where.altitude, 2)
-        if current < len(items) and items[current].placed:
-            task.feedback["distance"] = round(where.distance(items[current].place), 2)
-    task.waits_for = f"the end of the mission; it is at item {current} of {last}"
-
-
-def _broken_off(flight: Flight, reached: int, last: int, asked: float) -> Outcome:
-    vehicle = flight.vehicle
-    how = (
-        f"the mode became {vehicle.mode_name}, which nobody here asked for (pilot, ground station or failsafe)"
-        if vehicle.armed
-        else "the vehicle disarmed"
-    )
-    return Outcome(
-        "failed", flight.with_texts(f"{how} before the end of the mission (item {reached} of {last})", asked)
-    )
-
-
 def _learn(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
     held = yield from download(flight, task)
     if isinstance(held, Outcome):
         return held
     flight.plan.items, flight.plan.broken = held, ""
-    _tell(flight)
+    tell_items(flight)
     return None
-
-
-def _read_within_limits(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
-    """Read what the vehicle stores; percepts follow. Returns why it cannot be flown, None if it can."""
-    with _Speaking(flight, task) as busy:
-        if busy:
-            return Outcome("refused", busy)
-        held = yield from download(flight, task)
-    if isinstance(held, Outcome):
-        return held
-    if flight.plan.items is None or not same_items(held, flight.plan.items):
-        flight.plan.items = held
-        _tell(flight)
-    broken = _outside(flight, held[1:])
-    return Outcome("refused", broken) if broken else None
 
 
 def _flown_now(flight: Flight) -> str:
@@ -322,7 +116,7 @@ def _flown_now(flight: Flight) -> str:
     return ""
 
 
-def _tell(flight: Flight) -> None:
+def tell_items(flight: Flight) -> None:
     """The items as readings: those of an older mission go first."""
     items = flight.plan.items or ()
     flight.tell(Reading("MISSION", None))
@@ -344,7 +138,7 @@ def _tell(flight: Flight) -> None:
     flight.tell(Reading("MISSION_LIST", {"count": max(0, len(items) - 1), "waypoints": waypoints}))
 
 
-def _outside(flight: Flight, items: tuple[Item, ...]) -> str:
+def outside(flight: Flight, items: tuple[Item, ...]) -> str:
     """Which item breaks which limit of the mission file, in words; empty = none."""
     home, limits = flight.altitude_of_home() or 0.0, flight.limits
     for seq, item in enumerate(items, 1):
@@ -365,11 +159,7 @@ def _home(flight: Flight) -> Item:
     return Item(dialect.MAV_CMD_NAV_WAYPOINT, AMSL, x=x, y=y, z=home.altitude)
 
 
-def _ground(flight: Flight) -> bool:
-    return flight.vehicle.modes.ground
-
-
-class _Speaking:
+class Speaking:
     """Speaks the mission protocol for one action; the next one is told who does. Ends also when the action is ended."""
 
     def __init__(self, flight: Flight, task: Task) -> None:
@@ -388,16 +178,3 @@ class _Speaking:
             self._flight.plan.busy = ""
         if self._task.leaves:
             break_off(self._flight)
-
-
-class _Flying:
-    """The mission is started or flown for one action: it is not changed under it."""
-
-    def __init__(self, flight: Flight, task: Task) -> None:
-        self._plan, self._task = flight.plan, task
-
-    def __enter__(self) -> None:
-        self._plan.flown_by = self._task.name
-
-    def __exit__(self, *_: object) -> None:
-        self._plan.flown_by = ""

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink import missions, outputs, parameters, procedures, setpoints
+from bridged.drivers.mavlink import mission_flight, missions, outputs, parameters, procedures, setpoints
 from bridged.drivers.mavlink.flight import Procedure
 from schemas.manifest import ActionEntry
 
@@ -69,7 +69,7 @@ class CallOffer:
 
 
 COMMANDS: Mapping[str, Offer] = MappingProxyType({
-    "mode": Offer(missions.enter_mode, sets_mode=True, takes_control=True),
+    "mode": Offer(mission_flight.enter_mode, sets_mode=True, takes_control=True),
     "armed": Offer(procedures.arm),
     "altitude": Offer(procedures.take_off, _CLIMB),
     "target": Offer(procedures.reposition),
@@ -128,7 +128,7 @@ CALLS: Mapping[str, CallOffer] = MappingProxyType({
     ),
     "mission_download": CallOffer((), Offer(missions.download_mission, _ITEMS)),
     "mission_start": CallOffer(
-        (), Offer(missions.start_mission, ("item", "items", "reached", "altitude", "distance"), judges_mode=True)
+        (), Offer(mission_flight.start_mission, ("item", "items", "reached", "altitude", "distance"), judges_mode=True)
     ),
     "mission_clear": CallOffer((), Offer(missions.clear_mission)),
     "mission_set_current": CallOffer(("seq",), Offer(missions.set_current), ("seq",)),

@@ -9,7 +9,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.asking import Fits, Poll
 from bridged.drivers.mavlink.confirmation import acknowledged
 from bridged.drivers.mavlink.flight import SUCCEEDED, Call, Flight, Steps, Task
-from bridged.drivers.mavlink.missions import MOVES_HOME, may_fly
+from bridged.drivers.mavlink.mission_flight import may_fly
+from bridged.drivers.mavlink.missions import MOVES_HOME
 from bridged.drivers.mavlink.parameters import guard, read_parameter, read_parameters
 from bridged.drivers.robot import Outcome
 
