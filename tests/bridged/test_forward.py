@@ -140,6 +140,35 @@ def test_a_camera_of_the_vehicle_at_another_address_is_seen_and_takes_nothing_fr
     run(body)
 
 
+def test_a_companion_of_the_vehicle_may_speak_from_a_station_and_its_own_packets_from_there_are_told() -> None:
+    async def body() -> None:
+        port, forward = free_port(), free_port()
+        async with riding(link(port, f"'udpin:127.0.0.1:{forward}'")) as [ride]:
+            vehicle, companion, mirror = Speaker(port), Speaker(forward, 1, 240), Speaker(forward, 1, 1)
+
+            def heard() -> bool:
+                vehicle.say(BEAT)
+                companion.say(command(1))
+                return "COMMAND_LONG" in vehicle.kinds(1, 240)
+
+            await until(heard, "the vehicle hears its companion")
+            assert not [note for note in ride.driver.notes() if "ground station" in note]
+            mirror.say(BEAT)
+            said = (
+                f"packets of 1/1, the vehicle itself, come from the ground station at udpin:127.0.0.1:{forward}: "
+                "they are dropped"
+            )
+            await until(lambda: said in ride.driver.notes(), "the note")
+            mirror.say(command(9))
+            companion.say(command(9))
+            await until(lambda: ride.driver.counters()["forward_echoes"] == 2, "what is dropped is counted")
+            await until(lambda: ride.driver.counters()["forward_astray"] == 1, "and what goes nowhere")
+            for one in (vehicle, companion, mirror):
+                one.close()
+
+    run(body)
+
+
 def test_a_vehicle_that_comes_back_from_another_port_is_seen_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(links, "HOME_AFTER", 0.2)
 

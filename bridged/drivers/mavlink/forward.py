@@ -13,17 +13,20 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from math import inf
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.address import LinkAddress
 from bridged.drivers.mavlink.link import Link, LinkError, Peer, open_link
-from bridged.drivers.mavlink.wire import HEADER_1, HEADER_2, MAGIC_1, Gate
+from bridged.drivers.mavlink.wire import AUTOPILOT, HEADER_1, HEADER_2, MAGIC_1, Gate, component, source
 
 TRY_AGAIN = 5.0
 """Wall seconds between attempts to open a link to a ground station: in flight a free port is waited for, not needed."""
 LISTENS_FOR = 30.0
 """Wall seconds for which somebody who called at a listening port is sent packets without saying anything."""
+ECHO_FOR = 10.0
+"""Wall seconds for which a part of a vehicle that spoke on its link is no part of it that speaks from a station."""
 NEVER_SENT = (255, 190)
 """A link has ids of its own; this one never speaks for itself."""
 log = logging.getLogger("mavlink")
@@ -52,6 +55,10 @@ class GroundStation:
         self.speaks_as: tuple[int, int] | None = None
         """The ids of its last HEARTBEAT."""
         self._vehicles: dict[int, PassOn] = {}
+        self._parts: dict[tuple[int, int], float] = {}
+        """Who spoke on the links of the vehicles, by system and component, and when last."""
+        self._echo: tuple[int, float] | None = None
+        """Of which vehicle a packet came from the station, as if it were its autopilot, and when last."""
         self._link: Link | None = None
         self._why = ""
         self._opening: asyncio.Task[None] | None = None
@@ -84,7 +91,9 @@ class GroundStation:
     def copy(self, packet: bytes) -> None:
         """A packet of a vehicle, for the station."""
         if self._link is not None:
-            since = asyncio.get_running_loop().time() - LISTENS_FOR
+            now = asyncio.get_running_loop().time()
+            self._parts[source(packet), component(packet)] = now
+            since = now - LISTENS_FOR
             peers = (peer for peer in self._link.peers if not peer.heard or peer.heard_at > since)
             sent = self._link.pass_on(peers, packet)
             self.counters.to_station += sent
@@ -92,7 +101,13 @@ class GroundStation:
 
     def notes(self) -> list[str]:
         """Warnings that hold now."""
-        return [self._why] if self._why else []
+        notes = [self._why] if self._why else []
+        if self._echo is not None and asyncio.get_running_loop().time() - self._echo[1] < ECHO_FOR:
+            notes.append(
+                f"packets of {self._echo[0]}/{AUTOPILOT}, the vehicle itself, come from the ground station at "
+                f"{self.address}: they are dropped"
+            )
+        return notes
 
     async def _open(self) -> None:
         while self._link is None:
@@ -115,11 +130,14 @@ class GroundStation:
 
     def take(self, packet: bytes, system: int, number: int) -> None:
         """A packet of the station, for the vehicles."""
-        if system in self._vehicles:
+        part, now = component(packet), asyncio.get_running_loop().time()
+        if system in self._vehicles and (part == AUTOPILOT or now - self._parts.get((system, part), -inf) < ECHO_FOR):
             self.counters.echoes += 1
+            if part == AUTOPILOT:
+                self._echo = (system, now)
             return
         if number == dialect.MAVLINK_MSG_ID_HEARTBEAT:
-            self.speaks_as = (system, packet[4] if packet[0] == MAGIC_1 else packet[6])
+            self.speaks_as = (system, part)
         target = target_of(packet, number)
         chosen = self._vehicles.values() if not target else [self._vehicles[target]] if target in self._vehicles else []
         self.counters.astray += not chosen

@@ -209,6 +209,8 @@ class SharedLink:
             counters["forwarded"] = sum(one.to_station for one in each)
             counters["passed_on"] = sum(one.to_vehicle for one in each)
             counters["forward_dropped"] = sum(one.dropped for one in each)
+            counters["forward_echoes"] = sum(one.echoes for one in each)
+            counters["forward_astray"] = sum(one.astray for one in each)
         return counters
 
     def copy(self, packet: bytearray, system: int, peer: Peer) -> None:
