@@ -121,6 +121,19 @@ def test_noise_at_the_end_of_a_datagram_does_not_delay_the_next_one() -> None:
     assert len(list(framer.feed_datagram(encoder.pack(heartbeat())))) == 1
 
 
+@pytest.mark.parametrize("rubbish", [b"\xfe" * 65000, (b"\xfd\xff" + bytes(8)) * 6500])
+def test_a_datagram_full_of_false_starts_costs_a_few_checksums_and_not_the_packet_after_it(rubbish: bytes) -> None:
+    counters, encoder = WireCounters(), Encoder(1, 1)
+    framer = Framer(counters)
+    good = encoder.pack(heartbeat())
+    assert len(framer.feed_datagram(good * 20 + b"\xfe\x01\x00" * 3 + good)) == 21, "a little noise loses nothing"
+    before = counters.bad_checksums
+    assert not framer.feed_datagram(rubbish)
+    assert counters.bad_checksums - before <= 16
+    assert counters.skipped_bytes >= len(rubbish)
+    assert framer.feed_datagram(good)
+
+
 def test_unknown_message_ids_and_unknown_flags_are_counted_not_delivered() -> None:
     counters, encoder = WireCounters(), Encoder(1, 1)
     unknown = bytearray(encoder.pack(heartbeat()))

@@ -14,6 +14,10 @@ AUTOPILOT = 1
 SIGNED = 0x01
 """The only incompatibility flag of MAVLink 2 that is defined; a packet with another one must be dropped."""
 
+MAX_FALSE_STARTS = 16
+"""What may look like a packet and be none in one datagram, before its rest is passed over: each costs a checksum, and
+in a datagram of nothing else there may be 65000."""
+
 _MAGIC = (MAGIC_1, MAGIC_2)
 HEADER_1, HEADER_2 = 6, 10
 """Bytes before the payload."""
@@ -90,7 +94,12 @@ class Framer:
 
     def _packets(self, *, ends_here: bool) -> list[dialect.MAVLink_message]:
         pending, messages, at = self._pending, [], 0
+        false_starts = 0
         while at < len(pending):
+            if ends_here and false_starts >= MAX_FALSE_STARTS:
+                self.counters.skipped_bytes += len(pending) - at
+                at = len(pending)
+                break
             if pending[at] not in _MAGIC:
                 at += 1
                 self.counters.skipped_bytes += 1
@@ -103,10 +112,13 @@ class Framer:
             if number not in dialect.mavlink_map:
                 if at + length == len(pending) and not ends_here:
                     break
-                at += self._pass_over(packet, pending[at + length : at + length + 1])
+                skip = self._pass_over(packet, pending[at + length : at + length + 1])
+                false_starts += skip == 1
+                at += skip
             elif not _checksum_agrees(packet, number):
                 self.counters.bad_checksums += 1
                 self.counters.skipped_bytes += 1
+                false_starts += 1
                 at += 1
             else:
                 at += length
