@@ -501,7 +501,7 @@ def test_motors_that_stop_in_the_air_at_the_last_item_are_no_end_of_a_mission(
     sky.vehicle.copter.disarm(force=True)
     sky.forward(lambda: heard[-1].final, "the end of the mission", 20)
     assert heard[-1].state == "failed"
-    assert heard[-1].reason.startswith("the motors stopped in the air, at the last item")
+    assert heard[-1].reason.startswith("the motors stopped in the air at the last item")
 
 
 def test_a_mission_that_returns_ends_at_home(sky: Sky) -> None:

@@ -6,6 +6,7 @@ by the deadline of the action.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -22,6 +23,8 @@ SETTLE = (4.0, 1.5)
 """Mission and wall seconds in which an acknowledged change must show in a HEARTBEAT."""
 ASK_REASONS_EVERY = (5.0, 1.0)
 """Mission and wall seconds between requests for the reasons why the vehicle is not ready."""
+FALLS, STANDS_FOR = 2.0, (2.0, 1.0)
+"""m/s that nothing has which stands; mission and wall seconds around the stop of the motors in which none has it."""
 TARGET_ATTEMPTS = 5
 TARGET_WAIT = (1.5, 0.7)
 """Mission and wall seconds for the vehicle to report the target (message 87, asked for at 2 Hz) before it is resent."""
@@ -147,6 +150,8 @@ def within_limits(flight: Flight, call: Call) -> Outcome | None:
     """Refuse a target outside the mission's limits, or one whose altitude cannot be told yet."""
     if flight.altitude_of_home() is None:
         return Outcome("refused", "the vehicle's altitude is not known yet")
+    if call.limited and flight.limited and not flight.vehicle.placed:
+        return Outcome("refused", "the vehicle has not told lately where it is, so the mission's limits cannot be kept")
     broken = flight.outside_limits(above_home(flight, call)) if call.limited else ""
     return Outcome("refused", broken) if broken else None
 
@@ -209,21 +214,47 @@ def above_home(flight: Flight, call: Call) -> Place:
     return Place(target.latitude, target.longitude, target.altitude - (flight.altitude_of_home() or 0.0))
 
 
-def down(flight: Flight, task: Task) -> Generator[None, None, None]:
-    """Wait until the vehicle has landed and disarmed."""
-    while not parked(flight):
-        position, away = flight.vehicle.position, from_home(flight)
+def down(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+    """Wait until the vehicle has landed and disarmed. Returns why its motors stopped elsewhere, None if it stands."""
+    vehicle, fast_at = flight.vehicle, -math.inf
+    while vehicle.armed or not vehicle.connected:
+        fast_at = flight.now if vehicle.speed > FALLS else fast_at
+        position, away = vehicle.position, from_home(flight)
         if position is not None:
             task.feedback = {"altitude": round(position.altitude, 2)}
             if away is not None:
                 task.feedback["distance"] = round(away, 2)
             task.waits_for = f"landing and disarming; it is at {position.altitude:.1f} m, {metres(away)} from home"
         yield
+    return (yield from stands(flight, task, fast_at))
+
+
+def stands(flight: Flight, task: Task, fast_at: float, where: str = "") -> Generator[None, None, Outcome | None]:
+    """Whether motors that have stopped just now did so on the ground; None if they did, why not otherwise.
+
+    What stands before and after that has landed, on a hill too; what falls is fast. A vehicle that is disarmed calls
+    itself landed wherever it is. `fast_at` is when it was too fast to stand for the last time; `where` is for people.
+    """
+    vehicle, asked, seen = flight.vehicle, flight.now, flight.vehicle.positions
+    until = asked + flight.wait(*STANDS_FOR)
+    while flight.now <= until:
+        task.waits_for = "the vehicle to stand on the ground"
+        fast_at = flight.now if vehicle.speed > FALLS else fast_at
+        yield
+    if vehicle.armed:
+        return Outcome("failed", f"the vehicle was armed again{where}; {flight.state_in_words()}")
+    if vehicle.positions == seen:
+        said = f"the motors have stopped{where}, and the vehicle does not tell where it is"
+        return Outcome("failed", flight.with_texts(said, asked))
+    if asked - fast_at <= flight.wait(*STANDS_FOR):
+        return Outcome("failed", flight.with_texts(f"the motors stopped in the air{where}", asked))
+    return None
 
 
 def parked(flight: Flight) -> bool:
     """Whether the vehicle stands disarmed."""
-    return flight.vehicle.connected and not flight.vehicle.armed and not flight.vehicle.aloft
+    vehicle = flight.vehicle
+    return vehicle.connected and not vehicle.armed and vehicle.speed <= FALLS
 
 
 def from_home(flight: Flight) -> float | None:

@@ -70,13 +70,21 @@ class Control:
             self._pending = replace(self._pending, until=self._flight.now)
             self.look()
 
+    def begun(self, task: Task) -> None:
+        """Take in that a task begins: what an agent moves is in its control from then on."""
+        if task.by_agent and task.moves and not self.overridden:
+            self._by_agent = True
+
     def ended(self, task: Task, outcome: Outcome) -> None:
         """Take in how a task ended: one that moved the vehicle or set its mode shows that it is ours."""
         if outcome.state == "succeeded":
             self.overridden = self.overridden and not (task.moves or task.sets_mode)
             if task.takes_control:
                 self._taken()
-        elif task.judges_mode and self.overridden:
+            elif task.by_agent and task.moves:
+                self._by_agent = True
+        elif (task.judges_mode or (task.sets_mode and self._flight.vehicle.armed)) and self.overridden:
+            self._by_agent = self._by_agent or task.by_agent
             self._set_by_others()
 
     def _set_by_others(self) -> None:

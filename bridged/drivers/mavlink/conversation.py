@@ -37,6 +37,8 @@ PATIENCE_AT_START = 3.0
 """Wall seconds in which a vehicle need not be heard yet: every start would begin with a warning."""
 HEARTBEAT_LATE = (1.5, 1.5)
 """Mission and wall seconds without a HEARTBEAT after which the link, not the rate of a message, is in doubt."""
+STALE = (5.0, 2.0)
+"""Mission and wall seconds after which what the vehicle told of where it is proves nothing any longer."""
 MAX_TASKS = 16
 """Executions under way at once; the bridge allows fewer."""
 NO_LIMITS = Limits()
@@ -59,6 +61,7 @@ class Conversation:
     ) -> None:
         self.identity = identity
         self.vehicle = Vehicle(MODE_TABLES[manifest.robot.vehicle])
+        self.vehicle.stale_after = max(STALE[0], STALE[1] * speed)
         self.texts = Texts()
         self.commands = Commands(identity, speed, send)
         self.streams = Streams(manifest, self.commands, speed)
@@ -132,6 +135,7 @@ class Conversation:
         self.control.settle()
         if procedure is arm and not self.vehicle.armed:  # whoever starts the motors answers for the flight
             self.control.overridden = False
+        self.control.begun(task)
         self._tasks[task] = self._when_connected(task, procedure, call)
         self._pace()
         message, self.flight.message = self.flight.message, None  # what came before it is not for it
@@ -141,6 +145,7 @@ class Conversation:
 
     def perform(self, task: Task, offer: Offer, call: Call) -> Task:
         """Start what the driver offers for an action."""
+        task.by_agent = True
         task.sets_mode, task.takes_control, task.judges_mode = offer.sets_mode, offer.takes_control, offer.judges_mode
         return self.begin(task, offer.procedure, call)
 
@@ -170,7 +175,8 @@ class Conversation:
         task.end(outcome)
         for command in task.commands:
             self.commands.abandon(command)
-        if hold and task.moves and self.vehicle.aloft and not self.control.overridden:
+        left_ground = self.vehicle.aloft or any(command.sent for command in task.commands)
+        if hold and task.moves and self.vehicle.armed and left_ground and not self.control.overridden:
             self._hold()
 
     @property
@@ -197,7 +203,8 @@ class Conversation:
             return [f"no heartbeat from system {self.identity.vehicle}", *self.failsafe.notes()]
         late = now - self.vehicle.heard_at > self.flight.wait(*HEARTBEAT_LATE)
         own = (self.vehicle.contradiction, self.flight.plan.broken, self._limits.outside)
-        return [one for one in own if one] + ([] if late else self.streams.notes()) + self.failsafe.notes()
+        trouble = [task.trouble for task in self._tasks]
+        return [one for one in (*own, *trouble) if one] + ([] if late else self.streams.notes()) + self.failsafe.notes()
 
     def _step(self) -> None:
         """Let every procedure look at the flight once; one that others have overridden waits only for its end."""
@@ -278,7 +285,8 @@ class Conversation:
         self.commands.clear()
         self.streams.stop()
         for task in list(self._tasks):
-            self.end(task, Outcome("failed", f"link lost: {lost}"))
+            if task.name != stay.__name__:  # that one waits until the vehicle is heard again
+                self.end(task, Outcome("failed", f"link lost: {lost}"))
         self._tell_state()
 
     def _rebooted(self) -> None:

@@ -52,6 +52,10 @@ class Task(Execution):
     """It is nobody's wish but the bridge's own: a mode that others set ends it."""
     judges_mode: bool = False
     """It sets the mode and knows by itself which changes end it: a mission that is over leaves AUTO."""
+    by_agent: bool = False
+    """An agent wished it: what it moves, or sets the mode of, is in the agent's control."""
+    trouble: str = ""
+    """What keeps it from its end, in words: a warning of health."""
     leaves: str = ""
     """What would be left half done if it ended now, in words."""
     commands: list[Command] = field(default_factory=list)

@@ -8,7 +8,7 @@ from collections.abc import Generator
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.asking import Poll, asked_message
-from bridged.drivers.mavlink.confirmation import acknowledged, from_home, metres
+from bridged.drivers.mavlink.confirmation import FALLS, acknowledged, from_home, metres, stands
 from bridged.drivers.mavlink.flight import SUCCEEDED, Call, Flight, Steps, Task
 from bridged.drivers.mavlink.mission_items import Item
 from bridged.drivers.mavlink.mission_transfer import TRY_EVERY, download, same_items
@@ -23,8 +23,6 @@ END_SHOWS = (3.0, 2.0)
 """Mission and wall seconds in which a vehicle that left AUTO by itself tells that its mission is over."""
 BEGINS_WITHIN = (15.0, 3.0)
 """Mission and wall seconds in which a vehicle on the ground must take off for its mission."""
-FALLS, STANDS_FOR = 2.0, (2.0, 1.0)
-"""m/s that nothing has which stands; mission and wall seconds around the stop of the motors in which none has it."""
 HOME_NEAR = 3.0
 """Metres from home at which a vehicle has returned."""
 COMPLETE = dialect.MISSION_STATE_COMPLETE
@@ -151,24 +149,10 @@ def _fly(
 
 
 def _landed(flight: Flight, task: Task, item: Item, fast_at: float) -> Steps:
-    """Whether the motors that have stopped at the last item did so on the ground, and at home if it says so.
-
-    What stands before and after that has landed, on a hill too; what falls is fast. A vehicle that is disarmed calls
-    itself landed wherever it is. `fast_at` is when it was too fast to stand for the last time.
-    """
-    vehicle, asked, seen = flight.vehicle, flight.now, flight.vehicle.positions
-    until = asked + flight.wait(*STANDS_FOR)
-    while flight.now <= until:
-        task.waits_for = "the vehicle to stand on the ground"
-        fast_at = flight.now if vehicle.speed > FALLS else fast_at
-        yield
-    if vehicle.armed:
-        return Outcome("failed", f"the vehicle was armed again at the end of its mission; {flight.state_in_words()}")
-    if vehicle.positions == seen:
-        said = "the motors have stopped at the last item, and the vehicle does not tell where it is"
-        return Outcome("failed", flight.with_texts(said, asked))
-    if asked - fast_at <= flight.wait(*STANDS_FOR):
-        return Outcome("failed", flight.with_texts("the motors stopped in the air, at the last item", asked))
+    """Whether the motors that have stopped at the last item did so on the ground, and at home if it says so."""
+    failure = yield from stands(flight, task, fast_at, " at the last item of the mission")
+    if failure is not None:
+        return failure
     away = from_home(flight)
     if item.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH and (away is None or away > HOME_NEAR):
         return Outcome("failed", f"the vehicle landed {metres(away)} from home")

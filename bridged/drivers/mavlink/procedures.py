@@ -6,6 +6,8 @@ a generator: the conversation resumes it on every message and tick, so it runs i
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Generator
 from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -36,8 +38,12 @@ from bridged.drivers.mavlink.vehicle import OFF_GROUND
 from bridged.drivers.robot import Outcome
 from schemas.manifest import Retry
 
+HOLD_EVERY = (2.0, 1.0)
+"""Mission and wall seconds between two attempts to make a vehicle stay where it is."""
 LIFT_OFF_WITHIN = (15.0, 3.0)
 """Mission and wall seconds in which an acknowledged takeoff must leave the ground."""
+
+log = logging.getLogger("mavlink")
 
 
 def change_mode(flight: Flight, task: Task, call: Call) -> Steps:
@@ -182,10 +188,9 @@ def land(flight: Flight, task: Task, call: Call) -> Steps:
         said = "" if modes.ground else "; end a mission with an item `land`"
         return Outcome("refused", f"an {modes.vehicle} of this kind has no mode that lands where it is{said}")
     failure = yield from enter(flight, task, call, modes.land)
-    if failure is not None:
-        return failure
-    yield from down(flight, task)
-    return SUCCEEDED
+    if failure is None:
+        failure = yield from down(flight, task)
+    return failure or SUCCEEDED
 
 
 def return_home(flight: Flight, task: Task, call: Call) -> Steps:
@@ -197,9 +202,10 @@ def return_home(flight: Flight, task: Task, call: Call) -> Steps:
             return SUCCEEDED
         return Outcome("refused", f"the vehicle is not armed and {metres(away)} from home")
     failure = yield from enter(flight, task, call, vehicle.modes.rtl)
+    if failure is None:
+        failure = yield from down(flight, task)
     if failure is not None:
         return failure
-    yield from down(flight, task)
     away = from_home(flight)
     if away is not None and away <= near:
         return SUCCEEDED
@@ -244,24 +250,67 @@ def secure(flight: Flight, task: Task, call: Call) -> Steps:
     vehicle = flight.vehicle
     if not vehicle.armed:
         return Outcome("succeeded", "the vehicle is not armed")
-    if vehicle.landed_state == dialect.MAV_LANDED_STATE_ON_GROUND:
+    if vehicle.on_ground:
         stop = Call(dialect.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,) * 7, call.retry)
-        return (yield from arm(flight, task, stop))
+        stopped = yield from arm(flight, task, stop)
+        if stopped.state == "succeeded" or not vehicle.armed:
+            return stopped  # else it is not on the ground as it said: it flies, and the mode is what is left
     failure = yield from enter(flight, task, call, int(call.parameters[1]))
     return failure or Outcome("succeeded", f"the vehicle is in {vehicle.mode_name}")
 
 
 def stay(flight: Flight, task: Task, call: Call) -> Steps:
-    """What cancelling a motion does: GUIDED, and where it is now as the target; or the mode of the order `hold`."""
+    """What cancelling a motion does: the vehicle stays where it is, on the ground its motors stop.
+
+    It is tried until the vehicle does it: nobody else waits for it. In flight GUIDED with the present place as the
+    target comes first, the mode of the order `hold` after that, or at once if nothing tells where the vehicle is.
+    """
+    vehicle, tries = flight.vehicle, 0
+    lift_off = flight.now + flight.wait(*LIFT_OFF_WITHIN)
+    while vehicle.armed:
+        if not vehicle.connected:
+            task.trouble = task.waits_for = "the vehicle is to stay where it is, and cannot be heard"
+            yield
+            continue
+        outcome: Outcome | None
+        if not vehicle.aloft:
+            outcome = yield from _stop_motors(flight, task, lift_off)
+        elif vehicle.modes.stay_guided and vehicle.placed and not tries:
+            outcome = yield from _stay_here(flight, task, call)
+        else:
+            hold = vehicle.modes.hold
+            failure = yield from enter(flight, task, mode_call(hold), hold)
+            outcome = failure or SUCCEEDED
+        if outcome is None:
+            continue
+        if outcome.state == "succeeded":
+            task.trouble = ""
+            return outcome
+        tries += 1
+        task.trouble = f"the vehicle does not stay where it is: {outcome.reason}"
+        log.warning("%s", task.trouble)
+        again = flight.now + flight.wait(*HOLD_EVERY)
+        while flight.now < again:
+            yield
+    task.trouble = ""
+    return SUCCEEDED
+
+
+def _stay_here(flight: Flight, task: Task, call: Call) -> Steps:
     vehicle = flight.vehicle
-    if not vehicle.modes.stay_guided and vehicle.armed:
-        hold = vehicle.modes.hold
-        failure = yield from enter(flight, task, mode_call(hold), hold)
-        return failure or SUCCEEDED
-    if not vehicle.aloft or vehicle.position is None:
-        return SUCCEEDED
     if vehicle.mode != vehicle.modes.guided:
         failure = yield from enter(flight, task, call, vehicle.modes.guided)
         return failure or SUCCEEDED
     here = replace(call, target=vehicle.position, frame=dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, limited=False)
     return (yield from send_target(flight, task, here))
+
+
+def _stop_motors(flight: Flight, task: Task, lift_off: float) -> Generator[None, None, Outcome | None]:
+    """Disarm a vehicle that has not left the ground; None if it leaves the ground all the same."""
+    vehicle = flight.vehicle
+    stopped = yield from arm(flight, task, Call(dialect.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,) * 7, Retry()))
+    if stopped.state == "succeeded":
+        return stopped
+    while vehicle.armed and not vehicle.aloft and flight.now < lift_off:
+        yield
+    return None if vehicle.aloft or not vehicle.armed else stopped

@@ -69,6 +69,12 @@ class Vehicle:
         self.system_status = 0
         """MAV_STATE of its HEARTBEAT."""
         self.landed_state = 0
+        self.landed_at = -math.inf
+        """When it was told last."""
+        self.now = 0.0
+        """When its last message came."""
+        self.stale_after = 5.0
+        """Mission seconds after which what it told of where it is proves nothing; set by the conversation."""
         self.prearm_ok = False
         self.ekf_flags = 0
         self.gps_fix = 0
@@ -78,6 +84,8 @@ class Vehicle:
         """Metres above home."""
         self.positions = 0
         """How many position messages came so far."""
+        self.position_at = -math.inf
+        """When the last one came."""
         self.amsl = 0.0
         self.heading: float | None = None
         """Radians from north, clockwise."""
@@ -105,12 +113,26 @@ class Vehicle:
         """
         if self.modes.ground:
             return self.armed
-        if self.landed_state == dialect.MAV_LANDED_STATE_UNDEFINED:
+        if self.landed_state == dialect.MAV_LANDED_STATE_UNDEFINED or self._stale(self.landed_at):
             return self.armed and self.position is not None and self.position.altitude > OFF_GROUND
         return self.armed and self.landed_state in ALOFT
 
+    @property
+    def on_ground(self) -> bool:
+        """Whether it says now that it stands on the ground; what it said long ago proves nothing."""
+        return self.landed_state == ON_GROUND and not self._stale(self.landed_at)
+
+    @property
+    def placed(self) -> bool:
+        """Whether it has told lately where it is."""
+        return self.position is not None and not self._stale(self.position_at)
+
+    def _stale(self, at: float) -> bool:
+        return self.now - at > self.stale_after
+
     def receive(self, message: dialect.MAVLink_message, now: float) -> None:
         """Take in one message of this vehicle's autopilot."""
+        self.now = now
         match message.get_type():
             case "HEARTBEAT":
                 self.heartbeats += 1
@@ -130,6 +152,7 @@ class Vehicle:
                 self.heading = None if message.hdg == UNKNOWN_HEADING else math.radians(message.hdg / 100)
                 self.speed = math.hypot(message.vx, message.vy, message.vz) / 100
                 self.positions += 1
+                self.position_at = now
             case "POSITION_TARGET_GLOBAL_INT":
                 self._clock(message.time_boot_ms)
                 self.target = Place(message.lat_int / 1e7, message.lon_int / 1e7, message.alt)
@@ -142,7 +165,7 @@ class Vehicle:
             case "GPS_RAW_INT":
                 self.gps_fix = message.fix_type
             case "EXTENDED_SYS_STATE":
-                self.landed_state = message.landed_state
+                self.landed_state, self.landed_at = message.landed_state, now
             case "HOME_POSITION":
                 self.home = Place(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3)
 
