@@ -5,8 +5,10 @@ from __future__ import annotations
 import logging
 import sys
 import threading
-from importlib.metadata import EntryPoint
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # megabytes, for those that have no extension
+    from importlib.metadata import EntryPoint
 
 PATIENCE = 20.0
 """Wall seconds that an import may take; the event loop, and with it every signal, waits for it."""
