@@ -79,8 +79,12 @@ class Perceiving:
         try:
             async with aclosing(self._bus.query(everything, None, Perception, ASK_TIMEOUT)) as replies:
                 async for reply in replies:
-                    if reply.record is None:
+                    if reply.record is None and reply.key == everything:
                         return False
+                    if reply.record is None:  # the others are perceived all the same
+                        self.counters["unreadable"] += 1
+                        log.warning("unreadable_percept key=%s %s", reply.key, reply.error)
+                        continue
                     snapshot.append(reply.record)
         except BusClosed:
             return False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import sys
 import time
 import tomllib
@@ -114,7 +115,21 @@ def _assignment(text: str) -> tuple[str, Any]:
         read = {}
     if list(read) != ["value"]:
         raise ValueError(f"{path}: `{value}` is no value in TOML; a text needs quotes: {path}='\"...\"'")
+    if not _is_plain(read["value"]):
+        raise ValueError(f"{path}: expected finite numbers, texts, lists and tables, got `{value}`")
     return path, read["value"]
+
+
+def _is_plain(value: object) -> bool:
+    """Whether a value reaches the bridge as it is: JSON has no infinity, and no times."""
+    match value:
+        case dict():
+            return all(map(_is_plain, value.values()))
+        case list():
+            return all(map(_is_plain, value))
+        case float():
+            return math.isfinite(value)
+    return isinstance(value, bool | int | str)
 
 
 def _on_the_bus(args: Namespace, ask: Callable[[Bus, str], Awaitable[int]]) -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from bridged.drivers import check_manifest
-from bridged.ini_manifests import load_ini_pair
 from schemas.findings import Finding, Findings
 from schemas.manifest import Manifest, load_manifest
 
@@ -20,4 +19,6 @@ def load_robot_manifest(named: str | tuple[str, ...], folder: Path) -> Manifest:
     if len(named) != 2:
         said = f"expected one manifest, or two: [actions_manifest, perceptions_manifest]; got {len(named)}"
         raise Findings([Finding(named[0] if named else "", 0, 0, said)])
+    from bridged.ini_manifests import load_ini_pair  # the vocabulary of mavros is memory that others need not have
+
     return load_ini_pair(folder / named[0], folder / named[1])

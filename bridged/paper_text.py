@@ -12,7 +12,7 @@ from typing import Any
 
 from schemas.ini_manifest import truth
 from schemas.manifest import Parameter
-from schemas.terms import Map, OpenList, Queue, Set, Source, Structure, Term, Variable
+from schemas.terms import Atom, Map, OpenList, Queue, Set, Source, Structure, Term, Variable
 from schemas.text import BadTerm, read, write
 
 
@@ -24,6 +24,8 @@ def percept_value(value: object) -> Term:
     match value:
         case list() | tuple() | bytes() | bytearray():
             return [percept_value(item) for item in value]
+        case Atom():
+            return value
         case int() | float() if not isinstance(value, bool) and math.isfinite(value):
             return value
     text = _python_text(value).replace("'", "")

@@ -29,10 +29,19 @@ def changed(document: Mapping[str, Any], change: ManifestChange) -> tuple[dict[s
             problems.append(str(error))
     for path, value in change.set.items():
         try:
+            if _holds_nothing(value):
+                raise BadPath(f"{path}: expected a value, got null; what is to go stands under `remove`")
             _set(made, path, value)
         except BadPath as error:
             problems.append(str(error))
     return made, problems
+
+
+def _holds_nothing(value: object) -> bool:
+    """Whether a value is null, or holds one: a manifest has none, and a limit must not go by one."""
+    if isinstance(value, dict | list):
+        return any(map(_holds_nothing, value.values() if isinstance(value, dict) else value))
+    return value is None
 
 
 def part_of(document: Mapping[str, Any], path: str) -> tuple[tuple[str, ...], Any]:

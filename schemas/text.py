@@ -19,6 +19,7 @@ from schemas.terms import (
     Structure,
     Term,
     Variable,
+    number,
 )
 
 MAX_DEPTH = 200
@@ -236,7 +237,7 @@ def _what(text: str) -> Literal["plan", "rule", "trigger", "body", "expression"]
 
 
 def _number(text: str) -> Term:
-    return int(text) if re.fullmatch(r"[+-]?[0-9]{1,15}", text) else float(text)
+    return int(text) if re.fullmatch(r"[+-]?[0-9]{1,15}", text) else number(float(text))
 
 
 def _unescape(text: str) -> str:

@@ -217,3 +217,15 @@ def test_without_a_router_for_long_what_the_bridge_told_is_believed_no_more(
             health.cancel()
 
     asyncio.run(everything())
+
+
+def test_one_percept_that_cannot_be_read_does_not_hide_the_others(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bridge = FakeBridge(await connect("uav1", "bridged"))
+        bridge.tell("altitude", float("inf"))  # goes out as null: no term
+        bridge.tell("mode", "GUIDED")
+        perceiving, heard = perceive(await connect("uav"))
+        await until(lambda: ("came", "mode", ("GUIDED",)) in heard, "what can be read is perceived")
+        assert perceiving.counters["unreadable"] >= 1
+
+    on_a_bus(endpoint, body)

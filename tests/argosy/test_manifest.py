@@ -135,6 +135,7 @@ def test_a_router_that_is_not_there_is_told_in_bounded_time(endpoint: str, capsy
         (["percepts.pose.rate"], "expected PATH=VALUE such as percepts.altitude.rate=5, got `percepts.pose.rate`"),
         (["percepts.pose.ttl=3s"], "percepts.pose.ttl: `3s` is no value in TOML; a text needs quotes"),
         (["percepts.pose.rate=5\n[x]"], "is no value in TOML"),
+        (["actions.takeoff.params.altitude.max=inf"], "expected finite numbers, texts, lists and tables, got `inf`"),
     ],
 )
 def test_what_is_no_change_is_said_before_anybody_is_asked(arguments: list[str], said: str, capsys: Captured) -> None:

@@ -8,7 +8,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.modes import Mode
-from tests.bridged.sky import GOAL, Message, Sky
+from tests.bridged.sky import GOAL, MISSION, Message, Sky
+from tests.bridged.test_setpoints_and_outputs import manifest as manifest_with_raw_commands
 
 
 @pytest.fixture
@@ -125,3 +126,20 @@ def test_motors_that_stop_in_the_air_have_not_landed(sky: Sky, name: str) -> Non
     sky.forward(lambda: heard[-1].final, "the end", 30)
     assert heard[-1].state == "failed"
     assert heard[-1].reason.startswith("the motors stopped in the air")
+
+
+def test_limits_are_not_kept_by_a_place_of_long_ago(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, mission=MISSION.replace("    simulate:", "    limits: {radius: 60}\n    simulate:")).flying(10)
+    sky.we_hear = without("GLOBAL_POSITION_INT")
+    sky.wait(10)
+    refused = [sky.do("fly", 8, 0, 0), sky.do("goto", *GOAL[:2], 20)]
+    assert [one.state for one in refused] == ["refused"] * 2
+    assert all("has not told lately where it is" in one.reason for one in refused)
+
+
+def test_a_way_home_by_a_raw_command_is_the_agents_own(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, manifest=manifest_with_raw_commands()).flying(10)
+    status = sky.do("raw", "MAV_CMD_NAV_RETURN_TO_LAUNCH", 0, 0, 0)
+    assert status.state == "succeeded", status.reason
+    assert sky.belief("override") is None
+    assert not sky.vehicle.copter.armed

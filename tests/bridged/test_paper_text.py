@@ -6,7 +6,10 @@ import pytest
 
 from bridged.arguments import BadArgument, read_arguments
 from bridged.drivers.robot import Reading
+from bridged.paper_text import percept_value
 from bridged.translation import Translator
+from schemas.codec import codec
+from schemas.records import Perception
 from schemas.terms import Atom, Structure, Term, Variable
 from tests.bridged.ini_pairs import pair, service
 
@@ -85,3 +88,14 @@ def test_lists_of_structures_come_as_the_paper_nested_them() -> None:
         Reading("p", {"status": [{"name": "gps", "level": 0, "values": [{"key": "Fix", "value": "3"}]}]})
     )
     assert belief.parameters == ([[["Fix", 3]]], [[Atom("gps")]], [[0, Atom("gps")]])
+
+
+@pytest.mark.parametrize("text", ["1e999", "-1e999", "[1e999]"])
+def test_a_number_too_large_for_a_number_travels(text: str) -> None:
+    term = percept_value(text)
+    perception = Perception(name="x", parameters=(term,))
+    assert codec(Perception).decode(codec(Perception).encode(perception)).parameters == (term,)
+
+
+def test_an_atom_of_a_driver_stays_an_atom() -> None:
+    assert percept_value(Atom("down")) == Atom("down")

@@ -230,6 +230,7 @@ class Flight:
     def expect_mode(self, mode: int) -> None:
         """Count `mode` as asked for by us for a while: a pilot's change must be told from our own."""
         self.asked_last = mode
+        self._expected = {known: until for known, until in self._expected.items() if until >= self.now}
         self._expected[mode] = self.now + self.wait(*EXPECTED_FOR)
 
     def expects(self, mode: int) -> bool:
@@ -273,7 +274,9 @@ class Flight:
         """Which limit a velocity (m/s north, east, down) breaks before the vehicle stops by itself, in words."""
         here = self.vehicle.position
         if here is None:
-            return "the vehicle's position is not known yet" if self.limits.altitude or self.limits.radius else ""
+            return "the vehicle's position is not known yet" if self.limited else ""
+        if self.limited and not self.vehicle.placed:
+            return "the vehicle has not told lately where it is, so the mission's limits cannot be kept"
         north, east, down = (speed * GUIDED_TIMEOUT for speed in velocity)
         there = here.moved(north, east, -down)
         broken = self.outside_limits(there)

@@ -149,6 +149,7 @@ KNOWN_BETTER: Mapping[int, str] = MappingProxyType({
     dialect.MAV_CMD_COMPONENT_ARM_DISARM: "armed",
     dialect.MAV_CMD_NAV_TAKEOFF: "altitude",
     dialect.MAV_CMD_NAV_LAND: "landed",
+    dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: "home",
     dialect.MAV_CMD_DO_REPOSITION: "target",
     dialect.MAV_CMD_DO_SET_SERVO: "servo",
     dialect.MAV_CMD_DO_FENCE_ENABLE: "fence",
