@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal
 
+import msgspec
+
 from bridged.drivers.robot import Reading
 from bridged.translation import Belief, Translator
 from schemas.manifest import Manifest, PerceptEntry
@@ -22,6 +24,8 @@ MAX_BELIEFS = 1000
 JITTER = 0.25
 """Part of the period by which a change may come too soon or too late and count as on time: a 10 Hz source must not be
 halved by its jitter. On average no more than the rate is told."""
+
+_ENCODE = msgspec.msgpack.Encoder().encode
 
 Parameters = tuple[Term, ...]
 Update = Literal["replace", "add", "remove"]
@@ -128,7 +132,7 @@ class PerceptBoard:
     def _hear(self, belief: Belief, parameters: Parameters, now: float) -> None:
         entry = belief.entry
         identity = parameters if entry.buf == "add" else tuple(parameters[position] for position in entry.key)
-        key = (belief.name, *map(_hashable, identity))
+        key = (belief.name, _ENCODE(identity))
         slot = self._slots.get(key)
         if slot is None:
             while len(self._slots) >= MAX_BELIEFS:
@@ -195,7 +199,3 @@ def _differs(old: Term, new: Term, deadband: float) -> bool:
         )
     was, becomes = to_float(old), to_float(new)
     return was is None or becomes is None or not abs(becomes - was) <= deadband
-
-
-def _hashable(term: Term) -> object:
-    return tuple(map(_hashable, term)) if isinstance(term, list) else (type(term), term)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
+import msgspec
+
 from bridged.drivers.robot import Reading
 from bridged.paper_text import percept_value
 from schemas.manifest import Field, Manifest, PerceptEntry
@@ -44,13 +46,21 @@ class Translator:
                 continue
             try:
                 parameters = tuple(_argument(field, reading.fields, self._term) for field in fields)
+                if len(_ENCODE(parameters)) > LARGEST:
+                    raise ValueError("too large to be told")
             except _Absent:
+                if entry.buf == "update" and not entry.key:  # which of several it was is not known
+                    yield Belief(name, entry, None)
                 continue
-            except (KeyError, IndexError, ValueError, TypeError, OverflowError):
+            except (KeyError, IndexError, ValueError, TypeError, OverflowError, RecursionError):
                 self.unreadable += 1
                 continue
             yield Belief(name, entry, parameters)
 
+
+LARGEST = 65_536
+"""Bytes of the largest belief that is told; an agent must be able to take in each of them."""
+_ENCODE = msgspec.msgpack.Encoder().encode
 
 ToTerm = Callable[[object], Term]
 """What makes a term of a plain value, by the robot's `values`."""

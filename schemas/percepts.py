@@ -39,7 +39,7 @@ class PerceptSet:
 
     def apply(self, perception: Perception) -> bool:
         """Take in one perception. Returns False for one that is older than what is known, which changes nothing."""
-        boot, seq = perception.header.boot, perception.header.seq
+        boot, seq, identity = perception.header.boot, perception.header.seq, _identity(perception)
         if boot != self.boot:
             self._in_doubt = self._in_doubt or len(self) > 0
             self.boot, self.seq = boot, 0
@@ -55,7 +55,7 @@ class PerceptSet:
             for known in [known for known, belief in beliefs.items() if _concerns(perception, belief)]:
                 del beliefs[known]
         if perception.update != "remove":
-            beliefs[_identity(perception)] = perception
+            beliefs[identity] = perception
         elif not beliefs:
             del self._families[family]
         return True

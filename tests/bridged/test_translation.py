@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from typing import Any
 
@@ -84,3 +85,28 @@ args = ["ms"]
         [("echo", (4,))],
     ]
     assert translator.unreadable == 0
+
+
+@pytest.mark.parametrize(
+    "value",
+    [10**30, "\ud800", [[0]] * 40_000, functools.reduce(lambda inner, _: [inner], range(2000), [])],
+    ids=["an integer of 100 bits", "half a character", "too large", "too deep"],
+)
+def test_what_cannot_be_told_is_counted_and_hides_no_other_percept(value: object) -> None:
+    manifest = read_manifest(
+        '[robot]\ndriver = "zenoh"\n[percepts.odd]\nsource = "s"\nargs = ["odd"]\n[percepts.even]\nsource = "s"\n'
+        'args = ["even"]\n',
+        "m.toml",
+    )
+    translator = Translator(manifest)
+    told = list(translator.beliefs(Reading("s", {"odd": value, "even": 2})))
+    assert [(one.name, one.parameters) for one in told] == [("even", (2,))]
+    assert translator.unreadable == 1
+
+
+def test_a_value_that_the_robot_no_longer_knows_ends_the_belief() -> None:
+    manifest = read_manifest(
+        '[robot]\ndriver = "zenoh"\n[percepts.depth]\nsource = "s"\nargs = [{field = "d", absent = -1}]\n', "m.toml"
+    )
+    told = [next(iter(Translator(manifest).beliefs(Reading("s", {"d": depth})))).parameters for depth in (5, -1)]
+    assert told == [(5,), None]
