@@ -21,6 +21,8 @@ from schemas.terms import Term, to_float
 
 MAX_BELIEFS = 1000
 """Beliefs that a robot may give at once; the oldest goes first, and is counted."""
+MAX_SOURCES = 256
+"""Sources whose last reading is kept."""
 JITTER = 0.25
 """Part of the period by which a change may come too soon or too late and count as on time: a 10 Hz source must not be
 halved by its jitter. On average no more than the rate is told."""
@@ -70,14 +72,20 @@ class PerceptBoard:
         self._robot, self._boot, self._stamp = robot, boot, stamp
         self._patience = max(1.0, speed)
         self._slots: dict[tuple[object, ...], _Slot] = {}
+        self._last: dict[tuple[str, str], tuple[Reading, float]] = {}
+        """The last reading of each source and when it came: some sources say a thing once."""
 
     def adopt(self, manifest: Manifest) -> None:
         """Go on by another manifest: what it declares as before is untouched, what it does not declare is withdrawn.
 
         A percept that is declared otherwise keeps its belief until the next reading, unless that would be another
-        belief: of another source, number of arguments or identity.
+        belief: of another source, number of arguments or identity. That one, and what is new, is made of what the
+        source said last.
         """
         old, new = self._percepts, manifest.percepts
+        made = {
+            name for name in new if name not in old or _identity(new[name], manifest) != _identity(old[name], manifest)
+        }
         for key, slot in list(self._slots.items()):
             if slot.name not in old:
                 continue
@@ -89,9 +97,19 @@ class PerceptBoard:
                 slot.entry = entry
         self.translator = Translator(manifest, self.translator.unreadable)
         self._percepts = new
+        for reading, at in list(self._last.values()):
+            for belief in self.translator.beliefs(reading):
+                events = (belief.entry.buf, old.get(belief.name, belief.entry).buf)  # what happened is over
+                if belief.name in made and "add" not in events and belief.parameters is not None:
+                    self._hear(belief, belief.parameters, at)
 
     def take(self, reading: Reading, now: float) -> None:
         """Take in what the robot said."""
+        source = (reading.driver, reading.source)
+        if reading.fields is None:
+            self._last.pop(source, None)
+        elif source in self._last or len(self._last) < MAX_SOURCES:
+            self._last[source] = (reading, now)
         for belief in self.translator.beliefs(reading):
             if belief.parameters is None:
                 self._withdraw(belief.name)
@@ -178,7 +196,14 @@ class PerceptBoard:
 
 def _identity(entry: PerceptEntry, manifest: Manifest) -> tuple[object, ...]:
     """What makes a percept the same one although its entry has changed."""
-    return (manifest.driver_of(entry), entry.source, entry.arity, entry.key, entry.buf)
+    return (
+        manifest.driver_of(entry),
+        entry.source,
+        entry.arity,
+        entry.key,
+        entry.buf,
+        *(entry.fields()[position].field for position in entry.key),
+    )
 
 
 def _period(entry: PerceptEntry) -> float:

@@ -214,18 +214,18 @@ def changed(text: str) -> Board:
 
 def test_entries_that_another_manifest_leaves_as_they_are_keep_belief_seq_and_age() -> None:
     board = changed(MANIFEST + '[percepts.more]\nsource = "MODE"\nargs = ["name"]\n')
-    assert board.taken() == []
-    assert board.board.last_seq("uav") == 4
+    assert board.taken() == [("replace", "more", ("GUIDED",))]
+    assert board.board.last_seq("uav") == 5
     board.hear("BATTERY", id=0, volts=[12600, 0])
     board.hear("MODE", name="GUIDED", armed=False)
-    assert board.taken() == [("replace", "more", ("GUIDED",))]
+    assert board.taken() == []
     board.wait(4)
     assert board.taken() == [("remove", "altitude", (5.0,))], "it ages from when it was heard before the change"
 
 
 def test_a_percept_that_another_manifest_does_not_declare_is_withdrawn() -> None:
     board = changed(MANIFEST.replace("percepts.mode", "percepts.fly_mode"))
-    assert board.taken() == [("remove", "mode", ("GUIDED", False))]
+    assert board.taken() == [("remove", "mode", ("GUIDED", False)), ("replace", "fly_mode", ("GUIDED", False))]
 
 
 @pytest.mark.parametrize(
@@ -239,7 +239,9 @@ def test_a_percept_that_another_manifest_does_not_declare_is_withdrawn() -> None
 )
 def test_a_belief_that_another_manifest_would_not_have_is_withdrawn_first(old: str, new: str, name: str) -> None:
     board = changed(MANIFEST.replace(old, new))
-    assert [(update, gone) for update, gone, _ in board.taken()] == [("remove", name)]
+    first, *rest = [(update, told) for update, told, _ in board.taken()]
+    assert first == ("remove", name)
+    assert rest in ([], [("replace", name)]), "what its source said last, unless it was an event"
 
 
 def test_a_percept_that_is_converted_otherwise_keeps_its_belief_until_the_next_reading() -> None:
@@ -417,3 +419,28 @@ def revise(mind: set[tuple[str, Any]], one: Perception) -> None:
 
 def contents(percepts: PerceptSet) -> set[tuple[str, Any]]:
     return {(one.name, one.parameters) for one in percepts.present()}
+
+
+def test_a_percept_that_is_new_or_another_belief_is_made_of_what_its_source_said_last() -> None:
+    text = '[robot]\ndriver = "zenoh"\n[percepts.home]\nsource = "HOME"\nargs = ["lat"]\n'
+    told: list[tuple[str, str, tuple[object, ...]]] = []
+    board = PerceptBoard(
+        read_manifest(text, "m.toml"),
+        ["uav"],
+        lambda agent, one: told.append((one.update, one.name, one.parameters)),
+        robot="uav1",
+        boot="b",
+        stamp=lambda: 0,
+    )
+    board.take(Reading("HOME", {"lat": 1, "alt": 2}), 0.0)
+    told.clear()
+    board.adopt(
+        read_manifest(
+            text.replace('["lat"]', '["lat", "alt"]') + '[percepts.height]\nsource = "HOME"\nargs = ["alt"]\n', "m.toml"
+        )
+    )
+    assert told == [("remove", "home", (1,)), ("replace", "home", (1, 2)), ("replace", "height", (2,))]
+    board.take(Reading("HOME", None), 1.0)
+    told.clear()
+    board.adopt(read_manifest(text, "m.toml"))
+    assert told == [], "what its source has taken back does not come again"

@@ -71,7 +71,11 @@ def arm(flight: Flight, task: Task, call: Call) -> Steps:
     task.waits_for = f"a HEARTBEAT that shows {'armed' if wanted else 'not armed'}"
     if (yield from steady(flight, shown)):
         return SUCCEEDED
-    said = f"{command.name} was acknowledged, but the vehicle is {'not armed' if wanted else 'still armed'}"
+    state = "not armed" if wanted else "still armed"
+    if shown():
+        said = f"one HEARTBEAT showed {'armed' if wanted else 'not armed'}, and no second one came: it may be so"
+    else:
+        said = f"{command.name} was acknowledged, but the vehicle is {state}"
     return Outcome("failed", flight.with_texts(said, asked))
 
 
