@@ -32,6 +32,13 @@ from schemas.mission import Ending, Mission, load_mission
 from schemas.positions import Steps, did_you_mean
 
 _FIELDS: tuple[Literal["done", "failed"], ...] = ("done", "failed")
+_NOT_BUILT: tuple[tuple[str, str, object], ...] = (
+    ("", "restart", "never"),
+    ("", "inject", False),
+    ("agents", "presence", False),
+    ("agents", "on_restart", "resume"),
+)
+"""Fields that are read and do nothing yet: in what they stand, their name and default."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -93,6 +100,7 @@ def check_mission(path: str | Path) -> tuple[Mission | None, list[Finding]]:
         return None, sorted(set(findings))
     if mission is not None:
         findings += check_links(mission)
+        findings += _without_effect(mission)
         if not mission.done:
             text = "no `done`: the run will end only by ctrl-C or its timeout, and fail"
             findings.append(Finding(str(mission.path), 0, 0, text, "warning"))
@@ -111,6 +119,20 @@ def check_mission(path: str | Path) -> tuple[Mission | None, list[Finding]]:
     if mission is not None:
         findings += _endings(mission, programs, manifests)
     return mission, sorted(set(findings))
+
+
+def _without_effect(mission: Mission) -> list[Finding]:
+    """Nobody may rely on what is not built yet."""
+    findings = []
+    for part, field, default in _NOT_BUILT:
+        owners: dict[Steps, object] = {(): mission}
+        if part:
+            owners = {(part, name): owner for name, owner in getattr(mission, part).items()}
+        for path, owner in owners.items():
+            if getattr(owner, field) != default:
+                text = f"{field}: this has no effect yet"
+                findings.append(mission.positions.finding((*path, field), text, at_key=True))
+    return [replace(finding, severity="warning") for finding in findings]
 
 
 def _manifest(named: Outline, robot: str, mission: Mission | None, findings: list[Finding]) -> Manifest | None:

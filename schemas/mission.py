@@ -141,7 +141,9 @@ class Router(FileModel, frozen=True, kw_only=True):
     """True: a `zenohd` that somebody else runs at the endpoint; commd is then its client."""
 
 
-class _Top(FileModel, frozen=True, kw_only=True):
+class MissionFile(FileModel, frozen=True, kw_only=True):
+    """What stands at the top of a mission file; boards, agents and robots are read one by one."""
+
     mission: str
     fleet: str | None = None
     boards: dict[str, Any] = {}
@@ -208,7 +210,7 @@ def read_mission(text: str, path: Path) -> Mission:
     raw, positions = read_yaml(text, str(path))
     if not isinstance(raw, dict):
         raise Findings([positions.finding((), "expected a mission: fields such as `mission:` and `agents:`")])
-    top, findings = convert(raw, _Top, positions, decode_hook)
+    top, findings = convert(raw, MissionFile, positions, decode_hook)
     boards = _entries(raw, "boards", Board, positions, findings)
     agents = _entries(raw, "agents", Agent, positions, findings)
     robots = _entries(raw, "robots", Robot, positions, findings)

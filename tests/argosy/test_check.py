@@ -214,6 +214,17 @@ def test_a_mission_without_done_is_warned_about(mission: Path) -> None:
     assert main(["check", str(mission)]) == 0
 
 
+def test_what_has_no_effect_yet_is_warned_about(mission: Path) -> None:
+    edit(mission, "    robot: uav1", "    robot: uav1\n    presence: true\n    on_restart: fresh")
+    edit(mission, "done:", "inject: true\nrestart: on-failure\nwire: json\ndone:")
+    assert findings(mission) == [
+        "survey.yaml:6:5: warning: presence: this has no effect yet",
+        "survey.yaml:7:5: warning: on_restart: this has no effect yet",
+        "survey.yaml:14:1: warning: inject: this has no effect yet",
+        "survey.yaml:15:1: warning: restart: this has no effect yet",
+    ]
+
+
 def test_robots_that_share_a_link_are_right_where_they_can_meet(
     mission: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
