@@ -17,7 +17,7 @@ from argosy.endings import Ending
 from argosy.endpoint import endpoint, in_use, link_in_use
 from argosy.flight import Flight
 from argosy.journal import Entry, Journal
-from argosy.links import bound_links, group_of
+from argosy.links import address_of, bound_links, group_of
 from argosy.measure import Meter
 from argosy.picture import Picture
 from argosy.processes import Setup, real_robots
@@ -143,14 +143,19 @@ def _consent(setup: Setup, args: Namespace) -> None:
     """Ask once. Where there is nobody to ask, only `--yes` decides: a pipe's answer is not a person's."""
     if not setup.real or args.yes:
         return
-    names = ", ".join(sorted(setup.real))
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise Refused(
-            f"{names}: this would arm and fly the real vehicle; without a terminal to ask at, confirm by --yes"
-        )
-    print(f"{names}: this will arm and fly the real vehicle. Go on? [y/N] ", end="", file=sys.stderr, flush=True)
+        raise Refused(f"this would {_deeds(setup)}; without a terminal to ask at, confirm by --yes")
+    print(f"this will {_deeds(setup)}. Go on? [y/N] ", end="", file=sys.stderr, flush=True)
     if sys.stdin.readline().strip().lower() not in ("y", "yes"):
         raise Refused("nothing was started", EXIT_FAILED)
+
+
+def _deeds(setup: Setup) -> str:
+    """Return in words what becomes of the real robots: those with a link of MAVLink may be armed."""
+    vehicles = sorted(name for name in setup.real if address_of(setup.mission.robots[name]) is not None)
+    deeds = (("arm and fly the real vehicle", vehicles), ("act on the real robot", sorted({*setup.real} - {*vehicles})))
+    said = [f"{deed}{'s' if len(names) > 1 else ''} {', '.join(names)}" for deed, names in deeds if names]
+    return " and ".join(said)
 
 
 def _fly(setup: Setup, args: Namespace, log: TextIO | None) -> int:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import signal
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -12,6 +14,7 @@ import pytest
 from tests.argosy.conftest import MISSIONS, Running, Start
 from tests.bridged.plugins import install
 
+PAGE = MISSIONS.parent / "docs" / "drivers.md"
 LAMP = MISSIONS.parent / "examples" / "lamp"
 
 
@@ -57,3 +60,41 @@ def test_a_turtle_is_simulated_and_draws_its_square(start: Start) -> None:
     assert hurried(running) == 0, running.stdout + running.stderr
     assert "simulator turtle: started" in running.stdout
     assert "turtle: done" in running.stdout
+
+
+def written(folder: Path) -> Path:
+    """Write the files of the page, those that begin with their name, as a reader would. Returns the folder."""
+    for name, text in re.findall(r"^```\w+\n((?:#|//) \S+\n)(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL):
+        path = folder / name.split()[1]
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(name + text)
+    return folder
+
+
+def test_the_counter_of_the_page_is_a_driver(start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, site = written(tmp_path), tmp_path / "site"
+    site.mkdir()
+    project = tomllib.loads((folder / "counter" / "pyproject.toml").read_text())["project"]
+    modules = {"counter_driver": (folder / "counter" / "counter_driver.py").read_text()}
+    install(monkeypatch, site, modules, project["entry-points"], project["name"])
+    monkeypatch.setenv("PYTHONPATH", str(site))
+    running = start(folder / "counting.yaml", real_daemons=True)
+    assert hurried(running) == 0, running.stdout + running.stderr
+
+
+def test_the_room_of_the_page_is_run_as_its_page_says(start: Start, tmp_path: Path, endpoint: str) -> None:
+    folder = written(tmp_path)
+    with subprocess.Popen([sys.executable, str(folder / "room.py"), endpoint]) as room:  # before there is a router
+        try:
+            running = start(folder / "heating.yaml", "--yes", real_daemons=True)
+            assert hurried(running) == 0, running.stdout + running.stderr
+            assert room.poll() is None
+        finally:
+            room.kill()
+
+
+def test_who_is_asked_about_a_robot_that_is_no_vehicle_is_asked_about_a_robot(start: Start, tmp_path: Path) -> None:
+    running = start(written(tmp_path) / "heating.yaml", real_daemons=True)
+    assert running.wait(60) == 2
+    asked = "error: this would act on the real robot room; without a terminal to ask at, confirm by --yes\n"
+    assert running.stderr == asked

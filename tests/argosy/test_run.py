@@ -241,7 +241,7 @@ def test_without_a_terminal_a_real_robot_is_only_flown_with_yes(
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr == (
-        "error: uav1: this would arm and fly the real vehicle; without a terminal to ask at, confirm by --yes\n"
+        "error: this would arm and fly the real vehicle uav1; without a terminal to ask at, confirm by --yes\n"
     )
 
 
