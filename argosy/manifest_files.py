@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
@@ -9,9 +10,12 @@ from pathlib import Path
 from bridged.drivers import check_manifest
 from bridged.manifests import load_robot_manifest
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE
+from schemas.files import read_text
 from schemas.findings import Finding, Findings
-from schemas.manifest import Manifest
+from schemas.manifest import TABLES, Manifest
 from schemas.manifest_schema import schema_text
+
+_SECTION = re.compile(r"^\[+([^\[\]]*)\]", re.MULTILINE)
 
 
 def add_check_arguments(parser: ArgumentParser) -> None:
@@ -20,7 +24,7 @@ def add_check_arguments(parser: ArgumentParser) -> None:
         "files",
         nargs="+",
         metavar="FILE",
-        help="manifests: TOML files, names of shipped ones, or the paper's INI files as ACTIONS,PERCEPTS",
+        help="manifests: TOML files, names of shipped ones, or the paper's two INI files: ACTIONS,PERCEPTS",
     )
 
 
@@ -37,23 +41,49 @@ def schema(args: Namespace) -> int:
 def check(args: Namespace) -> int:
     """Read manifests and print what is wrong with all of them. Returns 2 if anything is."""
     findings: list[Finding] = []
-    for name in args.files:
+    for named in _manifests(args.files):
         try:
-            manifest = _load(name)
+            manifest = _load(named)
         except Findings as found:
             findings += found.findings
             continue
         percepts, actions = len(manifest.percepts), len(manifest.actions)
-        print(f"{name}: ok: {manifest.robot.driver}, {percepts} percepts, {actions} actions", flush=True)
+        print(f"{','.join(named)}: ok: {manifest.robot.driver}, {percepts} percepts, {actions} actions", flush=True)
     for finding in findings:
         print(finding, file=sys.stderr)
     return EXIT_BAD_INPUT if findings else EXIT_DONE
 
 
-def _load(name: str) -> Manifest:
+def _manifests(given: list[str]) -> list[tuple[str, ...]]:
+    """Return what belongs together: `ACTIONS,PERCEPTS` written so, or two INI files one after the other."""
+    found: list[tuple[str, ...]] = []
+    waiting = False
+    for name in given:
+        parts = tuple(part.strip() for part in name.split(","))
+        ini = len(parts) == 1 and is_ini(Path(name))
+        if ini and waiting:
+            found[-1] += parts
+        else:
+            found.append(parts)
+        waiting = ini and not waiting
+    return found
+
+
+def _load(named: tuple[str, ...]) -> Manifest:
     """Read one manifest and let its drivers look at it. Raises Findings."""
-    pair = tuple(part.strip() for part in name.split(","))
-    manifest = load_robot_manifest(name if len(pair) == 1 else pair, Path())
+    if len(named) == 1 and is_ini(Path(named[0])):
+        said = "this is one of the paper's two INI files: name both, ACTIONS,PERCEPTS"
+        raise Findings([Finding(named[0], 0, 0, said)])
+    manifest = load_robot_manifest(named[0] if len(named) == 1 else named, Path())
     if findings := check_manifest(manifest):
         raise Findings(findings)
     return manifest
+
+
+def is_ini(path: Path) -> bool:
+    """Whether a file has the sections of an INI manifest: any but those of a TOML one."""
+    try:
+        sections = _SECTION.findall(read_text(path))
+    except Findings:
+        return False
+    return bool(sections) and not any(one.partition(".")[0].strip() in TABLES for one in sections)

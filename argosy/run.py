@@ -94,9 +94,9 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
         raise Refused(f"--real {unknown[0]}: there is no such robot; the mission has {known}")
     if alone := {name: why for name, why in only_real(mission).items() if name not in real}:
         name, why = next(iter(alone.items()))
-        link = mission.robots[name].link
+        where = f"{name} on {link}" if (link := mission.robots[name].link) else name
         together = ",".join(group_of(mission, name))
-        raise Refused(f"{name} on {link}: {why}; fly the real one with --real {together}")
+        raise Refused(f"{where}: {why}; fly the real one with --real {together}")
     speed = args.speed if args.speed is not None else 1.0 if real else mission.speed
     if real and speed != 1:
         raise Refused(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")

@@ -10,10 +10,12 @@ from collections.abc import Callable, Mapping
 
 from argosy.links import MEETING, address_of, group_of, peer_of
 from bridged.drivers.mavlink.address import LinkAddress
+from bridged.drivers.python.plugins import TWINS, has_plugin
+from bridged.drivers.python.vocabulary import names
 from bridged.simulation.faults import Faults
 from bridged.simulation.parameters import Parameters
-from schemas.findings import Finding
-from schemas.manifest import Manifest
+from schemas.findings import Finding, Findings
+from schemas.manifest import Manifest, load_manifest
 from schemas.mission import Mission, Robot
 from schemas.positions import did_you_mean
 
@@ -98,9 +100,12 @@ def _of_a_copter(robot: Robot) -> list[tuple[str, str]]:
 
 
 def only_real(mission: Mission) -> dict[str, str]:
-    """Return the robots that declare a simulation but cannot be simulated on their link, and why."""
+    """Return the robots that declare a simulation but cannot be simulated, and why: their link, or a plug-in."""
     found: dict[str, str] = {}
     for name, robot in mission.robots.items():
+        if robot.simulate is not None and (plugin := _without_twin(robot, mission)):
+            found[name] = f"the plug-in `{plugin}` has no simulated twin (entry point of `{TWINS}`)"
+            continue
         link = address_of(robot)
         if link is None or not vehicle_of(robot):
             continue
@@ -113,3 +118,17 @@ def only_real(mission: Mission) -> dict[str, str]:
         elif others and link.kind not in MEETING:
             found[name] = f"it shares a {link.kind} link, and simulated robots can share only a udpin or tcpin link"
     return found
+
+
+def _without_twin(robot: Robot, mission: Mission) -> str:
+    """Return a plug-in of Python functions that only the real robot has; empty if there is none."""
+    if not isinstance(robot.manifest, str):  # INI manifests name none
+        return ""
+    try:
+        manifest = load_manifest(robot.manifest, mission.path.parent)
+    except Findings:
+        return ""  # told by itself
+    if "python" not in manifest.drivers():
+        return ""
+    plugins = dict.fromkeys(name.partition(".")[0] for name in names(manifest.part("python")))
+    return next((plugin for plugin in plugins if not has_plugin(plugin, TWINS)), "")

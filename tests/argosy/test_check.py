@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from argosy.__main__ import main
 from argosy.check import check_mission
 from tests.argosy.conftest import MISSIONS
+from tests.bridged.plugins import install
 
 MISSION = """\
 mission: survey
@@ -256,6 +257,26 @@ def test_a_robot_that_cannot_be_simulated_is_warned_about(mission: Path, capsys:
     assert main(["check", str(mission)]) == 0
     told = "warning: a serial line cannot be simulated: this robot can only be flown with --real uav1"
     assert capsys.readouterr().err == f"{mission}:10:11: {told}\n"
+
+
+def test_functions_without_a_twin_can_only_be_those_of_the_real_robot(
+    mission: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    functions = {"sonar_functions": "__all__ = ['metres']\ndef metres():\n    return 1.0\n"}
+    install(monkeypatch, mission.parent, functions, {"argosy.python": {"sonar": "sonar_functions"}})
+    text = '[robot]\ndriver = "python"\n[percepts.depth]\nsource = "sonar.metres"\nargs = ["data"]\n'
+    mission.with_name("sonar.toml").write_text(text)
+    mission.with_name("scout.asl").write_text("+depth(D) <- +surveyed(D).\n")
+    mission.write_text(
+        "mission: m\nagents: {scout: {program: scout.asl, robot: s1}}\n"
+        'robots:\n  s1: {manifest: sonar.toml, simulate: {}}\ndone: "scout: surveyed(S)"\n'
+    )
+    why = "the plug-in `sonar` has no simulated twin (entry point of `argosy.python.simulated`)"
+    assert main(["check", str(mission)]) == 0
+    told = f"{mission}:4:7: warning: {why}: this robot can only be flown with --real s1\n"
+    assert capsys.readouterr().err == told
+    assert main(["run", str(mission)]) == 2
+    assert capsys.readouterr().err == f"error: s1: {why}; fly the real one with --real s1\n"
 
 
 def test_each_of_several_files_gets_one_line_with_its_result(

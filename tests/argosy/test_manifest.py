@@ -159,6 +159,27 @@ def test_all_problems_of_all_files_are_told_with_exit_code_2(tmp_path: Path, cap
     ]
 
 
+def test_the_two_ini_files_of_the_paper_are_one_manifest(
+    tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    act, per = "act", "per"
+    folder = Path(__file__).parents[2] / "missions" / "paper_uav"
+    (tmp_path / act).write_text((folder / "actions_manifest").read_text())
+    (tmp_path / per).write_text((folder / "perceptions_manifest").read_text())
+    monkeypatch.chdir(tmp_path)
+    for pair in ([act, per], ["./act", "./per"], [f"{act},{per}"]):
+        assert main(["manifest", "check", *pair, "turtle"]) == 0
+        first, second = capsys.readouterr().out.splitlines()
+        assert first.startswith(f"{','.join(pair)}: ok: mavlink, ")
+        assert second.startswith("turtle: ok")
+    for alone in (act, "./act"):
+        assert main(["manifest", "check", "turtle", alone]) == 2
+        said = capsys.readouterr().err
+        assert said == f"{alone}: error: this is one of the paper's two INI files: name both, ACTIONS,PERCEPTS\n"
+    assert main(["manifest", "check", act, "no_such"]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 2
+
+
 def test_the_schema_is_printed(capsys: Captured) -> None:
     path = shipped("manifests", "manifest.schema.json")
     assert path is not None
