@@ -275,3 +275,19 @@ def test_while_the_bridge_leaves_its_robot_the_operator_cannot_let_the_agents_ac
         assert (await leaving(sky, left)).startswith("rtl: the vehicle is in RTL")
 
     flown(body, sky)
+
+
+def test_after_a_release_the_copter_takes_targets_when_its_agent_has_set_the_mode(sky: Sky) -> None:
+    async def body(sky: Sky) -> None:
+        ordered = asyncio.ensure_future(sky.bridge.orders.operator("hold"))
+        while not ordered.done():
+            await passing(sky, 0.5)
+        assert mode_of(sky) == "BRAKE"
+        assert sky.bridge.orders.release().state == "succeeded"
+        assert sky.begin("goto", -27.6036, -48.5180, 20)[-1].state == "refused"
+        mode = sky.begin("set_mode", "GUIDED")
+        await passing(sky, 5)
+        assert mode[-1].state == "succeeded"
+        assert sky.begin("goto", -27.6036, -48.5180, 20)[-1].state == "accepted"
+
+    flown(body, sky)
