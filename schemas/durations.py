@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from schemas.distances import Distance
+
 _UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 _SHAPE = re.compile(r"(\d+(?:\.\d+)?)\s*(ms|s|min|m|h)?")
 
@@ -32,4 +34,6 @@ def decode_hook(expected: type, value: object) -> object:
     """msgspec's `dec_hook` for the files that people write. Raises ValueError that says what was expected."""
     if expected is Duration:
         return Duration.read(value)
+    if expected is Distance:
+        return Distance.read(value)
     raise NotImplementedError(f"no decoding for {expected!r}")

@@ -12,16 +12,19 @@ from typing import Literal
 from schemas.records import (
     Action,
     ActionStatus,
+    BoardServices,
     Cancel,
     Health,
     LiveManifest,
     Mail,
+    Mailboxes,
     ManifestChange,
     MindView,
     Outcome,
     Perception,
     Receipt,
     Record,
+    ServiceRequest,
     StopOrder,
 )
 
@@ -56,6 +59,9 @@ CHANNELS = (
     Channel("{agent}/outbox", "query", Mail, Receipt, "commd", "agentd", None),
     Channel("{agent}/inbox", "query", Mail, Receipt, "agentd", "commd", None),
     Channel("{receiver}/mail/{sender}", "query", Mail, Receipt, "commd", "commd", None),
+    Channel("{board}/services", "query", ServiceRequest, BoardServices, "commd", "agentd, commd", None),
+    Channel("{board}/services", "put", BoardServices, None, "commd", "agentd, commd", 10),
+    Channel("{board}/mailboxes", "query", None, Mailboxes, "commd", "operator", None),
     Channel("{agent}/mind", "query", None, MindView, "agentd", "observers", 4),
     Channel("{robot}/manifest", "query", ManifestChange, LiveManifest, "bridged", "operator", None),
     Channel("{robot}/manifest", "put", LiveManifest, None, "bridged", "observers", None),
@@ -98,6 +104,16 @@ def inbox(fleet: str, agent: str) -> str:
 def mail(fleet: str, receiver: str, sender: str) -> str:
     """Mail between boards, served by the receiver's commd."""
     return f"{ROOT}/{fleet}/{receiver}/mail/{sender}"
+
+
+def services(fleet: str, board: str) -> str:
+    """The agents of a board and what they offer; `*` for all boards."""
+    return f"{ROOT}/{fleet}/{board}/services"
+
+
+def mailboxes(fleet: str, board: str) -> str:
+    """What waits at the commd of a board; `*` for all boards."""
+    return f"{ROOT}/{fleet}/{board}/mailboxes"
 
 
 def mind(fleet: str, agent: str) -> str:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 
+from schemas.distances import Distance
 from schemas.durations import Duration, decode_hook
-from schemas.endpoints import check_endpoint
+from schemas.endpoints import check_endpoint, host_and_port
 from schemas.files import read_text
 from schemas.findings import Finding, Findings
 from schemas.names import check_name
@@ -19,6 +21,9 @@ THIS_MACHINE = "local"
 """Name of the one board of a mission that declares none."""
 DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
 """Zenoh's own default port, on loopback only: any Zenoh CLI finds it."""
+DEFAULT_PORT = 7447
+RESERVED = frozenset(("df", "mail", "percept", "self"))
+"""Senders and sources of what no agent sends: nobody may be called so."""
 
 M = TypeVar("M", bound="FileModel")
 Order = Literal["hold", "land", "rtl"]
@@ -34,7 +39,9 @@ class FileModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 class Board(FileModel, frozen=True, kw_only=True):
     """A computer of the fleet."""
 
-    address: str
+    address: str = ""
+    """`HOST` or `HOST:PORT` at which the routers of the other boards reach its own; none = the router listens to this
+    machine alone."""
 
 
 class Agent(FileModel, frozen=True, kw_only=True):
@@ -96,6 +103,8 @@ class Simulate(FileModel, frozen=True, kw_only=True):
     """What `bridged simulate` can be: copter, turtle."""
     home: tuple[Latitude, Longitude, float] | None = None
     """Degrees, degrees, metres above mean sea level; for vehicles."""
+    board: str | None = None
+    """The machine that the simulation runs on, as `argosy simulate --board` names it; none = the robot's board."""
     parameters: dict[str, float] = {}
     """Parameters of its autopilot, such as `{FS_GCS_ENABLE: 1}`."""
     battery: Duration | None = None
@@ -141,6 +150,49 @@ class Router(FileModel, frozen=True, kw_only=True):
     """True: a `zenohd` that somebody else runs at the endpoint; commd is then its client."""
 
 
+class Client(FileModel, frozen=True, kw_only=True):
+    """A program that joins the team by `commd.client`: it sends and receives mail as an agent does."""
+
+    board: str = THIS_MACHINE
+    """Whose commd keeps its mail."""
+
+
+class Gateway(FileModel, frozen=True, kw_only=True):
+    """Comm nodes of the paper and whatever else speaks its wire: UDP datagrams `<id,sender,itlforce,receiver,data>`."""
+
+    board: str = THIS_MACHINE
+    """Whose commd speaks to them."""
+    listen: str
+    """`HOST:PORT` for their datagrams."""
+    nodes: dict[str, str]
+    """The agents behind it by name, each with the `HOST:PORT` where its node listens."""
+
+
+class MailRules(FileModel, frozen=True, kw_only=True):
+    """How mail is kept."""
+
+    ttl: Duration | None = None
+    """Wall seconds after which a message that was not delivered is given up; none = never."""
+    mailbox: Annotated[int, msgspec.Meta(ge=1, le=10_000_000)] = 100_000
+    """Messages that may wait for one receiver at one board; to send more fails."""
+    synchronous: Literal["full", "normal"] = "full"
+    """SQLite's: `normal` may lose the last moments when the power fails, not when a daemon dies."""
+
+
+class Radio(FileModel, frozen=True, kw_only=True):
+    """A model of the radio between robots, for mail in simulation."""
+
+    range: Distance | None = None
+    """Metres within which two robots hear each other; none = anywhere."""
+    loss: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.0
+    """Share of transmissions that are lost."""
+    delay: Duration = Duration(0)
+    """Wall seconds that each transmission takes besides its length."""
+    bandwidth: Annotated[float, msgspec.Meta(gt=0)] | None = None
+    """Bits per second between two robots; none = without limit."""
+    seed: int = 0
+
+
 class MissionFile(FileModel, frozen=True, kw_only=True):
     """What stands at the top of a mission file; boards, agents and robots are read one by one."""
 
@@ -156,6 +208,10 @@ class MissionFile(FileModel, frozen=True, kw_only=True):
     restart: Literal["never", "on-failure"] = "never"
     wire: Literal["json", "msgpack"] = "json"
     router: Router = Router()
+    clients: dict[str, Any] = {}
+    gateway: Gateway | None = None
+    mail: MailRules = MailRules()
+    radio: Radio | None = None
     inject: bool = False
 
 
@@ -186,6 +242,11 @@ class Mission:
     restart: Literal["never", "on-failure"]
     wire: Literal["json", "msgpack"]
     router: Router
+    clients: dict[str, Client]
+    gateway: Gateway | None
+    mail: MailRules
+    radio: Radio | None
+    """None: mail between boards meets the real network alone."""
     inject: bool
     path: Path
     positions: Positions
@@ -193,6 +254,13 @@ class Mission:
     def relative(self, path: str) -> Path:
         """Return a path of the mission file as seen from here: they are relative to the mission file."""
         return self.path.parent / path
+
+    @property
+    def mailboxes(self) -> dict[str, str]:
+        """Who can be sent to, in the order of the file, and the board that keeps their mail: agents, clients, nodes."""
+        boards = {name: agent.board for name, agent in self.agents.items()}
+        boards |= {name: client.board for name, client in self.clients.items()}
+        return boards | (dict.fromkeys(self.gateway.nodes, self.gateway.board) if self.gateway is not None else {})
 
     def agents_of(self, robot: str) -> list[str]:
         """Return the agents that share a robot."""
@@ -214,6 +282,7 @@ def read_mission(text: str, path: Path) -> Mission:
     boards = _entries(raw, "boards", Board, positions, findings)
     agents = _entries(raw, "agents", Agent, positions, findings)
     robots = _entries(raw, "robots", Robot, positions, findings)
+    clients = _entries(raw, "clients", Client, positions, findings)
     if top is None or findings:
         raise Findings(findings)
     mission = Mission(
@@ -229,6 +298,10 @@ def read_mission(text: str, path: Path) -> Mission:
         restart=top.restart,
         wire=top.wire,
         router=top.router,
+        clients=clients,
+        gateway=top.gateway,
+        mail=top.mail,
+        radio=top.radio,
         inject=top.inject,
         path=path,
         positions=positions,
@@ -275,7 +348,12 @@ def _check(mission: Mission) -> list[Finding]:
             wrong(("agents", name, "robot"), f"there is no robot `{agent.robot}`{hint}")
         if not (agent.on_restart in ("resume", "fresh") or agent.on_restart.startswith("goal(")):
             wrong(("agents", name, "on_restart"), f"expected resume, fresh or goal(...), got `{agent.on_restart}`")
-    for kind, parts in (("agents", mission.agents), ("robots", mission.robots)):
+    homes: dict[str, Mapping[str, Agent | Robot | Client]] = {
+        "agents": mission.agents,
+        "robots": mission.robots,
+        "clients": mission.clients,
+    }
+    for kind, parts in homes.items():
         for name, part in parts.items():
             if part.board not in (mission.boards or {THIS_MACHINE}):
                 path: Steps = (kind, name, "board") if (kind, name, "board") in where.values else (kind, name)
@@ -287,6 +365,13 @@ def _check(mission: Mission) -> list[Finding]:
     except ValueError as error:
         wrong(("router", "endpoint"), f"router.endpoint: {str(error)[:1].lower()}{str(error)[1:]}")
     vehicles: dict[tuple[str, int], str] = {}
+    for name, board in mission.boards.items():
+        try:
+            host_and_port(board.address or "none", DEFAULT_PORT)
+        except ValueError as error:
+            wrong(("boards", name, "address"), f"boards.{name}.address: {error}")
+    if mission.gateway is not None:
+        _check_gateway(mission, mission.gateway, wrong)
     for name, robot in mission.robots.items():
         other = vehicles.setdefault((robot.link, robot.sysid), name) if robot.link else name
         if other != name:
@@ -301,6 +386,17 @@ def _check(mission: Mission) -> list[Finding]:
             elif ending.agent not in mission.agents:
                 wrong(path, f"there is no agent `{ending.agent}`{did_you_mean(ending.agent, mission.agents)}")
     return findings
+
+
+def _check_gateway(mission: Mission, gateway: Gateway, wrong: Any) -> None:
+    if gateway.board not in (mission.boards or {THIS_MACHINE}):
+        text = f"gateway: there is no board `{gateway.board}`{did_you_mean(gateway.board, mission.boards)}"
+        wrong(("gateway", "board") if ("gateway", "board") in mission.positions.values else ("gateway",), text)
+    for path, address in ((("listen",), gateway.listen), *((("nodes", n), a) for n, a in gateway.nodes.items())):
+        try:
+            host_and_port(address)
+        except ValueError as error:
+            wrong(("gateway", *path), f"gateway.{'.'.join(path)}: {error}")
 
 
 def _check_lease(mission: Mission, robot: str, wrong: Any) -> None:
@@ -322,12 +418,21 @@ def _check_names(mission: Mission, wrong: Any) -> None:
         except ValueError as error:
             wrong((field,), f"{field}: {error}")
     seen: dict[str, str] = {}
-    for kind, names in (("boards", mission.boards), ("agents", mission.agents), ("robots", mission.robots)):
+    named: dict[str, Iterable[str]] = {
+        "boards": mission.boards,
+        "agents": mission.agents,
+        "robots": mission.robots,
+        "clients": mission.clients,
+        "gateway.nodes": mission.gateway.nodes if mission.gateway is not None else (),
+    }
+    for kind, names in named.items():
         for name in names:
+            if name in RESERVED:
+                wrong((*kind.split("."), name), f"`{name}` is the sender of notices: give it another name", True)
             try:
                 check_name(name)
             except ValueError as error:
-                wrong((kind, name), str(error), True)
+                wrong((*kind.split("."), name), str(error), True)
             other = seen.setdefault(name, kind)
             if other != kind:
-                wrong((kind, name), f"`{name}` is in {other} already: names are unique in a fleet", True)
+                wrong((*kind.split("."), name), f"`{name}` is in {other} already: names are unique in a fleet", True)

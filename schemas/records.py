@@ -90,7 +90,11 @@ class Cancel(Record, frozen=True, kw_only=True):
 
 
 class Message(Record, frozen=True, kw_only=True):
-    """Mail between agents (the paper's listing 4: `<id,sender,itlforce,receiver,data>`)."""
+    """Mail between agents (the paper's listing 4: `<id,sender,itlforce,receiver,data>`).
+
+    `header.boot` and `header.seq` number the messages of a pair of sender and receiver: whoever has taken number N of a
+    numbering takes no message of it up to N again. A message without number (by hand) gets one from the first `commd`.
+    """
 
     header: Header = Header()
     id: str
@@ -99,20 +103,89 @@ class Message(Record, frozen=True, kw_only=True):
     receiver: str
     content: Term
     in_reply_to: str = ""
+    ttl: float | None = None
+    """Wall seconds from now after which it is not to be delivered any more; none = it waits for ever."""
 
 
 class Mail(Record, frozen=True, kw_only=True):
-    """A batch of messages: outbox, inbox and mail queries carry them."""
+    """A batch of messages: outbox, inbox and mail queries carry them, those of a pair in the order of their numbers."""
 
     messages: tuple[Message, ...] = ()
 
 
 class Receipt(Record, frozen=True, kw_only=True):
-    """The answer to a batch: which messages were taken, and why the others were not."""
+    """The answer to a batch, sent when what was taken is on disk. The three counts together are the batch's length."""
 
-    taken: tuple[str, ...] = ()
-    refused: dict[str, str] = {}
-    """Message id to reason, such as `receiver_not_found`."""
+    taken: int = 0
+    """Messages that are taken, now or before."""
+    refused: dict[int, str] = {}
+    """Place in the batch to the reason why that message is refused for good: `receiver_not_found`."""
+    later: dict[int, str] = {}
+    """Place in the batch to the reason why that message is to be sent again (`mailbox full`). Of a pair, all that
+    follow one of these are among them, so that order is kept."""
+
+
+class ServiceRequest(Record, frozen=True, kw_only=True):
+    """What an agent asks of the directory at its board's `commd`."""
+
+    agent: str
+    do: Literal["join", "leave", "register", "deregister", "search", "subscribe"]
+    """`join` and `leave`: an agent that the mission does not name begins and ends."""
+    service: str = ""
+
+
+class BoardServices(Record, frozen=True, kw_only=True):
+    """The agents of a board and what they offer: put at each change and asked for by whoever joins."""
+
+    header: Header = Header()
+    board: str = ""
+    version: int = 0
+    """Counts up with each change; it is on disk and survives the board's restart."""
+    agents: dict[str, tuple[str, ...]] = {}
+    """The services of each agent that lives on this board, of the mission or not, there or away."""
+    found: tuple[str, ...] = ()
+    """In the answer to `search` and `subscribe`: the agents of the whole fleet that offer the service."""
+    problem: str = ""
+    """In an answer: why the request is not fulfilled; empty if it is."""
+
+
+class Queue(Record, frozen=True, kw_only=True):
+    """Messages of one sender to one receiver that wait at a `commd`."""
+
+    box: Literal["outbox", "inbox"]
+    """`outbox`: for the receiver's board; `inbox`: for the receiver itself."""
+    sender: str
+    receiver: str
+    messages: int
+    bytes: int = 0
+    oldest: float = 0.0
+    """Wall seconds for which the first one has waited."""
+    state: str = ""
+    """What it waits for, in words: `pi2 is away`, `next attempt in 3 s`."""
+
+
+class DeadLetter(Record, frozen=True, kw_only=True):
+    """A message that will not be delivered, and why."""
+
+    message: Message
+    reason: str
+    stamp: int
+    """Unix time in nanoseconds when it was given up."""
+
+
+class Mailboxes(Record, frozen=True, kw_only=True):
+    """What waits at a board's `commd`, and what it has given up."""
+
+    header: Header = Header()
+    board: str = ""
+    store: str = ""
+    """Path of the database."""
+    synchronous: str = ""
+    queues: tuple[Queue, ...] = ()
+    dead: tuple[DeadLetter, ...] = ()
+    """The newest of them, the newest last."""
+    dead_count: int = 0
+    """All that are kept."""
 
 
 class StopOrder(Record, frozen=True, kw_only=True):

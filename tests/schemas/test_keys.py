@@ -21,6 +21,8 @@ BUILT = {
     keys.outbox("{fleet}", "{agent}"),
     keys.inbox("{fleet}", "{agent}"),
     keys.mail("{fleet}", "{receiver}", "{sender}"),
+    keys.services("{fleet}", "{board}"),
+    keys.mailboxes("{fleet}", "{board}"),
     keys.mind("{fleet}", "{agent}"),
     keys.manifest("{fleet}", "{robot}"),
     keys.stop("{fleet}", "{robot}"),

@@ -14,12 +14,16 @@ from schemas.durations import Duration
 from schemas.mission import (
     Agent,
     Board,
+    Client,
     Failsafe,
     FileModel,
+    Gateway,
     Ids,
     Lease,
     Limits,
+    MailRules,
     MissionFile,
+    Radio,
     Robot,
     Router,
     Signing,
@@ -41,6 +45,10 @@ MODELS = {
     "`limits`": Limits,
     "`simulate`": Simulate,
     "`router`": Router,
+    "`clients`": Client,
+    "`gateway`": Gateway,
+    "`mail`": MailRules,
+    "`radio`": Radio,
 }
 
 
