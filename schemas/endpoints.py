@@ -1,4 +1,4 @@
-"""Endpoints as users write them: Zenoh's, such as `tcp/127.0.0.1:7447` and `unixsock-stream//run/x.sock`; `HOST:PORT`."""
+"""Endpoints as users write them: Zenoh's, such as `tcp/127.0.0.1:7447`, and `HOST:PORT`."""
 
 from __future__ import annotations
 

@@ -138,6 +138,16 @@ class FieldValue(_Entry, frozen=True, kw_only=True):
     table: str = ""
     """The argument is looked up in this table of the driver, such as `modes`."""
 
+    @classmethod
+    def written_out(cls, said: bool | int | float | str | FieldValue) -> FieldValue:
+        """Return the long form of a field: a text names a parameter, another bare value is a constant."""
+        match said:
+            case FieldValue():
+                return said
+            case str():
+                return cls(param=said)
+        return cls(value=said)
+
 
 class Retry(_Entry, frozen=True, kw_only=True):
     """How often a command is sent again when nothing answers. Wall seconds: they do not shrink with `speed`."""

@@ -11,7 +11,7 @@ from bridged.simulation.faults import Air, Character, Faults
 from bridged.simulation.vehicle import Vehicle
 from schemas.terms import Term
 from schemas.text import write
-from tests.bridged.sky import STEP, Message, Sky
+from tests.bridged.sky import Message, Sky
 from tests.faults.rows import Ended, Row
 
 GOAL = (-27.603683, -48.518052, 20.0)
@@ -28,33 +28,18 @@ class BadAir(Sky):
         self.faults(*faults)
         self.station: Callable[[float], list[Message]] = lambda now: []
         """What another ground station says to the vehicle now."""
-        self.rx = 0
-        """Datagrams that reached the bridge."""
 
     def faults(self, *texts: str) -> None:
         """Let these faults hold from now on."""
         declared = Faults.parse(texts) if texts else Faults()
-        self.up, self.down = Air(declared, "up"), Air(declared, "down")
+        self.air_up, self.air_down = Air(declared, "up"), Air(declared, "down")
         self.vehicle._character = Character(declared)
 
     def step(self) -> None:
-        """Let 20 ms of mission time pass for both."""
-        self.clock.time += STEP
-        now = self.clock.time
-        while self.uplink:
-            for datagram in self.up.carry(self.uplink.popleft(), now):
-                self._vehicle_hears(datagram)
-        for datagram in self.up.due(now):
-            self._vehicle_hears(datagram)
-        for message in self.station(now):
+        """Let 20 ms of mission time pass for all."""
+        for message in self.station(self.clock.time):
             self.downlink.extend(self.vehicle.receive(message))
-        self.downlink.extend(self.vehicle.advance(STEP))
-        while self.downlink:
-            for datagram in self.down.carry(self._theirs.pack(self.downlink.popleft()), now):
-                self._bridge_hears(datagram)
-        for datagram in self.down.due(now):
-            self._bridge_hears(datagram)
-        self.driver.tick()
+        super().step()
 
     def perform(self, row: Row, name: str, *parameters: Term, within: float = 400.0) -> Ended:
         """Perform an action to its end, judge it by the vehicle's own state, and note it in the row."""
@@ -102,16 +87,6 @@ class BadAir(Sky):
             case "return_to_launch":
                 return not copter.armed and away <= HOME_NEAR
         raise AssertionError(f"no judge for {name}")
-
-    def _vehicle_hears(self, datagram: bytes) -> None:
-        for message in self._at_vehicle.feed_datagram(datagram):
-            self.sent.append(message)
-            self.downlink.extend(self.vehicle.receive(message))
-
-    def _bridge_hears(self, datagram: bytes) -> None:
-        self.rx += 1
-        for message in self._at_bridge.feed_datagram(datagram):
-            self.driver.receive(message)
 
 
 def resident() -> float:

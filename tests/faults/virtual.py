@@ -35,7 +35,7 @@ def _close(row: Row, sky: BadAir, before: float) -> Row:
 
 
 def _air(row: Row, sky: BadAir) -> None:
-    up, down = sky.up.counters, sky.down.counters
+    up, down = sky.air_up.counters, sky.air_down.counters
     total = up.passed + up.lost + down.passed + down.lost
     row.seen.append(
         f"of {total} packets {up.lost + down.lost} lost, {up.duplicated + down.duplicated} twice, "

@@ -71,7 +71,7 @@ def fields_of(entry: ActionEntry) -> dict[str, FieldValue]:
     """Return which argument of the function gets what; without `fields` each parameter is the argument of its name."""
     if not entry.fields:
         return {parameter.name: FieldValue(param=parameter.name) for parameter in entry.params}
-    return {name: _long(said) for name, said in entry.fields.items()}
+    return {name: FieldValue.written_out(said) for name, said in entry.fields.items()}
 
 
 def arguments_of(entry: ActionEntry, given: Mapping[str, Value]) -> dict[str, Value]:
@@ -114,12 +114,3 @@ def _problem(function: Find, name: str, arguments: tuple[str, ...]) -> str:
         return str(error)
     given = ", ".join(arguments) or "nothing"
     return f"`{name}` is to be called with {given}: {problem}" if problem else ""
-
-
-def _long(said: bool | int | float | str | FieldValue) -> FieldValue:
-    match said:
-        case FieldValue():
-            return said
-        case str():
-            return FieldValue(param=said)
-    return FieldValue(value=said)

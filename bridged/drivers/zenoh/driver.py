@@ -9,7 +9,8 @@ from contextlib import aclosing
 from functools import partial
 from typing import Any, Protocol
 
-from bridged.drivers.robot import Execution, Order, Outcome, Setup, Value
+from bridged.drivers.plain import PlainDriver
+from bridged.drivers.robot import Execution, Outcome, Setup, Value
 from bridged.drivers.zenoh.payloads import CODECS, DEFAULT
 from bridged.drivers.zenoh.replies import read_reply
 from bridged.drivers.zenoh.sources import Sources
@@ -31,17 +32,16 @@ class _Closable(Protocol):
     def close(self) -> None: ...
 
 
-class ZenohDriver:
-    """A `bridged.drivers.robot.Driver`. It knows no orders itself: the manifest's `orders` are actions."""
-
-    orders: frozenset[Order] = frozenset()
+class ZenohDriver(PlainDriver):
+    """A robot on Zenoh. It knows no orders itself: the manifest's `orders` are actions."""
 
     def __init__(self, setup: Setup) -> None:
         """Raises ValueError without a bus."""
         if setup.bus is None:
             raise ValueError("the driver `zenoh` needs a bus")
+        super().__init__(setup)
         self._bus, self._clock, self._on_step = setup.bus, setup.clock, setup.on_step
-        self._manifest, self._prefix = setup.manifest, setup.robot.prefix
+        self._prefix = setup.robot.prefix
         self._codec = CODECS[DEFAULT]
         self._topics: dict[tuple[str, bool], Topic] = {}
         """By the key as the manifest names it, and whether it is latched."""
@@ -68,7 +68,7 @@ class ZenohDriver:
 
     def adopt(self, manifest: Manifest) -> None:
         """Go on by another manifest: what it names is declared, what it does not name any more is taken back."""
-        self._manifest = manifest
+        super().adopt(manifest)
         self._codec = CODECS[manifest.robot.payload or DEFAULT]
         self._sources.adopt(manifest)
         entries = manifest.actions.values()
@@ -102,16 +102,6 @@ class ZenohDriver:
             self._begin(execution, partial(self._put_when_heard, execution, entry, topic, payload))
         return execution
 
-    def refuses(self, entry: ActionEntry) -> str:
-        """Nothing: nobody else has the robot."""
-        return ""
-
-    def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
-        """Fail: there is no order that every robot on Zenoh knows."""
-        execution = Execution(order)
-        execution.end(Outcome("failed", f"the driver `zenoh` has no order `{order}`"))
-        return execution
-
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
         """End a running execution; a query is cancelled. To hold is an action of the manifest."""
         task = self._tasks.pop(execution, None)
@@ -120,15 +110,10 @@ class ZenohDriver:
         execution.end(outcome)
 
     @property
-    def active(self) -> bool:
-        """Never: who has begun a motion knows it better."""
-        return False
-
-    @property
     def heard(self) -> bool:
         """Whether something came lately; of a robot that says nothing unasked, whether anybody listens or serves."""
         if self._sources.by_name:
-            return self.silence <= self._manifest.robot.link_loss
+            return self.silence <= self.manifest.robot.link_loss
         return any(topic.heard for topic in self._topics.values()) or any(
             querier.matching for querier in self._services.values()
         )
@@ -137,14 +122,6 @@ class ZenohDriver:
     def silence(self) -> float:
         """Wall seconds since anything came."""
         return self._clock.wall() - self._sources.heard_at
-
-    @property
-    def overridden(self) -> str:
-        """Nobody else has it."""
-        return ""
-
-    def speak_for_agent(self, present: bool) -> None:
-        """Nothing is said to the robot on behalf of its agent."""
 
     def counters(self) -> dict[str, float]:
         """Figures for health."""
@@ -243,7 +220,7 @@ class ZenohDriver:
 
     @property
     def _codec_name(self) -> str:
-        return self._manifest.robot.payload or DEFAULT
+        return self.manifest.robot.payload or DEFAULT
 
 
 def _tell_defect(what: str, error: Exception) -> None:

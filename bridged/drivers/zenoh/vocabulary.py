@@ -53,7 +53,7 @@ def fields_of(entry: ActionEntry) -> dict[str, FieldValue]:
     """Return what goes where in the payload, by path; without `fields` each parameter goes to the path of its name."""
     if not entry.fields:
         return {parameter.name: FieldValue(param=parameter.name) for parameter in entry.params}
-    return {path: _long(said) for path, said in entry.fields.items()}
+    return {path: FieldValue.written_out(said) for path, said in entry.fields.items()}
 
 
 def payload_of(entry: ActionEntry, arguments: Mapping[str, Value]) -> object:
@@ -120,15 +120,6 @@ def _path_problems(paths: list[str]) -> Iterator[str]:
         numbers = {step for step in under if step.isdecimal()}
         if numbers and numbers != {str(index) for index in range(len(under))}:
             yield f"a list has the places 0, 1, ... and nothing else; {where} has {', '.join(sorted(under))}"
-
-
-def _long(said: bool | int | float | str | FieldValue) -> FieldValue:
-    match said:
-        case FieldValue():
-            return said
-        case str():
-            return FieldValue(param=said)
-    return FieldValue(value=said)
 
 
 def _lists(value: Any) -> Any:
