@@ -9,8 +9,6 @@ from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-from agentd.acting import Acting, describe
-from agentd.bridge import BridgeWatch
 from agentd.language.compile import CompiledProgram
 from agentd.language.signatures import signature
 from agentd.language.syntax import Formula
@@ -28,14 +26,16 @@ from agentd.mind.inputs import (
     SignalRaised,
     TeamReply,
 )
-from agentd.perceiving import Perceiving
 from agentd.roster import Roster
 from agentd.telling import line_of
 from agentd.viewing import decisions_of, intentions_of
 from agentd.wire import BadTerm, from_wire, perceived, to_wire
+from commd.acting import Acting, describe
+from commd.bridge_watch import BridgeWatch
 from commd.bus import Bus, Query, Token, boot_id
 from commd.clock import Clock
 from commd.output import stdout
+from commd.perceiving import Perceiving
 from schemas import keys
 from schemas.records import Health, Message, MindView, Perception
 

@@ -9,9 +9,9 @@ from typing import Any, Literal
 
 import pytest
 
-from agentd.bridge import BridgeWatch
-from agentd.perceiving import Perceiving
+from commd.bridge_watch import BridgeWatch
 from commd.bus import Bus, Query, open_bus
+from commd.perceiving import Perceiving
 from schemas import keys
 from schemas.percepts import PerceptSet
 from schemas.records import Health, Perception
@@ -192,7 +192,7 @@ def test_no_percept_expires_while_nothing_changes(endpoint: str) -> None:
 def test_without_a_router_for_long_what_the_bridge_told_is_believed_no_more(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.bridge.ROUTER_GRACE", 1.0)
+    monkeypatch.setattr("commd.bridge_watch.ROUTER_GRACE", 1.0)
 
     def bus(name: str, daemon: str, mode: Literal["client", "router"] = "client") -> AbstractAsyncContextManager[Bus]:
         return open_bus(endpoint, fleet=FLEET, name=name, daemon=daemon, stamp=time.time_ns, mode=mode)

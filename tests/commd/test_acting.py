@@ -7,10 +7,10 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from agentd.acting import Acting
-from agentd.bridge import BridgeWatch
-from agentd.perceiving import Perceiving
+from commd.acting import Acting
+from commd.bridge_watch import BridgeWatch
 from commd.bus import Bus, Query
+from commd.perceiving import Perceiving
 from schemas import keys
 from schemas.records import Action, ActionStatus, Cancel, Perception
 from tests.support.buses import FLEET, Connect, on_a_bus, served, subscribed, until
@@ -69,7 +69,7 @@ def test_an_answer_that_breaks_off_is_asked_for_again_with_the_same_id(endpoint:
 
 
 def test_an_action_that_nobody_serves_fails_after_the_grace(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("agentd.acting.BUS_GRACE", 0.5)
+    monkeypatch.setattr("commd.acting.BUS_GRACE", 0.5)
 
     async def body(connect: Connect) -> None:
         acting, *_ = await act(connect, None)
@@ -102,7 +102,7 @@ def test_a_dead_bridge_fails_the_action_and_says_so(endpoint: str) -> None:
 
 
 def test_a_status_waits_for_the_percept_that_it_follows(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("agentd.acting.AFTER_PATIENCE", 10.0)
+    monkeypatch.setattr("commd.acting.AFTER_PATIENCE", 10.0)
 
     async def body(connect: Connect) -> None:
         async def serve(query: Query[Action]) -> None:
@@ -151,7 +151,7 @@ def test_a_status_does_not_wait_for_ever_for_a_percept_that_was_lost(endpoint: s
 def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_not_asked_for_again(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.acting.RETRY", 0.5)
+    monkeypatch.setattr("commd.acting.RETRY", 0.5)
     begun: list[str] = []
 
     async def begin(query: Query[Action]) -> None:
@@ -209,7 +209,7 @@ def test_an_argument_that_no_wire_carries_fails_the_action_at_once(endpoint: str
 def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.acting.ASKERS_MARGIN", 0.2)
+    monkeypatch.setattr("commd.acting.ASKERS_MARGIN", 0.2)
 
     async def serve(query: Query[Action]) -> None:
         assert query.record is not None

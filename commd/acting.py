@@ -8,9 +8,9 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import aclosing, suppress
 
-from agentd.bridge import BridgeWatch
-from agentd.perceiving import Perceiving
+from commd.bridge_watch import BridgeWatch
 from commd.bus import Bus, BusClosed
+from commd.perceiving import Perceiving
 from schemas import keys
 from schemas.codec import BadRecord
 from schemas.records import Action, ActionStatus, Cancel, State
