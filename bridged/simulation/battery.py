@@ -16,7 +16,7 @@ HIGHEST_VOLTAGE = 60.0
 """V; what SIM_BATT_VOLTAGE can say, and BATTERY_STATUS can tell."""
 
 CHARGE_S = 120.0
-"""Vehicle seconds that an empty battery needs at home to be full."""
+"""Vehicle seconds that an empty battery needs at home to be full, unless another time is given."""
 
 HOME_RADIUS = 5.0
 """m around home within which the copter is charged while its motors are off."""
@@ -56,6 +56,7 @@ class Battery:
     """Counts the charge that was used, and watches the limits that BATT_ parameters set."""
 
     parameters: Parameters
+    charge_time: float = CHARGE_S
     used: float = 0.0  # mAh
     current: float = 0.0  # A
     charging: bool = False
@@ -73,7 +74,7 @@ class Battery:
         self.current = 0.0
         self.charging = at_home and self.used > 0
         if self.charging:
-            self.used = max(0.0, self.used - self._capacity * dt / CHARGE_S)
+            self.used = max(0.0, self.used - self._capacity * dt / self.charge_time)
         if self.used == 0:
             self.shortage, self._low_since = Shortage.NONE, None
 

@@ -1,7 +1,7 @@
 """The simulated copter without its MAVLink face: what it knows, what it refuses, what it does by itself."""
 
 from bridged.simulation.arming import arming_problems
-from bridged.simulation.battery import Battery
+from bridged.simulation.battery import CHARGE_S, Battery
 from bridged.simulation.boot import FIRST_HEARTBEAT_S, Boot, BootKind, Milestone
 from bridged.simulation.deeds import do
 from bridged.simulation.events import (
@@ -43,15 +43,17 @@ class Copter:
         boot: BootKind = "quick",
         parameters: Parameters | None = None,
         stored: Mission | None = None,
+        charge_time: float = CHARGE_S,
     ) -> None:
-        """`parameters` and the `stored` mission are what an earlier life left in the vehicle's memory."""
+        """`parameters` and the `stored` mission are what an earlier life left in the vehicle's memory; at home an
+        empty battery is full after `charge_time` seconds."""
         self.now = FIRST_HEARTBEAT_S
         self.chart = FlatMap(start)
         self.parameters = parameters or Parameters()
         self.boot = Boot(boot, start.alt)
         self.motion = Motion(heading)
         self.flight = Flight(self.motion, self.parameters)
-        self.battery = Battery(self.parameters)
+        self.battery = Battery(self.parameters, charge_time)
         self.fence = Fence(self.parameters)
         self.station = StationWatch(self.parameters)
         self.outputs = Outputs(self.parameters)

@@ -4,9 +4,20 @@ import argparse
 import asyncio
 import math
 import sys
+import time
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from bridged.simulation.battery import CHARGE_S
 from bridged.simulation.geo import Place
+from schemas.endpoints import check_endpoint
+from schemas.mission import DEFAULT_ROUTER
+
+if TYPE_CHECKING:
+    from bridged.simulation.vehicle import Vehicle
+    from bridged.simulation.world import Victim
 
 HOME = "-27.604033,-48.518363,21"
 """Where a simulated copter stands if nothing else is said: the field of the paper's experiments."""
@@ -55,6 +66,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a full battery lasts so long in the air, and its voltage falls; else it stays at 12.6 V, as recorded",
     )
     parser.add_argument(
+        "--recharge-seconds",
+        default=CHARGE_S,
+        type=_seconds,
+        metavar="S",
+        help=f"an empty battery is full after so long at home with the motors off (default {CHARGE_S:g})",
+    )
+    parser.add_argument(
+        "--servo-log", type=Path, metavar="FILE", help="append what its servo outputs do, where and when: JSON lines"
+    )
+    parser.add_argument(
+        "--victims", type=_victims, metavar="N,SEED,SOUTH,WEST,NORTH,EAST", help="who is in the water below its camera"
+    )
+    parser.add_argument("--camera", type=_metres, metavar="M", help="its camera sees victims so far away over ground")
+    parser.add_argument(
+        "--camera-key", default="camera/victim", metavar="KEY", help="where its camera tells them (camera/victim)"
+    )
+    parser.add_argument(
+        "--router", default=DEFAULT_ROUTER, type=_endpoint, metavar="ENDPOINT", help="the router that its camera is on"
+    )
+    parser.add_argument(
         "--signing-passphrase-file",
         type=Path,
         metavar="FILE",
@@ -78,8 +109,12 @@ def run(args: argparse.Namespace) -> int:
     from bridged.simulation.battery import battery_parameters
     from bridged.simulation.faults import Faults
     from bridged.simulation.process import simulate
+    from bridged.simulation.servo_log import ServoLog
     from bridged.simulation.vehicle import Vehicle
 
+    if (args.camera is None) != (args.victims is None):
+        print("bridged simulate: error: a camera needs --victims, and victims need a --camera", file=sys.stderr)
+        return 2
     home: Place = args.home
     try:
         addresses = [LinkAddress.parse(link) for link in args.link]
@@ -93,7 +128,17 @@ def run(args: argparse.Namespace) -> int:
             faults=faults,
             key=read_key(args.signing_passphrase_file) if args.signing_passphrase_file else None,
             parameters=(battery_parameters(args.battery_minutes) if args.battery_minutes else []) + args.param,
+            charge_time=args.recharge_seconds,
         )
+        if args.servo_log is not None:
+            log = ServoLog(args.servo_log)
+            vehicle.on_servo = lambda output, pulse: log.moved(
+                vehicle.copter, vehicle.system, vehicle.age, output, pulse
+            )
+        beside = _camera(args, vehicle) if args.camera is not None else None
+    except OSError as error:
+        print(f"bridged simulate: error: --servo-log {args.servo_log}: {error.strerror}", file=sys.stderr)
+        return 2
     except (LinkAddressError, SigningError, ValueError) as error:
         print(f"bridged simulate: error: {error}", file=sys.stderr)
         return 2
@@ -106,11 +151,36 @@ def run(args: argparse.Namespace) -> int:
         print(started, file=sys.stderr, flush=True)
 
     try:
-        asyncio.run(simulate(vehicle, addresses, args.speed, announce, faults))
+        asyncio.run(simulate(vehicle, addresses, args.speed, announce, faults, beside))
     except LinkError as error:
         print(f"bridged simulate: error: {error}", file=sys.stderr)
         return 2
     return 0
+
+
+def _camera(args: argparse.Namespace, vehicle: "Vehicle") -> "Callable[[asyncio.Event], Coroutine[Any, Any, None]]":
+    """Let the vehicle see the victims; returns what tells them on the bus."""
+    from bridged.simulation.camera import Camera, tell_sightings
+    from commd.bus import BusClosed
+
+    camera = Camera(args.victims, args.camera)
+    vehicle.on_step = lambda place: camera.look(place, vehicle.age, time.monotonic())
+
+    async def tell(stop: asyncio.Event) -> None:
+        with suppress(BusClosed):  # it was told to end before the router was there
+            await tell_sightings(camera, args.router, args.camera_key, stop)
+
+    return tell
+
+
+def _victims(text: str) -> "list[Victim]":
+    from bridged.simulation.world import Area, victims_of
+
+    try:
+        count, seed, *borders = text.split(",")
+        return victims_of(int(seed), int(count), Area(*map(float, borders)))
+    except (ValueError, TypeError) as error:
+        raise argparse.ArgumentTypeError(f"expected N,SEED,SOUTH,WEST,NORTH,EAST: {error}") from None
 
 
 def _parameter(text: str) -> tuple[str, float]:
@@ -149,6 +219,21 @@ def _speed(text: str) -> float:
 
 def _minutes(text: str) -> float:
     return _within(text, 0.1, 10_000, "minutes")
+
+
+def _endpoint(text: str) -> str:
+    try:
+        return check_endpoint(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _seconds(text: str) -> float:
+    return _within(text, 1, 100_000, "seconds")
+
+
+def _metres(text: str) -> float:
+    return _within(text, 0.1, 10_000, "metres")
 
 
 def _heading(text: str) -> float:

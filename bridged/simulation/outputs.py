@@ -1,5 +1,6 @@
 """What a simulated copter moves besides itself: servo outputs, and a gripper on one of them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -51,6 +52,8 @@ class Outputs:
         self._pulses: dict[int, int] = {}
         self._repeat: _Repeat | None = None
         self._gripping: tuple[Grip, float] | None = None
+        self.on_move: Callable[[int, int], None] = lambda channel, pulse: None
+        """Told of each output that gets another pulse (microseconds)."""
 
     def function(self, channel: int) -> int:
         """SERVOn_FUNCTION; -1 for an output that is not there."""
@@ -68,7 +71,7 @@ class Outputs:
         problem = self._problem_with(channel)
         if problem is None:
             self._repeat = None if self._repeat is not None and self._repeat.channel == channel else self._repeat
-            self._pulses[channel] = pulse
+            self._move(channel, pulse)
         return problem
 
     def repeat(self, channel: int, pulse: int, times: int, period: float, now: float) -> str | None:
@@ -85,7 +88,7 @@ class Outputs:
         pulse = int(self._parameters["GRIP_GRAB" if action is Grip.GRAB else "GRIP_RELEASE"])
         for channel in range(1, SERVOS + 1):
             if self.function(channel) == GRIPPER:
-                self._pulses[channel] = pulse
+                self._move(channel, pulse)
         return _SAID[action][0]
 
     def step(self, now: float) -> str | None:
@@ -93,7 +96,7 @@ class Outputs:
         repeat = self._repeat
         if repeat is not None and now >= repeat.next_at:
             if repeat.positions:
-                self._pulses[repeat.channel] = repeat.positions.pop(0)
+                self._move(repeat.channel, repeat.positions.pop(0))
                 repeat.next_at = now + repeat.period
             else:
                 self._repeat = None
@@ -101,6 +104,11 @@ class Outputs:
             (action, _), self._gripping = self._gripping, None
             return _SAID[action][1]
         return None
+
+    def _move(self, channel: int, pulse: int) -> None:
+        if self._pulses.get(channel) != pulse:
+            self._pulses[channel] = pulse
+            self.on_move(channel, _possible(pulse))
 
     def _problem_with(self, channel: int) -> str | None:
         function = self.function(channel)

@@ -3,8 +3,9 @@
 import asyncio
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from functools import partial
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -21,6 +22,9 @@ LONGEST_PAUSE_S = 0.25
 
 MOST_CATCH_UP_S = 1.0
 """Wall seconds that are made up for at once after a stop of the process; the rest never happened."""
+
+LEAVE_S = 1.0
+"""Wall seconds that what runs beside a vehicle has to end."""
 
 
 class Simulation:
@@ -119,10 +123,20 @@ async def simulate(
     speed: float,
     started: Callable[[], None] = lambda: None,
     faults: Faults | None = None,
+    beside: Callable[[asyncio.Event], Coroutine[Any, Any, None]] | None = None,
 ) -> None:
-    """Runs the vehicle until SIGTERM or SIGINT; `started` is called when the links are open. Raises LinkError."""
+    """Runs the vehicle until SIGTERM or SIGINT; `started` is called when the links are open. Raises LinkError.
+
+    `beside` is what else the process does, until the event is set; the vehicle flies on if it ends.
+    """
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop.set)
-    await Simulation(vehicle, speed, addresses, faults or Faults()).run(stop, started)
+    other = asyncio.create_task(beside(stop)) if beside is not None else None
+    try:
+        await Simulation(vehicle, speed, addresses, faults or Faults()).run(stop, started)
+    finally:
+        stop.set()
+        if other is not None:
+            await asyncio.wait([other], timeout=LEAVE_S)

@@ -5,12 +5,13 @@ time, look at what comes back.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation import setpoints, telemetry
+from bridged.simulation.battery import CHARGE_S
 from bridged.simulation.boot import BootKind, Milestone
 from bridged.simulation.commands import Command, Desk
 from bridged.simulation.copter import Copter
@@ -86,11 +87,13 @@ class Vehicle:
         faults: Faults | None = None,
         key: bytes | None = None,
         parameters: Iterable[tuple[str, float]] = (),
+        charge_time: float = CHARGE_S,
     ) -> None:
         """`start` is where it is switched on, `heading` in radians; `boot` how long it takes until it can fly.
 
         With a `key` it signs what it sends and takes only what is signed. `parameters` are set before it is switched
-        on; raises ValueError for a name that it does not have.
+        on; raises ValueError for a name that it does not have. At home an empty battery is full after `charge_time`
+        vehicle seconds.
         """
         if not 1 <= system <= 255:
             raise ValueError(f"a system id lies between 1 and 255, got {system}")
@@ -99,9 +102,14 @@ class Vehicle:
         self.age = 0.0
         """Vehicle seconds since it was switched on the first time."""
         self.reboots = 0
+        self.on_servo: Callable[[int, int], None] = lambda output, pulse: None
+        """Told of each output that gets another pulse (microseconds)."""
+        self.on_step: Callable[[Place], None] | None = None
+        """Told after each step where the copter is."""
         self._boot: BootKind = boot
         self._character = Character(faults or Faults())
         self._channel_count = channels
+        self._charge_time = charge_time
         stored = Parameters(system)
         for name, value in parameters:
             if stored.set(name, value) is None:
@@ -109,7 +117,15 @@ class Vehicle:
         self._power_on(start, heading, stored, Mission())
 
     def _power_on(self, place: Place, heading: float, parameters: Parameters, mission: Mission) -> None:
-        self.copter = Copter(place, heading=heading, boot=self._boot, parameters=parameters, stored=mission)
+        self.copter = Copter(
+            place,
+            heading=heading,
+            boot=self._boot,
+            parameters=parameters,
+            stored=mission,
+            charge_time=self._charge_time,
+        )
+        self.copter.outputs.on_move = lambda output, pulse: self.on_servo(output, pulse)
         self.channels = [Channel() for _ in range(self._channel_count)]
         self._mission = MissionProtocol(self.copter)
         self._next_timesync = TIMESYNC_PERIOD_S
@@ -162,6 +178,8 @@ class Vehicle:
             copter.flight.disarm()
             return
         copter.step(STEP_S)
+        if self.on_step is not None:
+            self.on_step(copter.place)
         self._tell()
         for message in self._mission.advance():
             for channel in self.channels:
