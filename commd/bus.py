@@ -11,7 +11,7 @@ import asyncio
 import logging
 import os
 from collections import Counter, deque
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
 from threading import Thread
 from typing import Any, Generic, Literal, TypeAlias, TypeVar
@@ -19,6 +19,7 @@ from typing import Any, Generic, Literal, TypeAlias, TypeVar
 import zenoh
 
 from commd.raw import RawBus
+from commd.routers import addresses_to_come
 from commd.session import session_config
 from schemas import keys
 from schemas.codec import MAX_BYTES, BadRecord, Wire, codec
@@ -35,6 +36,8 @@ QUERIES = 256
 """Queries that may be served at the same time."""
 CLOSE_PATIENCE = 2.0
 """Wall seconds for the last words of a session; with a router that hangs Zenoh would take 10 s, and then fail."""
+LOOK_UP_PATIENCE = 3.0
+"""Seconds that the name service has to find the address of this board."""
 CLAIM_PATIENCE = 3.0
 """Seconds to wait for the token of a dead predecessor to go (the lease of a hung one) before refusing to start."""
 
@@ -444,6 +447,24 @@ def _drop_query(query: zenoh.Query) -> None:
         query.reply_err(b"busy: too many queries wait", encoding=zenoh.Encoding.TEXT_PLAIN)
 
 
+async def _absent(endpoint: str, listen: Sequence[str]) -> list[str]:
+    """Return those of a router's further endpoints whose address this machine does not have, or not yet.
+
+    Raises BusClosed if somebody else listens at one, or at its own endpoint: Zenoh, told to wait, would wait for them.
+    """
+    try:
+        absent = await asyncio.wait_for(asyncio.to_thread(addresses_to_come, listen), LOOK_UP_PATIENCE)
+        if absent and await asyncio.to_thread(addresses_to_come, [endpoint]):
+            raise BusClosed(f"cannot listen at {endpoint}: no address of this machine")
+    except TimeoutError:
+        absent = list(listen)
+    except OSError as error:
+        raise BusClosed(f"{error.strerror}: is another router running there?") from None
+    for one in absent:
+        log.warning("%s is no address of this machine yet: no other board reaches this one until it is", one)
+    return absent
+
+
 def boot_id() -> str:
     """Return a name for this life of the process."""
     return os.urandom(4).hex()
@@ -459,23 +480,31 @@ async def open_bus(
     stamp: Callable[[], int],
     wire: Wire = "json",
     mode: Literal["client", "router"] = "client",
+    listen: Sequence[str] = (),
+    connect: Sequence[str] = (),
     stop: asyncio.Event | None = None,
     patience: float = float("inf"),
 ) -> AsyncIterator[Bus]:
     """Open the bus, and close it at the end. A client waits for its router until `stop`, or for `patience` seconds.
 
-    Raises BusClosed when the router did not come, or when a router cannot listen at its endpoint.
+    A router listens at `listen` besides its endpoint, at once or when this machine has the address, and keeps dialling
+    the routers at `connect`; it waits for neither. Raises BusClosed when the router did not come, or when a router
+    cannot listen.
     """
     loop = asyncio.get_running_loop()
     until, said = loop.time() + patience, False
-    config = session_config(mode, endpoint, f"{daemon}/{name}")
+    absent = await _absent(endpoint, listen) if listen else []
+    config = session_config(
+        mode, endpoint, f"{daemon}/{name}", listen=listen, connect=connect, listen_late=bool(absent)
+    )
     while True:
         try:
             session = await asyncio.to_thread(zenoh.open, config)
             break
         except zenoh.ZError as error:
             if mode == "router":
-                raise BusClosed(f"cannot listen at {endpoint}: is another router running there? ({error})") from None
+                where = " or ".join((endpoint, *listen))
+                raise BusClosed(f"cannot listen at {where}: is another router running there? ({error})") from None
             if loop.time() >= until or (stop is not None and stop.is_set()):
                 raise BusClosed(f"no router at {endpoint}: is commd running?") from None
             if not said:

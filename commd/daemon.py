@@ -10,7 +10,8 @@ from typing import Literal
 from commd.bus import open_bus
 from commd.clock import Clock
 from commd.mailroom import Mailroom
-from commd.process import EXIT_DONE, add_router_argument, report_health, run_daemon
+from commd.process import EXIT_DONE, add_router_argument, endpoint_argument, report_health, run_daemon
+from commd.routers import router_of
 from schemas import keys
 from schemas.findings import Finding, Findings
 from schemas.mission import THIS_MACHINE, Mission, load_mission
@@ -25,6 +26,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("mission", help="mission file")
     parser.add_argument("--board", help="which board this is (default: the only one)")
     add_router_argument(parser)
+    for option, what in (("--listen", "where other boards' routers reach this one"), ("--connect", "a router to dial")):
+        text = f"{what}; repeatable, and with either the mission's addresses do not count"
+        parser.add_argument(option, metavar="ENDPOINT", type=endpoint_argument, action="append", default=[], help=text)
 
 
 def run(args: Namespace) -> int:
@@ -39,6 +43,9 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
     if board not in (mission.boards or {THIS_MACHINE}):
         raise Findings([Finding(str(mission.path), 0, 0, f"no board `{board}`{did_you_mean(board, mission.boards)}")])
     endpoint = args.router or mission.router.endpoint
+    listen, connect = args.listen, args.connect
+    if not (listen or connect) and not mission.router.external:
+        listen, connect = router_of(mission, board, endpoint)
     mode: Literal["client", "router"] = "client" if mission.router.external else "router"
     async with open_bus(
         endpoint,
@@ -48,6 +55,8 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
         stamp=clock.stamp,
         wire=mission.wire,
         mode=mode,
+        listen=listen,
+        connect=connect,
         stop=stop,
     ) as bus:
         await bus.claim(board)

@@ -32,14 +32,16 @@ EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT = 0, 1, 2
 
 def add_router_argument(parser: ArgumentParser) -> None:
     """Declare `--router`, which every daemon takes."""
+    help_ = "the router, instead of the mission's"
+    parser.add_argument("--router", metavar="ENDPOINT", type=endpoint_argument, help=help_)
 
-    def endpoint(text: str) -> str:
-        try:
-            return check_endpoint(text)
-        except ValueError as error:
-            raise ArgumentTypeError(str(error)) from None
 
-    parser.add_argument("--router", metavar="ENDPOINT", type=endpoint, help="the router, instead of the mission's")
+def endpoint_argument(text: str) -> str:
+    """Check an endpoint on the command line."""
+    try:
+        return check_endpoint(text)
+    except ValueError as error:
+        raise ArgumentTypeError(str(error)) from None
 
 
 def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:

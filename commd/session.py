@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import zenoh
@@ -16,9 +17,23 @@ OPEN_TIMEOUT_MS = 1_000
 """One attempt to reach the router. Attempts repeat, so that a stop is noticed in between."""
 
 
-def session_config(mode: Literal["client", "router"], endpoint: str, name: str) -> zenoh.Config:
-    """Return the configuration of a daemon's session, or of the board's router."""
-    retry = {"period_init_ms": RETRY_MS, "period_max_ms": RETRY_MS, "period_increase_factor": 1}
+_RETRY = {"period_init_ms": RETRY_MS, "period_max_ms": RETRY_MS, "period_increase_factor": 1}
+
+
+def session_config(
+    mode: Literal["client", "router"],
+    endpoint: str,
+    name: str,
+    *,
+    listen: Sequence[str] = (),
+    connect: Sequence[str] = (),
+    listen_late: bool = False,
+) -> zenoh.Config:
+    """Return the configuration of a daemon's session, or of the board's router.
+
+    A router listens at `listen` besides its endpoint and dials the routers at `connect`, again and again for as long as
+    it lives. With `listen_late` it opens although `listen` cannot be had yet, and listens there as soon as it can.
+    """
     settings: dict[str, Any] = {
         "mode": mode,
         "metadata": {"name": name},
@@ -28,7 +43,17 @@ def session_config(mode: Literal["client", "router"], endpoint: str, name: str) 
         "transport/shared_memory/enabled": False,
     }
     if mode == "router":
-        settings["listen"] = {"endpoints": [endpoint], "timeout_ms": 0, "exit_on_failure": True}
+        if listen_late:
+            endpoints = [f"{endpoint}#exit_on_failure=true", *listen]
+            settings["listen"] = {"endpoints": endpoints, "timeout_ms": -1, "exit_on_failure": False, "retry": _RETRY}
+        else:
+            settings["listen"] = {"endpoints": [endpoint, *listen], "timeout_ms": 0, "exit_on_failure": True}
+        settings["connect"] = {
+            "endpoints": list(connect),
+            "timeout_ms": -1,
+            "exit_on_failure": False,
+            "retry": _RETRY,
+        }
         settings["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
     else:
         settings["listen"] = {"endpoints": []}
@@ -36,7 +61,7 @@ def session_config(mode: Literal["client", "router"], endpoint: str, name: str) 
             "endpoints": [endpoint],
             "timeout_ms": OPEN_TIMEOUT_MS,
             "exit_on_failure": True,
-            "retry": retry,
+            "retry": _RETRY,
         }
     config = zenoh.Config()
     for key, value in settings.items():

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable, Coroutine
-from contextlib import AsyncExitStack
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Any, Literal, Protocol
 
 from commd.bus import Bus, open_bus
@@ -40,6 +40,25 @@ def on_a_bus(endpoint: str, body: Callable[[Connect], Coroutine[Any, Any, None]]
             await body(connect)
 
     asyncio.run(everything())
+
+
+@asynccontextmanager
+async def session(
+    endpoint: str,
+    name: str,
+    daemon: str = "agentd",
+    *,
+    router: bool = False,
+    listen: Sequence[str] = (),
+    connect: Sequence[str] = (),
+) -> AsyncIterator[Bus]:
+    """A session of its own, for tests with several routers; a client has seen its router then."""
+    mode: Literal["client", "router"] = "router" if router else "client"
+    async with open_bus(
+        endpoint, fleet=FLEET, name=name, daemon=daemon, stamp=time.time_ns, mode=mode, listen=listen, connect=connect
+    ) as bus:
+        await until(lambda: bus.router_up, f"{daemon} {name} sees the router")
+        yield bus
 
 
 async def subscribed(bus: Bus, key: str) -> None:
