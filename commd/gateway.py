@@ -1,0 +1,294 @@
+"""The gateway to Comm nodes of the paper (section 4.4): UDP datagrams `<id,sender,itlforce,receiver,data>`, both ways.
+
+UDP promises nothing, and old nodes acknowledge nothing: what was sent counts as delivered. What a node sends is taken
+into the mail as soon as it is on disk. Datagrams are untrusted: each is counted and told, none ends anything.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import logging
+import re
+import socket
+import time
+from collections import Counter, OrderedDict
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Sequence
+from contextlib import asynccontextmanager
+from typing import Protocol
+
+from msgspec.structs import replace
+
+from schemas import mission
+from schemas.datagram import BadDatagram, read_message, write_message
+from schemas.endpoints import host_and_port
+from schemas.findings import Findings
+from schemas.records import Message, Receipt
+from schemas.terms import Atom, Structure, Term
+
+log = logging.getLogger("gateway")
+
+MAX_DATAGRAM = 1024
+"""Bytes that an old Comm node reads of a datagram; the rest it would cut off."""
+EVERYBODY = "null"
+"""The receiver of a broadcast: Jason writes none as this."""
+QUEUE = 1000
+"""Datagrams that may wait to be taken into the mail; further ones are dropped and counted."""
+BATCH = 64
+RATE, BURST = 200.0, 400.0
+"""Datagrams a second of one node, and at once; further ones are dropped and counted."""
+REPEATED_WITHIN = 60.0
+"""Seconds within which an equal datagram is a repetition; not longer, for Jason counts its ids anew with each start."""
+REMEMBERED = 10_000
+PACE = 0.002
+"""Seconds between two datagrams to one node: old nodes read one at a time and lose what does not fit their buffer."""
+SEEK_EVERY = 10.0
+"""Seconds between two looks for a node whose host has no address yet."""
+TOLD_SOURCES = 1000
+
+Deliver = Callable[[tuple[Message, ...]], Awaitable[Receipt | None]]
+"""Takes a batch for one receiver; None = no answer, it is to be tried again."""
+
+
+class Post(Protocol):
+    """The mail of the board, as the gateway needs it."""
+
+    @property
+    def names(self) -> Collection[str]:
+        """All that can be sent to, of all boards."""
+        ...
+
+    async def take(self, messages: Sequence[Message]) -> Receipt:
+        """Take messages of senders of this board; returns when they are on disk."""
+        ...
+
+    def attach(self, name: str, deliver: Deliver) -> Callable[[], None]:
+        """Let `deliver` take what comes for `name`; returns what ends that."""
+        ...
+
+
+class Node:
+    """An agent behind an old Comm node."""
+
+    def __init__(self, name: str, address: str) -> None:
+        self.name, self.address = name, address
+        self.at: tuple[str, int] | None = None
+        """IP address and port, once its host is found."""
+        self.missed = False
+        """It has been said that its host is not found."""
+        self._allowance, self._since = BURST, 0.0
+        self._heard: OrderedDict[bytes, float] = OrderedDict()
+
+    def may_speak(self, now: float) -> bool:
+        """Whether another datagram of this node is within its rate."""
+        self._allowance = min(BURST, self._allowance + (now - self._since) * RATE)
+        self._since = now
+        if self._allowance < 1:
+            return False
+        self._allowance -= 1
+        return True
+
+    def repeats(self, payload: bytes, now: float) -> bool:
+        """Whether it has sent this very datagram, id and all, a short time ago."""
+        heard, digest = self._heard, hashlib.blake2b(payload, digest_size=16).digest()
+        while heard and (len(heard) > REMEMBERED or now - next(iter(heard.values())) > REPEATED_WITHIN):
+            heard.popitem(last=False)
+        known = digest in heard
+        heard.setdefault(digest, now)
+        return known
+
+
+class Gateway(asyncio.DatagramProtocol):
+    """Speaks to the nodes of the mission. Make it with `open_gateway`."""
+
+    def __init__(self, settings: mission.Gateway, post: Post, now: Callable[[], float] = time.monotonic) -> None:
+        self.nodes = {name: Node(name, address) for name, address in settings.nodes.items()}
+        self.counters: Counter[str] = Counter()
+        """gateway_in, gateway_out, gateway_malformed, gateway_strangers, gateway_repeated, gateway_dropped,
+        gateway_refused, gateway_unsendable, gateway_errors: datagrams so far."""
+        self._post, self._now = post, now
+        self._waiting: asyncio.Queue[Message] = asyncio.Queue(QUEUE)
+        self._strangers: set[tuple[str, str]] = set()
+        self._transport: asyncio.DatagramTransport | None = None
+        self._family = socket.AF_UNSPEC
+
+    async def open(self, listen: str) -> None:
+        """Look for the nodes' hosts and begin to listen. Raises OSError when the address is not to be had."""
+        host, port = host_and_port(listen)
+        loop = asyncio.get_running_loop()
+        ours = await loop.getaddrinfo(host.strip("[]"), port, type=socket.SOCK_DGRAM)
+        self._family = ours[0][0]
+        await self._find_nodes()
+        self._transport, _ = await loop.create_datagram_endpoint(
+            lambda: self, local_addr=(host.strip("[]"), port), family=self._family
+        )
+
+    def close(self) -> None:
+        """Speak and hear no more."""
+        if self._transport is not None:
+            self._transport.close()
+
+    def error_received(self, exc: Exception) -> None:
+        """The system could not send an earlier datagram."""
+        self.counters["gateway_errors"] += 1
+        log.debug("not_sent why=%s", exc)
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int] | tuple[str, int, int, int]) -> None:
+        """Queue what a node says."""
+        self.counters["gateway_in"] += 1
+        source = f"{addr[0]}:{addr[1]}"
+        try:
+            message = read_message(data.rstrip(b"\0").decode())
+        except (BadDatagram, UnicodeDecodeError) as bad:
+            self._count("malformed", f"source={source} {len(data)} bytes: {bad}")
+            return
+        node = self.nodes.get(message.sender)
+        if node is None or node.at is None or node.at[0] != addr[0]:
+            self._refuse(message.sender, addr[0])
+            return
+        now = self._now()
+        if not node.may_speak(now):
+            self._count("dropped", f"sender={node.name}: more than {RATE:g} datagrams a second")
+        elif self._waiting.full():
+            self._count("dropped", f"sender={node.name}: {QUEUE} datagrams wait")
+        elif node.repeats(data, now):
+            self.counters["gateway_repeated"] += 1
+        else:
+            self._waiting.put_nowait(message)
+
+    async def seek(self) -> None:
+        """Look for nodes that are not found yet, for ever."""
+        while True:
+            await asyncio.sleep(SEEK_EVERY)
+            await self._find_nodes()
+
+    async def run(self) -> None:
+        """Take what the nodes said into the mail, for ever."""
+        while True:
+            said = [await self._waiting.get()]
+            while len(said) < BATCH and not self._waiting.empty():
+                said.append(self._waiting.get_nowait())
+            batch = [one for message in said for one in self._addressed(message)]
+            try:
+                receipt = await self._post.take(batch)
+            except Exception as error:  # one batch's defect must not end what all others live by
+                log.exception("defect in argosy: %d messages of nodes are lost", len(batch))
+                receipt = Receipt(refused=dict.fromkeys(range(len(batch)), f"{type(error).__name__}: {error}"))
+            for place, reason in (receipt.refused | receipt.later).items():
+                self.counters["gateway_refused"] += 1
+                self._tell_undelivered(batch[place], reason)
+
+    async def deliver(self, batch: tuple[Message, ...]) -> Receipt | None:
+        """Send a batch to the node of its receiver; what has left counts as taken. None while its host is not found."""
+        node = self.nodes[batch[0].receiver]
+        if node.at is None or self._transport is None or self._transport.is_closing():
+            return None
+        refused: dict[int, str] = {}
+        for place, message in enumerate(batch):
+            if why := self._send(node, message):
+                refused[place] = why
+            await asyncio.sleep(PACE)
+        return Receipt(taken=len(batch) - len(refused), refused=refused)
+
+    def _addressed(self, message: Message) -> list[Message]:
+        """A message, or the copies of a broadcast."""
+        if message.receiver != EVERYBODY:
+            return [message]
+        return [replace(message, receiver=name) for name in self._post.names if name != message.sender]
+
+    def _send(self, node: Node, message: Message) -> str:
+        """Send a message to a node. Returns why it cannot be sent, or an empty text."""
+        try:
+            payload = write_message(message).encode()
+        except (BadDatagram, UnicodeEncodeError) as bad:
+            why = f"cannot be written as a datagram: {bad}"
+        else:
+            if len(payload) <= MAX_DATAGRAM:
+                assert self._transport is not None
+                self._transport.sendto(payload, node.at)
+                self.counters["gateway_out"] += 1
+                return ""
+            why = f"a datagram of {len(payload)} bytes: Comm nodes read {MAX_DATAGRAM}"
+        self._count("unsendable", f"id={message.id} sender={message.sender} receiver={node.name}: {why}")
+        return why
+
+    def _tell_undelivered(self, message: Message, reason: str) -> None:
+        """Tell a node, as agents are told, that its message will not arrive."""
+        node = self.nodes[message.sender]
+        what = (_name(message.receiver), _name(message.performative), message.content, reason)
+        notice = Message(
+            id=f"undelivered.{message.id}",
+            sender="mail",
+            performative="signal",
+            receiver=node.name,
+            content=Structure("undelivered", what),
+        )
+        log.warning("mail_refused id=%s sender=%s receiver=%s why=%s", message.id, node.name, message.receiver, reason)
+        if node.at is not None and self._transport is not None:
+            self._send(node, notice)
+
+    def _refuse(self, sender: str, host: str) -> None:
+        """Count what does not come from a node of the mission, and tell once of each source."""
+        self.counters["gateway_strangers"] += 1
+        if (sender, host) in self._strangers or len(self._strangers) >= TOLD_SOURCES:
+            return
+        self._strangers.add((sender, host))
+        node = self.nodes.get(sender)
+        why = "it is no node of the mission" if node is None else f"its node is at {node.address}"
+        log.warning("refused sender=%s from %s: %s", _shown(sender), host, why)
+
+    def _count(self, what: str, why: str) -> None:
+        counter = f"gateway_{what}"
+        self.counters[counter] += 1
+        if self.counters[counter] <= 10 or self.counters[counter] % 1000 == 0:
+            log.warning("%s count=%d %s", what, self.counters[counter], _shown(why))
+
+    async def _find_nodes(self) -> None:
+        """Look for the hosts of those nodes whose host is not found yet, in the family of our own address."""
+        for node in self.nodes.values():
+            if node.at is None:
+                host, port = host_and_port(node.address)
+                try:
+                    found = await asyncio.get_running_loop().getaddrinfo(
+                        host.strip("[]"), port, family=self._family, type=socket.SOCK_DGRAM
+                    )
+                except OSError as error:
+                    level, node.missed = logging.DEBUG if node.missed else logging.WARNING, True
+                    log.log(level, "node %s at %s is not found: %s", node.name, node.address, error)
+                else:
+                    node.at = (str(found[0][4][0]), port)
+
+
+def _name(text: str) -> Term:
+    """A name as an atom, if it can be one."""
+    return Atom(text) if re.fullmatch(r"[a-z]\w*", text, re.ASCII) else text
+
+
+def _shown(text: str) -> str:
+    """What a stranger sent, for a line of a log."""
+    return "".join(one if one.isprintable() else "?" for one in text[:200])
+
+
+@asynccontextmanager
+async def open_gateway(declared: mission.Mission, post: Post) -> AsyncIterator[Gateway]:
+    """Serve the gateway of a mission while the block runs. Raises Findings if its address is not to be had."""
+    settings = declared.gateway
+    assert settings is not None
+    gateway = Gateway(settings, post)
+    try:
+        await gateway.open(settings.listen)
+    except OSError as error:
+        why = f"gateway.listen: cannot listen at {settings.listen}: {error.strerror or error}"
+        raise Findings([declared.positions.finding(("gateway", "listen"), why)]) from None
+    detach = [post.attach(name, gateway.deliver) for name in gateway.nodes]
+    running = [asyncio.create_task(gateway.run()), asyncio.create_task(gateway.seek())]
+    log.info("listening to %s for %s", settings.listen, ", ".join(settings.nodes))
+    try:
+        yield gateway
+    finally:
+        for task in running:
+            task.cancel()
+        await asyncio.gather(*running, return_exceptions=True)
+        for end in detach:
+            end()
+        gateway.close()

@@ -1,0 +1,324 @@
+"""The gateway and Comm nodes of the paper, by real datagrams on loopback."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import AsyncIterator, Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from commd import gateway as module
+from commd.gateway import Gateway, Node, open_gateway
+from schemas.findings import Findings
+from schemas.mission import Mission, read_mission
+from schemas.records import Message
+from schemas.terms import Atom, Structure, Term
+from tests.commd.old_comm import OldCommNode, PostOffice
+from tests.support.buses import until
+
+MISSION = """
+mission: mixed
+agents: {{uav: {{program: u.asl}}, ugv: {{program: u.asl}}}}
+gateway:
+  listen: "{listen}"
+  nodes: {{old1: "{one}", old2: "{other}"}}
+"""
+
+
+class Field:
+    """Two old nodes, the gateway and the mail behind it."""
+
+    def __init__(self, one: OldCommNode, other: OldCommNode, listen: str) -> None:
+        self.one, self.other, self.listen = one, other, listen
+        self.post = PostOffice("uav", "ugv", "old1", "old2")
+        self.gateway: Gateway
+
+    def mission(self) -> Mission:
+        text = MISSION.format(listen=self.listen, one=self.one.address, other=self.other.address)
+        return read_mission(text, Path("mixed.yaml"))
+
+    def say(self, datagram: str | bytes) -> None:
+        """The first node sends to the gateway."""
+        self.one.send(datagram, self.listen)
+
+    async def counted(self, counter: str, count: int) -> None:
+        await until(lambda: self.gateway.counters[f"gateway_{counter}"] == count, f"{count} datagrams are {counter}")
+
+
+@contextlib.asynccontextmanager
+async def nodes(listen: str) -> AsyncIterator[Field]:
+    one, other = OldCommNode(), OldCommNode()
+    try:
+        yield Field(one, other, listen)
+    finally:
+        await one.close()
+        await other.close()
+
+
+def in_the_field(port: int, body: Callable[[Field], Coroutine[Any, Any, None]]) -> None:
+    """Run `body(field)` while the gateway is open, bounded in wall seconds."""
+
+    async def everything() -> None:
+        async with (
+            asyncio.timeout(60),
+            nodes(f"127.0.0.1:{port}") as field,
+            open_gateway(field.mission(), field.post) as field.gateway,
+        ):
+            await body(field)
+
+    asyncio.run(everything())
+
+
+def message(content: Term, receiver: str = "old1", identity: str = "m1", **more: Any) -> Message:
+    return Message(id=identity, sender="uav", performative="tell", receiver=receiver, content=content, **more)
+
+
+def test_what_an_old_node_sends_is_mail(free_port: Callable[[], int]) -> None:
+    async def body(field: Field) -> None:
+        field.say("<mid1,old1,tell,uav,victim_in_need(1,-27.603683,-48.518052)>")
+        field.say("<mid2->m7,old1,achieve,ugv,go>\n")
+        await until(lambda: len(field.post.taken) == 2, "both are taken")
+        assert field.post.taken == [
+            Message(
+                id="mid1",
+                sender="old1",
+                performative="tell",
+                receiver="uav",
+                content=Structure("victim_in_need", (1, -27.603683, -48.518052)),
+            ),
+            Message(
+                id="mid2", sender="old1", performative="achieve", receiver="ugv", content=Atom("go"), in_reply_to="m7"
+            ),
+        ]
+
+    in_the_field(free_port(), body)
+
+
+def test_mail_reaches_an_old_node_as_it_reads_it(free_port: Callable[[], int]) -> None:
+    async def body(field: Field) -> None:
+        batch = (message(Structure("at", (1, Atom("north")))), message("a, b", identity="m2", in_reply_to="mid1"))
+        receipt = await field.post.deliver["old1"](batch)
+        assert receipt is not None
+        assert (receipt.taken, receipt.refused, receipt.later) == (2, {}, {})
+        await until(lambda: len(field.one.heard) == 2, "the node hears both")
+        assert field.one.heard == ["<m1,uav,tell,old1,at(1,north)>", '<m2->mid1,uav,tell,old1,"a, b">']
+        assert field.other.heard == []
+        assert field.gateway.counters["gateway_out"] == 2
+
+    in_the_field(free_port(), body)
+
+
+def test_the_receiver_null_is_everybody_else(free_port: Callable[[], int]) -> None:
+    async def body(field: Field) -> None:
+        field.say("<mid1,old1,tell,null,ready>")
+        await until(lambda: len(field.post.taken) == 3, "all have it")
+        assert [one.receiver for one in field.post.taken] == ["uav", "ugv", "old2"]
+
+    in_the_field(free_port(), body)
+
+
+def test_what_would_not_fit_into_what_an_old_node_reads_is_refused_whole(free_port: Callable[[], int]) -> None:
+    async def body(field: Field) -> None:
+        room = module.MAX_DATAGRAM - len('<m1,uav,tell,old1,"">')
+        batch = (message("x" * room), message("é" * room, identity="m2"), message("last", identity="m3"))
+        receipt = await field.post.deliver["old1"](batch)
+        assert receipt is not None
+        assert receipt.refused == {1: f"a datagram of {1024 + room} bytes: Comm nodes read 1024"}
+        assert receipt.taken == 2
+        await until(lambda: len(field.one.heard) == 2, "the others arrive")
+        assert [len(text) for text in field.one.heard] == [1024, len('<m3,uav,tell,old1,"last">')]
+
+    in_the_field(free_port(), body)
+
+
+def test_a_message_that_no_datagram_can_carry_is_refused_with_the_reason(free_port: Callable[[], int]) -> None:
+    async def body(field: Field) -> None:
+        receipt = await field.post.deliver["old1"]((message(1, identity="a b"),))
+        assert receipt is not None
+        assert receipt.refused[0].startswith("cannot be written as a datagram: id: expected a text without blanks")
+
+    in_the_field(free_port(), body)
+
+
+def test_a_node_hears_that_its_message_will_not_arrive(free_port: Callable[[], int]) -> None:
+    async def body(field: Field) -> None:
+        field.post.full.add("ugv")
+        field.say("<mid1,old1,tell,Nobody,ready(1)>")
+        field.say("<mid2,old1,tell,ugv,ready(2)>")
+        await until(lambda: len(field.one.heard) == 2, "the node is told")
+        assert field.one.heard == [
+            '<undelivered.mid1,mail,signal,old1,undelivered("Nobody",tell,ready(1),"receiver_not_found")>',
+            '<undelivered.mid2,mail,signal,old1,undelivered(ugv,tell,ready(2),"mailbox full")>',
+        ]
+        assert field.gateway.counters["gateway_refused"] == 2
+
+    in_the_field(free_port(), body)
+
+
+def test_only_nodes_of_the_mission_are_heard_and_each_stranger_is_told_once(
+    free_port: Callable[[], int], caplog: pytest.LogCaptureFixture
+) -> None:
+    async def body(field: Field) -> None:
+        with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as elsewhere:
+            elsewhere.bind(("127.0.0.2", 0))
+            for number in range(5):
+                elsewhere.sendto(f"<m{number},old1,tell,uav,lie>".encode(), ("127.0.0.1", int(field.listen[10:])))
+        field.say("<mid1,spy,tell,uav,lie>")
+        await field.counted("strangers", 6)
+        field.say("<mid2,old1,tell,uav,truth>")
+        await until(lambda: len(field.post.taken) == 1, "the node is heard")
+        assert field.post.taken[0].content == Atom("truth")
+        told = [record.getMessage() for record in caplog.records if record.getMessage().startswith("refused")]
+        assert told == [
+            f"refused sender=old1 from 127.0.0.2: its node is at {field.one.address}",
+            "refused sender=spy from 127.0.0.1: it is no node of the mission",
+        ]
+
+    in_the_field(free_port(), body)
+
+
+BAD = [
+    b"",
+    b"hello",
+    b"<mid1,old1,tell,uav>",
+    b"<mid1,old1,tell,uav,victim(1",
+    b"<mid1,old1,tell,uav,victim(1>",
+    b"<mid1,old1,te ll,uav,a>",
+    b"<,old1,tell,uav,a>",
+    b"<mid1,old1,tell,uav,\xff\xfe>",
+    b"<mid1,old1,tell,uav," + b"[" * 400 + b">",
+    b"<mid1,old1,tell,uav,X+1>",
+    b"\x1b[2J\x00" * 100,
+]
+
+
+def test_malformed_datagrams_are_counted_and_told_and_end_nothing(
+    free_port: Callable[[], int], caplog: pytest.LogCaptureFixture
+) -> None:
+    async def body(field: Field) -> None:
+        for payload in BAD:
+            field.say(payload)
+        field.say("<mid1,old1,tell,uav,a>")
+        await until(lambda: len(field.post.taken) == 1, "the gateway still hears")
+        assert field.gateway.counters["gateway_malformed"] == len(BAD)
+        told = [one.getMessage() for one in caplog.records if one.getMessage().startswith("malformed")]
+        assert len(told) == 10
+        assert all(text.isprintable() for text in told)
+        assert told[2] == (
+            f"malformed count=3 source={field.one.address} 20 bytes: "
+            "expected five fields `<id,sender,itlforce,receiver,data>`, got 4"
+        )
+        assert not [one for one in caplog.records if one.exc_info]
+
+    in_the_field(free_port(), body)
+
+
+def test_a_repeated_datagram_is_one_message_and_an_id_used_anew_is_another(free_port: Callable[[], int]) -> None:
+    async def body(field: Field) -> None:
+        for _ in range(3):
+            field.say("<mid1,old1,tell,uav,a>")
+        field.say("<mid1,old1,tell,uav,b>")
+        await until(lambda: len(field.post.taken) == 2, "two are taken")
+        assert [one.content for one in field.post.taken] == [Atom("a"), Atom("b")]
+        await field.counted("repeated", 2)
+
+    in_the_field(free_port(), body)
+
+
+def test_a_node_that_starts_again_and_says_the_same_later_is_heard() -> None:
+    node = Node("old1", "127.0.0.1:1")
+    assert [node.repeats(b"x", at) for at in (0.0, 59.0, 61.0, 62.0)] == [False, True, False, True]
+
+
+def test_a_node_that_repeats_itself_for_ever_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("commd.gateway.REMEMBERED", 100)
+    node = Node("old1", "127.0.0.1:1")
+    assert not any(node.repeats(b"%d" % number, 1.0) for number in range(1000))
+    assert len(node._heard) <= 101
+
+
+def test_a_node_that_floods_is_held_to_its_rate_and_the_excess_is_counted() -> None:
+    node = Node("old1", "127.0.0.1:1")
+    assert sum(node.may_speak(10.0) for _ in range(1000)) == module.BURST
+    assert sum(node.may_speak(11.0) for _ in range(1000)) == module.RATE
+
+
+def test_what_waits_for_the_mail_is_bounded_and_the_excess_counted(
+    free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("commd.gateway.QUEUE", 5)
+    monkeypatch.setattr("commd.gateway.BATCH", 1)
+
+    async def body(field: Field) -> None:
+        taking = asyncio.Event()
+        take = field.post.take
+
+        async def slowly(messages: Any) -> Any:
+            await taking.wait()
+            return await take(messages)
+
+        monkeypatch.setattr(field.post, "take", slowly)
+        for number in range(20):
+            field.say(f"<m{number},old1,tell,uav,{number}>")
+            await field.counted("in", number + 1)
+        assert field.gateway.counters["gateway_dropped"] == 14  # one is being taken, five wait
+        taking.set()
+        await until(lambda: len(field.post.taken) == 6, "those that waited are taken")
+        field.say("<m6,old1,tell,uav,6>")  # dropped before, so no repetition
+        await until(lambda: len(field.post.taken) == 7, "what was dropped may be said again")
+
+    in_the_field(free_port(), body)
+
+
+def test_a_mail_that_fails_is_told_to_the_node_and_ends_nothing(
+    free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def body(field: Field) -> None:
+        take = field.post.take
+
+        async def fails_once(messages: Any) -> Any:
+            monkeypatch.setattr(field.post, "take", take)
+            raise RuntimeError("closed")
+
+        monkeypatch.setattr(field.post, "take", fails_once)
+        field.say("<mid1,old1,tell,uav,a>")
+        await until(lambda: len(field.one.heard) == 1, "the node is told")
+        assert field.one.heard[0].endswith('undelivered(uav,tell,a,"RuntimeError: closed")>')
+        field.say("<mid2,old1,tell,uav,b>")
+        await until(lambda: len(field.post.taken) == 1, "the next one is taken")
+
+    in_the_field(free_port(), body)
+
+
+def test_a_node_whose_host_is_not_found_keeps_its_mail_waiting(
+    free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("commd.gateway.SEEK_EVERY", 0.1)
+
+    async def body(field: Field) -> None:
+        node = field.gateway.nodes["old1"]
+        address, node.at, node.address = field.one.address, None, "no-such-host.invalid:9000"
+        assert await field.post.deliver["old1"]((message(1),)) is None
+        told = "node old1 at no-such-host.invalid:9000 is not found"
+        await until(lambda: told in caplog.text, "it is said")
+        node.address = address.replace("127.0.0.1", "localhost")
+        await until(lambda: node.at is not None, "it is found")
+        assert await field.post.deliver["old1"]((message(1),)) is not None
+        await until(lambda: len(field.one.heard) == 1, "it is sent then")
+
+    in_the_field(free_port(), body)
+
+
+def test_an_address_that_is_not_to_be_had_is_said_at_its_place_in_the_mission(free_port: Callable[[], int]) -> None:
+    async def body(field: Field) -> None:
+        with pytest.raises(Findings) as raised:
+            async with open_gateway(field.mission(), field.post):
+                pass
+        why = f"gateway.listen: cannot listen at {field.listen}: "
+        assert str(raised.value).startswith(f"mixed.yaml:5:11: error: {why}")
+
+    in_the_field(free_port(), body)
