@@ -14,6 +14,8 @@ from schemas.durations import Duration
 
 ROUTER_PATIENCE = 10.0
 """Wall seconds that a run goes on without its router: a restart of the router must not fail a flight."""
+RESTART_PATIENCE = 45.0
+"""The same where dead and hung routers are started again: as long as that may take."""
 NOTHING_LEFT = 5.0
 """Wall seconds for which nobody does or intends anything until the user is told."""
 DOWN: tuple[str, ...] = ("land", "rtl")
@@ -70,9 +72,12 @@ class Endings:
         """Return what the run cannot do without and has lost."""
         if self.observer is None:
             return ""
-        since = self.observer.router_lost
-        if since is not None and time.monotonic() - since > ROUTER_PATIENCE:
-            return f"the router at {self._status.setup.router} has not answered for {ROUTER_PATIENCE:g} s"
+        restart = self._status.setup.restart
+        since, patience = self.observer.router_lost, RESTART_PATIENCE if restart else ROUTER_PATIENCE
+        if since is not None and time.monotonic() - since > patience:
+            return f"the router at {self._status.setup.router} has not answered for {patience:g} s"
+        if restart:  # an agent may be away for a while: dead, cut off, on its way back; what hangs is killed
+            return ""
         silent = sorted(self.observer.silent)
         return f"{', '.join(silent)} has not shown its mind for {SILENCE:g} s" if silent else ""
 

@@ -9,13 +9,16 @@ import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack, suppress
 from itertools import pairwise
+from math import inf
 
 from argosy.aloft import age, last_line
+from argosy.boards import boards_of
 from argosy.endings import Ending, Endings
 from argosy.journal import Level
 from argosy.lines import Left, Ordered, Released, of_a_bridge, read_line
 from argosy.observe import Observer
 from argosy.processes import Process, plan
+from argosy.restarts import Restarts, Watchdog
 from argosy.status import Status
 from argosy.supervise import Child, Supervisor
 from commd.bus import BusClosed, open_bus
@@ -33,6 +36,8 @@ LEAVE = 1.0
 """Wall seconds that a process without an armed vehicle has to leave."""
 LEAVE_SIMULATED, LEAVE_REAL = 3.0, 35.0
 """Wall seconds that a bridge has to see its on_shutdown confirmed; it tries three orders for 10 s each if it must."""
+HEALTHY = 3.0
+"""Wall seconds within which each daemon that is well says so again; it does once a second."""
 POLL = 0.02
 """Wall seconds between two looks at whether a process has come up."""
 
@@ -54,6 +59,7 @@ class Flight:
         self._supervisor = Supervisor(self._wrote, self._ended)
         status.children = self._supervisor.children
         self._endings = Endings(status, self._supervisor)
+        self._watchdog = Watchdog(self._supervisor, self._journal, self._is_silent)
         self._observer: Observer | None = None
         self._bus = AsyncExitStack()
         self.finished: float | None = None
@@ -65,6 +71,8 @@ class Flight:
     async def fly(self, refresh: Callable[[], None]) -> Ending:
         """Run the mission to its end and stop everything. Never raises for what a user can cause."""
         self._wake, self._hurry = asyncio.Event(), asyncio.Event()
+        status = self.status
+        self._restarts = Restarts(self._supervisor, self._journal, status.restarts, status.setup.restart)
         self._signal: signal.Signals | None = None
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -176,6 +184,8 @@ class Flight:
                 raise error
             if ending := self._endings.look():
                 return ending
+            if self.status.setup.restart:
+                self._watchdog.look(self.status.children)
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._wake.wait(), REFRESH)
 
@@ -205,6 +215,7 @@ class Flight:
 
     async def _leave(self) -> None:
         """Stop everything in order: a bridge may need its simulator, and both are watched through commd."""
+        await self._restarts.close()
         self.status.phase, self.status.waiting_for = "ending", ""
         thinkers, bridges = self._supervisor.of_kind("agentd"), self._supervisor.of_kind("bridged")
         widows = [bridge for bridge in bridges if all(map(self._simulator_is_dead, bridge.process.subject.split()))]
@@ -307,5 +318,24 @@ class Flight:
 
     def _ended(self, child: Child) -> None:
         if child.dead:
+            self._restarts.died(child)
+        if child.dead:
             self._journal.add(child.name, child.how_it_ended(), "error")
+        if child.replaced:
+            kind, subjects = child.process.kind.name, child.process.subject.split()
+            for name in subjects if kind in ("agentd", "bridged") else ():
+                (self._picture.agent_ended if kind == "agentd" else self._picture.bridge_ended)(name)
         self._wake.set()
+
+    def _is_silent(self, child: Child) -> bool:
+        """Whether a daemon says nothing on the bus although its board's commd is heard: it hangs."""
+        kind, names = child.process.kind.name, child.process.subject.split()
+        if self._observer is None or time.monotonic() - child.started < STARTUP_PATIENCE:
+            return False
+        if kind == "commd":  # of another board only its link may be cut
+            ours = child.process.board == boards_of(self._mission)[0]
+            return ours and self._observer.router_lost is not None
+        if self._observer.router_lost is not None or not self._picture.is_alive(child.process.board, "commd"):
+            return False
+        now, speed, heard = self.status.now(), self.status.setup.speed, self._picture.heard_at
+        return any(now - heard.get((name, kind), -inf) > HEALTHY * speed for name in names)

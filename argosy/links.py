@@ -25,20 +25,32 @@ def address_of(robot: Robot) -> LinkAddress | None:
         return None
 
 
-def peer_of(link: LinkAddress) -> LinkAddress:
-    """Return the other end of a link, on this machine. Raises LinkAddressError for a serial line."""
+def peer_of(link: LinkAddress, address: str | None = None) -> LinkAddress:
+    """Return the other end of a link: on this machine, or on another one than that of `address` (empty: unknown).
+
+    Raises LinkAddressError for a link that has no other end there: a serial line, or one that stays on its machine.
+    """
     if link.kind == "serial":
         raise LinkAddressError(str(link), "a simulated robot needs a udpin, udpout, tcp or tcpin link")
-    kind = _PEERS[link.kind]
-    host = _ANY_ADDRESS.get(link.host, link.host) if link.kind.endswith("in") else link.host
+    kind, host, listens = _PEERS[link.kind], link.host, link.kind.endswith("in")
+    if address is None:
+        host = _ANY_ADDRESS.get(host, host) if listens else host
+    elif _LOOPBACK.get(host, host).startswith("127."):
+        where = f"{link.kind}:{_ANYWHERE}:{link.port}" if listens else f"{link.kind}:HOST:{link.port}"
+        raise LinkAddressError(str(link), f"it stays on its board, and the simulator is elsewhere; write `{where}`")
+    elif listens and host in _ANY_ADDRESS:
+        if not address:
+            raise LinkAddressError(str(link), "the simulator is elsewhere, and the robot's board has no `address`")
+        host = address
     return LinkAddress.parse(f"{kind}:[{host}]:{link.port}" if ":" in host else f"{kind}:{host}:{link.port}")
 
 
 def together(mission: Mission) -> list[list[str]]:
-    """Return the robots of each bridge: those that share a link have one, every other robot has its own."""
-    groups: dict[tuple[str, str], list[str]] = {}
+    """Return the robots of each bridge: those that share a link of a board have one, every other robot has its own."""
+    groups: dict[tuple[str, str, str], list[str]] = {}
     for name, robot in mission.robots.items():
-        groups.setdefault(("link", robot.link) if robot.link else ("robot", name), []).append(name)
+        key = (robot.board, "link", robot.link) if robot.link else (robot.board, "robot", name)
+        groups.setdefault(key, []).append(name)
     return list(groups.values())
 
 
@@ -57,6 +69,8 @@ def check_links(mission: Mission) -> list[Finding]:
             continue
         for other, its in taken.items():
             written = mission.robots[other].link
+            if mission.robots[other].board != robot.board:  # another machine, with ports of its own
+                continue
             if _collide(link, its) and written != robot.link:
                 text = f"`{link}` is the port of robot `{other}` already: robots that share a link write it alike, as "
                 findings.append(mission.positions.finding(("robots", name, "link"), f"{text}`{written}`"))
@@ -78,6 +92,12 @@ def bound_links(mission: Mission, simulators: list[str]) -> dict[LinkAddress, li
             if end.kind in MEETING:
                 bound.setdefault(end, []).append(name)
     return bound
+
+
+def ports_of(mission: Mission) -> set[int]:
+    """Return the ports that links of a mission name."""
+    links = (address_of(robot) for robot in mission.robots.values())
+    return {link.port for link in links if link is not None and link.kind != "serial"}
 
 
 def _collide(link: LinkAddress, other: LinkAddress) -> bool:

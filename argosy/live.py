@@ -159,7 +159,9 @@ class Screen:
         table.add_column(no_wrap=True, overflow="ellipsis")
         for child in self.status.children:
             usage = self.status.meter.usage.get(child.pid)
-            if not child.alive:
+            if child.replaced:
+                state, said = ("○", "yellow"), "died, is started again"
+            elif not child.alive:
                 state, said = (
                     ("●", "red") if child.dead else ("●", "dim"),
                     child.how_it_ended() if child.dead else "left",
@@ -173,9 +175,13 @@ class Screen:
                 Text(f"pid {child.pid}", style="dim"),
                 f"{usage.cpu * 100:.1f} %" if usage and child.alive else "",
                 f"{usage.memory / MEGABYTE:.1f} MB" if usage and child.alive else "",
-                Text(printable(said), style="dim"),
+                Text(printable(", ".join(filter(None, (said, self._restarts(child.name))))), style="dim"),
             )
         return [table]
+
+    def _restarts(self, name: str) -> str:
+        count = self.status.restarts[name]
+        return f"restarted {count} time{'s' if count > 1 else ''}" if count else ""
 
     def _health(self, daemon: str, subject: str) -> str:
         told = [self.status.picture.health.get((name, daemon)) for name in subject.split()]

@@ -33,10 +33,17 @@ class Observer:
         self._tasks: list[asyncio.Task[None]] = []
         bus.on_router(self._router)
         fleet = bus.fleet
-        bus.watch(keys.alive(fleet, "*", "*", "*"), picture.token)
+        self._new = asyncio.Event()
+        """Set when somebody came who has percepts to tell, or through whom they come."""
+        bus.watch(keys.alive(fleet, "*", "*", "*"), self._token)
         bus.subscribe(keys.health(fleet, "*", "*"), Health, picture.heard_health)
         bus.subscribe(keys.percept(fleet, "*", "*"), Perception, picture.percept)
         bus.subscribe(keys.status(fleet, "*", "*"), ActionStatus, picture.status)
+
+    def _token(self, key: str, alive: bool) -> None:
+        self.picture.token(key, alive)
+        if alive and ("/alive/bridged/" in key or "/alive/commd/" in key):
+            self._new.set()
 
     def _router(self, up: bool) -> None:
         if up:
@@ -46,8 +53,18 @@ class Observer:
             self.picture.journal.add("argosy", "the router does not answer", "warning")
 
     def start(self) -> None:
-        """Begin to look at the minds."""
+        """Begin to look at the minds, and at what may have been missed."""
+        self._new.clear()
         self._tasks += [asyncio.create_task(self._watch_mind(agent)) for agent in self.picture.agents]
+        self._tasks.append(asyncio.create_task(self._repair()))
+
+    async def _repair(self) -> None:
+        """Look at the percepts anew when a daemon is back: what was said meanwhile was not heard."""
+        while True:
+            await self._new.wait()
+            await asyncio.sleep(MIND_PERIOD)
+            self._new.clear()
+            await self.look_at_percepts()
 
     async def look_at_percepts(self) -> None:
         """Take in the percepts that are present already: what was said before anybody listened."""

@@ -271,6 +271,17 @@ class Picture:
                 self.journal.add(agent.name, f"done: {formula}", "good")
         agent.done, agent.failed, agent.beliefs = dict(view.done), dict(view.failed), view.beliefs
 
+    def agent_ended(self, name: str) -> None:
+        """An agent's process is dead: what its mind was is not what it is, should it come again."""
+        agent = self.agents[name]
+        agent.intentions, agent.cycle, agent.done, agent.failed, agent.beliefs = (), 0, {}, {}, ()
+
+    def bridge_ended(self, robot: str) -> None:
+        """The bridge of a robot is dead: what ran there has no outcome any more that would be heard."""
+        for action in self.open_actions():
+            if action.agent in self.mission.agents_of(robot):
+                action.state, action.reason, action.ended = "failed", "its bridge died", self._now()
+
     def printed(self, agent: str, text: str) -> None:
         """An agent's program printed a line."""
         self.agents[agent].prints.append(text)

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from argosy import simulators
+from argosy.boards import Place, boards_of
 from argosy.links import together
-from schemas.mission import THIS_MACHINE, Mission
+from argosy.surroundings import servo_log
+from schemas.mission import Mission
 
 ALL = "all"
 """`--real all`: no robot is simulated."""
@@ -25,7 +27,7 @@ class Setup:
 
     mission: Mission
     router: str
-    """Zenoh endpoint of the board's router."""
+    """Zenoh endpoint of the first board's router, where the run itself looks on."""
     speed: float
     real: frozenset[str]
     """Robots that are not simulated."""
@@ -33,11 +35,21 @@ class Setup:
     """Where daemons keep what must survive their restart within this run."""
     telling: frozenset[str] = frozenset()
     """Robots whose manifest has the percept `state(Mode, Connected, Armed)`: the run waits for their vehicle."""
+    places: Mapping[str, Place] = field(default_factory=dict)
+    """Where the router of each board is; of one that is not named it is `router`."""
+    restart: bool = False
+    """Whether a daemon that dies is started again."""
+    logs: Path | None = None
+    """Folder for what simulators write for a referee."""
 
     @property
     def file(self) -> str:
         """The mission file, whatever the working directory of a daemon is."""
         return str(self.mission.path.resolve())
+
+    def place(self, board: str) -> Place:
+        """Where the router of a board is on this machine."""
+        return self.places.get(board) or Place(self.router)
 
     def simulators(self) -> list[str]:
         """Return the robots whose simulator is started; the driver of another simulated one is its own twin."""
@@ -67,24 +79,35 @@ class Kind:
     by spaces)."""
     command: Callable[[Setup, str], list[str]]
     """The module to run and its arguments."""
+    board: Callable[[Setup, str], str] = lambda setup, subject: subject
+    """The board that it belongs to."""
+    label: Callable[[str, str], str] = lambda board, subject: board
+    """What it is called after in a fleet of several boards, by board and subject."""
     orphaned: Callable[[Setup, str], signal.Signals] = lambda setup, subject: signal.SIGKILL
     """What the kernel sends it when `argosy run` itself is killed."""
     measured: bool = True
     """Whether it counts as one of the daemons that a board runs in flight."""
+    daemon: bool = True
+    """Whether it may be started again when it dies: a simulator that dies is a vehicle that crashes."""
 
 
 def _simulator(setup: Setup, robot: str) -> list[str]:
-    declared = setup.mission.robots[robot]
-    signing = declared.signing if simulators.vehicle_of(declared) == "copter" else None
-    signed = ["--signing-passphrase-file", str(setup.mission.relative(signing.passphrase_file))] if signing else []
-    return [*simulators.command(declared, setup.router), *signed, *_speed(setup)]
+    router = setup.place(_board_of_robots(setup, robot)).router
+    copter = simulators.vehicle_of(setup.mission.robots[robot]) == "copter"
+    log = ["--servo-log", str(servo_log(setup.logs, robot))] if copter and setup.logs is not None else []
+    return [*simulators.command(setup.mission, robot, router), *log, *_speed(setup)]
 
 
 def _bridge(setup: Setup, robots: str) -> list[str]:
     served = robots.split()
     twins = [] if setup.real.intersection(served) else ["--simulated"]
-    where = ["--router", setup.router, *_speed(setup), "--state", str(setup.state)]
+    where = [*_router(setup, _board_of_robots(setup, robots)), *_speed(setup), *_state(setup)]
     return ["bridged", "serve", setup.file, *served, *where, *twins]
+
+
+def _agents(setup: Setup, agents: str) -> list[str]:
+    where = _router(setup, _board_of_agents(setup, agents))
+    return ["agentd", "serve", setup.file, *agents.split(), *where, *_speed(setup), *_state(setup)]
 
 
 def _orphaned_bridge(setup: Setup, robots: str) -> signal.Signals:
@@ -95,18 +118,50 @@ def _speed(setup: Setup) -> list[str]:
     return ["--speed", f"{setup.speed:g}"]
 
 
-def _board(setup: Setup) -> list[str]:
-    return [next(iter(setup.mission.boards), THIS_MACHINE)]
+def _state(setup: Setup) -> list[str]:
+    return ["--state", str(setup.state)]
+
+
+def _router(setup: Setup, board: str) -> list[str]:
+    return ["--router", setup.place(board).router]
+
+
+def _board_of_robots(setup: Setup, robots: str) -> str:
+    return setup.mission.robots[robots.split()[0]].board
+
+
+def _board_of_agents(setup: Setup, agents: str) -> str:
+    return setup.mission.agents[agents.split()[0]].board
 
 
 KINDS: tuple[Kind, ...] = (
-    Kind("commd", _board, lambda s, board: ["commd", "serve", s.file, "--board", board, "--router", s.router]),
-    Kind("simulator", lambda s: s.simulators(), _simulator, measured=False),
-    Kind("bridged", lambda s: [" ".join(robots) for robots in together(s.mission)], _bridge, _orphaned_bridge),
+    Kind(
+        "commd",
+        lambda s: boards_of(s.mission),
+        lambda s, board: ["commd", "serve", s.file, "--board", board, *s.place(board).arguments],
+    ),
+    Kind(
+        "simulator",
+        lambda s: s.simulators(),
+        _simulator,
+        _board_of_robots,
+        lambda board, robot: robot,
+        measured=False,
+        daemon=False,
+    ),
+    Kind(
+        "bridged",
+        lambda s: [" ".join(robots) for robots in together(s.mission)],
+        _bridge,
+        _board_of_robots,
+        lambda board, robots: f"{board} {robots}",
+        _orphaned_bridge,
+    ),
     Kind(
         "agentd",
         lambda s: [" ".join(agents) for agents in s.agents_by_board().values()],
-        lambda s, agents: ["agentd", "serve", s.file, *agents.split(), "--router", s.router, *_speed(s)],
+        _agents,
+        _board_of_agents,
     ),
 )
 
@@ -119,21 +174,27 @@ class Process:
     subject: str
     argv: tuple[str, ...]
     orphaned: signal.Signals = signal.SIGKILL
+    label: str = ""
+    """What it is called after: whom it serves, or its board."""
+    board: str = ""
 
     @property
     def name(self) -> str:
-        """What people call it: `commd`, `bridged uav1`."""
-        return f"{self.kind.name} {self.subject}" if self.kind.name != "commd" else "commd"
+        """What people call it: `commd`, `bridged uav1`; with several boards `commd pi1`, `bridged pi1 uav1`."""
+        return f"{self.kind.name} {self.label}".strip()
 
 
 def plan(setup: Setup) -> list[Process]:
     """Return every process of the mission on this machine, in the order of the start."""
+    return [_process(setup, kind, subject) for kind in KINDS for subject in kind.subjects(setup)]
+
+
+def _process(setup: Setup, kind: Kind, subject: str) -> Process:
     python = (sys.executable, "-P", "-m")  # -P: a user's folder `schemas/` must not come before ours
-    return [
-        Process(kind, subject, (*python, *kind.command(setup, subject)), kind.orphaned(setup, subject))
-        for kind in KINDS
-        for subject in kind.subjects(setup)
-    ]
+    board = kind.board(setup, subject)
+    several = len(boards_of(setup.mission)) > 1
+    label = kind.label(board, subject) if several else subject if kind.name != "commd" else ""
+    return Process(kind, subject, (*python, *kind.command(setup, subject)), kind.orphaned(setup, subject), label, board)
 
 
 def real_robots(mission: Mission, named: list[str]) -> tuple[frozenset[str], list[str]]:

@@ -12,12 +12,13 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Protocol, Self, TextIO
 
+from argosy.boards import NoPort, places
 from argosy.check import check_mission
 from argosy.endings import Ending
 from argosy.endpoint import endpoint, in_use, link_in_use
 from argosy.flight import Flight
 from argosy.journal import Entry, Journal
-from argosy.links import address_of, bound_links, group_of
+from argosy.links import address_of, bound_links, group_of, ports_of
 from argosy.measure import Meter
 from argosy.picture import Picture
 from argosy.processes import Setup, real_robots
@@ -44,9 +45,17 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="fly the real ROBOT (or `all`) instead of simulating it",
     )
     parser.add_argument("--yes", action="store_true", help="do not ask before a real robot may be armed")
+    parser.add_argument(
+        "--restart",
+        action="store_true",
+        help="start a daemon again that dies (as `restart: on-failure` in the mission)",
+    )
     parser.add_argument("--report", type=Path, metavar="DIR", help="write track.svg, mission.log and summary.txt there")
     parser.add_argument(
-        "--router", type=endpoint, metavar="ENDPOINT", help="the router's endpoint instead of the mission's"
+        "--router",
+        type=endpoint,
+        metavar="ENDPOINT",
+        help="the first board's router instead of the mission's; those of other boards take the next free ports",
     )
 
 
@@ -100,7 +109,13 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
     speed = args.speed if args.speed is not None else 1.0 if real else mission.speed
     if real and speed != 1:
         raise Refused(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")
-    setup = Setup(mission, args.router or mission.router.endpoint, speed, real, state, _telling(mission))
+    router = args.router or mission.router.endpoint
+    try:
+        routers = places(mission, router, ports_of(mission))
+    except NoPort as error:
+        raise Refused(str(error), EXIT_FAILED) from None
+    restart = args.restart or mission.restart == "on-failure"
+    setup = Setup(mission, router, speed, real, state, _telling(mission), routers, restart, args.report)
     if mixed := setup.mixed():
         real_ones, others = ([one for one in mixed if (one in real) == wanted] for wanted in (True, False))
         link = mission.robots[mixed[0]].link
@@ -116,8 +131,12 @@ def _check_ports(setup: Setup) -> None:
         other = "another one, such as --router tcp/127.0.0.1:7448, and give the robots other links"
         raise Refused(f"{setup.router} {why}: is another mission running? Name {other}", EXIT_FAILED)
     for link, robots in bound_links(mission, setup.simulators()).items():
+        line = mission.positions.of(("robots", robots[-1], "link"))[0]
+        boards = list(dict.fromkeys(mission.robots[robot].board for robot in robots))
+        if len(boards) > 1:
+            told = f"{link} is a link of {' and of '.join(boards)}, and here they are one machine"
+            raise Refused(f"{mission.path}:{line}: {told}: give {robots[-1]} another one")
         if link.port and (why := link_in_use(link)):
-            line = mission.positions.of(("robots", robots[0], "link"))[0]
             advice = f"is another mission running? Give {', '.join(robots)} another link"
             raise Refused(f"{mission.path}:{line}: {link} {why}: {advice}", EXIT_FAILED)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from argosy.links import MEETING, address_of, group_of, peer_of
+from argosy.surroundings import camera_arguments, check_world
 from bridged.drivers.mavlink.address import LinkAddress
 from bridged.drivers.python.plugins import TWINS, has_plugin
 from bridged.drivers.python.vocabulary import names
@@ -24,25 +25,35 @@ _NO_TWIN = "mavlink"
 
 SHORTEST_BATTERY = 6.0
 """Seconds that a simulated battery lasts at least."""
+SHORTEST_RECHARGE = 1.0
+"""Seconds in which it can be charged."""
 
 
-def _copter(robot: Robot, router: str) -> list[str]:
+def _copter(mission: Mission, name: str, router: str, address: str | None) -> list[str]:
+    robot = mission.robots[name]
     assert robot.simulate is not None
     told = robot.simulate
     home = ",".join(map(repr, told.home or ()))
-    link = str(peer_of(LinkAddress.parse(robot.link)))
+    link = str(peer_of(LinkAddress.parse(robot.link), address))
     arguments = ["--link", link, f"--home={home}", "--sysid", str(robot.sysid)]  # `=`: a latitude may be negative
     arguments += [f"--param={name}={value!r}" for name, value in told.parameters.items()]
     arguments += [f"--fault={fault}" for fault in told.faults]
-    return arguments + ([] if told.battery is None else [f"--battery-minutes={told.battery / 60:g}"])
+    arguments += [] if told.battery is None else [f"--battery-minutes={told.battery / 60:g}"]
+    arguments += [] if told.recharge is None else [f"--recharge-seconds={float(told.recharge):g}"]
+    arguments += camera_arguments(mission, name, router)
+    if robot.signing is None:
+        return arguments
+    return [*arguments, "--signing-passphrase-file", str(mission.relative(robot.signing.passphrase_file))]
 
 
-def _turtle(robot: Robot, router: str) -> list[str]:
-    return ["--router", router, *(["--prefix", robot.prefix] if robot.prefix else [])]  # its manifest names it
+def _turtle(mission: Mission, name: str, router: str, address: str | None) -> list[str]:
+    prefix = mission.robots[name].prefix
+    return ["--router", router, *(["--prefix", prefix] if prefix else [])]  # its manifest names it
 
 
-VEHICLES: dict[str, Callable[[Robot, str], list[str]]] = {"copter": _copter, "turtle": _turtle}
-"""What `bridged simulate` can be, and its arguments for a robot and the router's endpoint."""
+VEHICLES: dict[str, Callable[[Mission, str, str, str | None], list[str]]] = {"copter": _copter, "turtle": _turtle}
+"""What `bridged simulate` can be, and its arguments for a robot, the endpoint of its board's router and the address of
+its board, if that is another machine."""
 
 
 def vehicle_of(robot: Robot) -> str:
@@ -50,15 +61,24 @@ def vehicle_of(robot: Robot) -> str:
     return robot.simulate.process if robot.simulate is not None else ""
 
 
-def command(robot: Robot, router: str) -> list[str]:
-    """Return the command of a robot's simulator, but for its speed."""
-    vehicle = vehicle_of(robot)
-    return ["bridged", "simulate", vehicle, *VEHICLES[vehicle](robot, router)]
+def machine_of(robot: Robot) -> str:
+    """Return the machine that a robot's simulation runs on: a board, or one that has nothing but simulators."""
+    return (robot.simulate.board if robot.simulate is not None else None) or robot.board
+
+
+def command(mission: Mission, name: str, router: str, address: str | None = None) -> list[str]:
+    """Return the command of a robot's simulator, but for its speed.
+
+    `address` is that of the robot's board if it is another machine. Raises LinkAddressError if the simulator could not
+    reach the bridge.
+    """
+    vehicle = vehicle_of(mission.robots[name])
+    return ["bridged", "simulate", vehicle, *VEHICLES[vehicle](mission, name, router, address)]
 
 
 def check_simulations(mission: Mission, manifests: Mapping[str, Manifest | None]) -> list[Finding]:
     """Return what is wrong with the robots' `simulate`."""
-    findings: list[Finding] = []
+    findings = check_world(mission)
     for name, robot in mission.robots.items():
         where = ("robots", name, "simulate")
         vehicle, manifest = vehicle_of(robot), manifests.get(name)
@@ -82,7 +102,13 @@ def _of_a_copter(robot: Robot) -> list[tuple[str, str]]:
     """What is wrong with what only a simulated copter has: the field and the problem."""
     told = robot.simulate
     assert told is not None
-    given = {"parameters": told.parameters, "battery": told.battery, "faults": told.faults}
+    given = {
+        "parameters": told.parameters,
+        "battery": told.battery,
+        "recharge": told.recharge,
+        "camera": told.camera,
+        "faults": told.faults,
+    }
     if vehicle_of(robot) != "copter":
         return [(field, f"simulate.{field}: only a simulated copter has this") for field in given if given[field]]
     problems = []
@@ -96,6 +122,8 @@ def _of_a_copter(robot: Robot) -> list[tuple[str, str]]:
             problems.append(("parameters", f"simulate.parameters: the simulated copter has no parameter {name!r}"))
     if told.battery is not None and told.battery < SHORTEST_BATTERY:
         problems.append(("battery", f"simulate.battery: expected at least {SHORTEST_BATTERY:g} s"))
+    if told.recharge is not None and told.recharge < SHORTEST_RECHARGE:
+        problems.append(("recharge", f"simulate.recharge: expected at least {SHORTEST_RECHARGE:g} s"))
     return problems
 
 

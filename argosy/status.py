@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -38,6 +39,9 @@ class Status:
     """Robots whose bridge did not leave in time."""
     frozen: set[str] = field(default_factory=set)
     """Robots of which nothing new was heard any more when the run ended."""
+
+    restarts: Counter[str] = field(default_factory=Counter)
+    """How often each process was started again, by its name."""
 
     def serves(self, child: Child) -> bool:
         """Whether a process has come so far that it does its work."""

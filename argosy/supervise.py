@@ -39,6 +39,10 @@ class Child:
         self.started = time.monotonic()
         self.told_to_leave = False
         self.died: float | None = None
+        self.replaced = False
+        """Whether it died and another one is, or is to be, started in its place."""
+        self.in_vain = ""
+        """Why it is not started again, to stand behind how it ended."""
         self.readers: list[asyncio.Task[None]] = []
         self.waiter: asyncio.Task[None] | None = None
 
@@ -49,8 +53,8 @@ class Child:
 
     @property
     def dead(self) -> bool:
-        """Whether it ended although nobody told it to."""
-        return self.died is not None and not self.told_to_leave
+        """Whether it ended although nobody told it to, and for good."""
+        return self.died is not None and not self.told_to_leave and not self.replaced
 
     def how_it_ended(self) -> str:
         """Return in words how it ended, with its own last word if it had one."""
@@ -58,16 +62,16 @@ class Child:
         if code is None:
             return "still runs"
         if code < 0:
-            return f"was killed by {signal.Signals(-code).name}"
+            return f"was killed by {signal.Signals(-code).name}{self.in_vain}"
         last = next((line for line in reversed(self.lines) if "error" in line.lower()), "")
         said = f": {last.strip()}" if last else ""
-        return f"ended by itself with exit code {code}{said}"
+        return f"ended by itself with exit code {code}{said}{self.in_vain}"
 
     def signal(self, number: signal.Signals) -> None:
         """Send a signal to the process, if it still runs."""
         if self.alive:
             with suppress(ProcessLookupError):
-                os.kill(self.pid, number)
+                self.handle.send_signal(number)
 
     def kill_group(self) -> None:
         """Kill whatever is left of the process and of what it started."""
@@ -84,8 +88,8 @@ class Supervisor:
         self._on_line, self._on_end = on_line, on_end
         self.cut_lines = 0
 
-    async def start(self, process: Process) -> Child:
-        """Start a process. Raises OSError if the system has none to give."""
+    async def start(self, process: Process, instead_of: Child | None = None) -> Child:
+        """Start a process, or another life of a dead one. Raises OSError if the system has none to give."""
         launcher = (sys.executable, "-I", "-S", _LAUNCHER, str(int(process.orphaned)), str(os.getpid()))
         handle = await asyncio.create_subprocess_exec(
             *launcher,
@@ -97,7 +101,10 @@ class Supervisor:
             process_group=0,
         )
         child = Child(process, handle)
-        self.children.append(child)
+        if instead_of in self.children:
+            self.children[self.children.index(instead_of)] = child
+        else:
+            self.children.append(child)
         assert handle.stdout is not None
         assert handle.stderr is not None
         child.readers = [asyncio.create_task(self._read(child, stream)) for stream in (handle.stdout, handle.stderr)]
@@ -148,9 +155,9 @@ class Supervisor:
 
     async def _wait(self, child: Child) -> None:
         await child.handle.wait()
-        child.died = time.monotonic()
         child.kill_group()
         await asyncio.wait(child.readers, timeout=0.3)  # its last words
+        child.died = time.monotonic()
         self._on_end(child)
 
     async def _read(self, child: Child, stream: asyncio.StreamReader) -> None:

@@ -109,6 +109,10 @@ class Simulate(FileModel, frozen=True, kw_only=True):
     """Parameters of its autopilot, such as `{FS_GCS_ENABLE: 1}`."""
     battery: Duration | None = None
     """How long a full battery lasts in the air; none = as recorded, it never runs down."""
+    recharge: Duration | None = None
+    """Mission seconds in which an empty battery is full again at home with the motors off; none = 120."""
+    camera: Distance | None = None
+    """Metres over ground within which it sees the victims of the mission's world; none = it has no camera."""
     faults: tuple[str, ...] = ()
     """What is wrong with it and its link, such as `loss=0.2` (docs/simulated-copter.md)."""
 
@@ -193,6 +197,17 @@ class Radio(FileModel, frozen=True, kw_only=True):
     seed: int = 0
 
 
+class World(FileModel, frozen=True, kw_only=True):
+    """What is there in simulation and nobody of the fleet is told."""
+
+    victims: Annotated[int, msgspec.Meta(ge=0, le=1000)] = 0
+    """How many are in the water."""
+    seed: int = 0
+    """Of where they are."""
+    area: tuple[Latitude, Longitude, Latitude, Longitude]
+    """South, west, north and east border of where they may be, in degrees."""
+
+
 class MissionFile(FileModel, frozen=True, kw_only=True):
     """What stands at the top of a mission file; boards, agents and robots are read one by one."""
 
@@ -212,6 +227,7 @@ class MissionFile(FileModel, frozen=True, kw_only=True):
     gateway: Gateway | None = None
     mail: MailRules = MailRules()
     radio: Radio | None = None
+    world: World | None = None
     inject: bool = False
 
 
@@ -247,6 +263,7 @@ class Mission:
     mail: MailRules
     radio: Radio | None
     """None: mail between boards meets the real network alone."""
+    world: World | None
     inject: bool
     path: Path
     positions: Positions
@@ -302,6 +319,7 @@ def read_mission(text: str, path: Path) -> Mission:
         gateway=top.gateway,
         mail=top.mail,
         radio=top.radio,
+        world=top.world,
         inject=top.inject,
         path=path,
         positions=positions,
@@ -364,7 +382,7 @@ def _check(mission: Mission) -> list[Finding]:
         check_endpoint(mission.router.endpoint)
     except ValueError as error:
         wrong(("router", "endpoint"), f"router.endpoint: {str(error)[:1].lower()}{str(error)[1:]}")
-    vehicles: dict[tuple[str, int], str] = {}
+    vehicles: dict[tuple[str, str, int], str] = {}
     for name, board in mission.boards.items():
         try:
             host_and_port(board.address or "none", DEFAULT_PORT)
@@ -373,7 +391,7 @@ def _check(mission: Mission) -> list[Finding]:
     if mission.gateway is not None:
         _check_gateway(mission, mission.gateway, wrong)
     for name, robot in mission.robots.items():
-        other = vehicles.setdefault((robot.link, robot.sysid), name) if robot.link else name
+        other = vehicles.setdefault((robot.board, robot.link, robot.sysid), name) if robot.link else name
         if other != name:
             text = f"system {robot.sysid} on `{robot.link}` is robot `{other}` already: give each vehicle its own sysid"
             wrong(("robots", name, "link"), text)
