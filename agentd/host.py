@@ -15,7 +15,7 @@ from agentd.language.syntax import Formula
 from agentd.language.terms import Literal, atom
 from agentd.mailing import Mailing
 from agentd.mind import Mind
-from agentd.mind.effects import CancelAction, Effect, Log, PerformAction, Print, SendMail, StopTeam, TeamRequest
+from agentd.mind.effects import CancelAction, Effect, Log, PerformAction, Print, StopTeam, TeamRequest
 from agentd.mind.inputs import (
     ActionDone,
     Input,
@@ -29,15 +29,15 @@ from agentd.mind.inputs import (
 from agentd.roster import Roster
 from agentd.telling import line_of
 from agentd.viewing import decisions_of, intentions_of
-from agentd.wire import BadTerm, from_wire, perceived, to_wire
+from agentd.wire import BadTerm, perceived, to_wire
 from commd.acting import Acting, describe
 from commd.bridge_watch import BridgeWatch
-from commd.bus import Bus, Query, Token, boot_id
+from commd.bus import Bus, Query, Token
 from commd.clock import Clock
 from commd.output import stdout
 from commd.perceiving import Perceiving
 from schemas import keys
-from schemas.records import Health, Message, MindView, Perception
+from schemas.records import Health, MindView, Perception
 
 Team: TypeAlias = "Callable[[Host, TeamRequest], Awaitable[TeamReply]]"
 """Who fulfils what a mind asks of its team."""
@@ -81,8 +81,6 @@ class Host:
         """What the program said when it stopped the team."""
         self.counters: Counter[str] = Counter()
         self._bus, self._clock, self._roster, self._team, self._token = bus, clock, roster, team, token
-        self._life = boot_id()
-        """Tells the messages of this agent from those of one of its name that this daemon had before."""
         self._mind = Mind(
             part.name,
             part.program,
@@ -100,7 +98,7 @@ class Host:
         self._wake = asyncio.Event()
         self._prints: deque[str] = deque(maxlen=LAST_PRINTS)
         self._tasks: set[asyncio.Task[None]] = set()
-        self._mailing = Mailing(bus, part.name, self._take_mail)
+        self._mailing = Mailing(bus, part.name, self._mind, self._feed, lambda: roster.names)
         self._perceiving: Perceiving | None = None
         self._acting: Acting | None = None
         if part.robot is not None:
@@ -120,6 +118,7 @@ class Host:
                 self._wake.clear()
                 for effect in mind.run(clock.now(), SLICE):
                     self._carry_out(effect)
+                self._keep()
                 if self.stopped is not None:
                     break
                 if mind.ready:
@@ -132,10 +131,16 @@ class Host:
             waiting.cancel()
             await self._leave()
 
+    def _keep(self) -> None:
+        self._mailing.absorbed()
+        self._mailing.inbox.kept(self._mailing.inbox.take_absorbed())
+        self._mailing.outbox.saved(self._mailing.outbox.take_unsaved())
+        self._mailing.outbox.take_gone()
+
     async def _leave(self) -> None:
         for note in self._mind.drops.untold():
             self._carry_out(note)
-        await self._mailing.drain(LEAVE)
+        await self._mailing.leave(LEAVE)
         for task in list(self._tasks):
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -151,7 +156,7 @@ class Host:
 
     def tell(self, mail: Mail) -> None:
         """Hand in a message that does not come by the bus: from the directory of services."""
-        self._feed(mail)
+        self._mailing.tell(mail)
 
     def _feed(self, item: Input) -> None:
         self._mind.feed(item)
@@ -182,8 +187,6 @@ class Host:
             case CancelAction(id=number):
                 if self._acting is not None:
                     self._spawn(self._acting.cancel(self._identity(number)))
-            case SendMail():
-                self._send(effect)
             case StopTeam(delay=delay):
                 self._stop_after(effect, delay)
             case TeamRequest():
@@ -232,28 +235,6 @@ class Host:
         log.info("agent=%s %s", self.part.name, describe(status))
         self._feed(ActionDone(effect.id, status.state == "succeeded", status.reason, status.state))
 
-    def _send(self, mail: SendMail) -> None:
-        try:
-            content = to_wire(mail.content)
-        except BadTerm as bad:
-            self.counters["unsendable"] += 1
-            log.warning("agent=%s mail_unsendable id=%s why=%s", self.part.name, mail.msg_id, bad)
-            return
-        others = [name for name in self._roster.names if name != self.part.name]
-        receivers = [mail.receiver] if mail.receiver is not None else others
-        for receiver in receivers:
-            self._mailing.send(
-                Message(
-                    header=self._bus.header("mail", self.part.name),
-                    id=f"{mail.msg_id}.{self._life}",
-                    sender=self.part.name,
-                    performative=mail.performative,
-                    receiver=receiver,
-                    content=content,
-                    in_reply_to=mail.in_reply_to,
-                )
-            )
-
     # --- into the mind ---
 
     def _perceive(self, perception: Perception) -> None:
@@ -270,22 +251,6 @@ class Host:
                 self._feed(PerceptAdded(literal))
             case "remove":
                 self._feed(PerceptRemoved(literal, perception.key))
-
-    def _take_mail(self, message: Message) -> str:
-        """Feed a message. Returns why it is not taken, or an empty text."""
-        if len(self._mind.mailbox) >= INPUTS:
-            self.counters["mail_refused"] += 1
-            return "the mailbox is full"
-        try:
-            content = from_wire(message.content)
-        except BadTerm as bad:
-            self.counters["bad_mail"] += 1
-            log.warning("agent=%s bad_mail sender=%s why=%s", self.part.name, message.sender, bad)
-            return ""
-        # The answer to a question of a former life keeps its whole id: nobody waits for it.
-        answered = message.in_reply_to.removesuffix(f".{self._life}")
-        self._feed(Mail(message.sender, message.performative, content, message.id, answered))
-        return ""
 
     def _bridge_up(self) -> None:
         self._feed(PerceptReplaced(_BRIDGE_UP))
@@ -329,8 +294,8 @@ class Host:
         counters["cycles"] = self._mind.cycle
         missed = self._perceiving.percepts.missed if self._perceiving else 0
         return Health(
-            drops=sum(self._mind.drops.counts.values()) + self._mailing.counters["dropped"] + stdout().dropped,
-            bad_input=self.counters["bad_percepts"] + self.counters["bad_mail"],
+            drops=sum(self._mind.drops.counts.values()) + stdout().dropped,
+            bad_input=self.counters["bad_percepts"] + self._mailing.counters["bad"],
             counters={**{name: float(count) for name, count in sorted(counters.items())}, "percepts_missed": missed},
         )
 

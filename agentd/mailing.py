@@ -1,118 +1,96 @@
-"""An agent's mail: out through the board's commd, in order per receiver; in once per message."""
+"""An agent's mail, between its mind and the board's commd (docs/mail.md)."""
 
 from __future__ import annotations
 
-import asyncio
 import logging
-from collections import Counter, OrderedDict
-from collections.abc import Callable
-from contextlib import aclosing
+from collections import Counter
+from collections.abc import Callable, Iterable
 
-from commd.bus import Bus, BusClosed, Query
-from schemas import keys
-from schemas.codec import BadRecord
-from schemas.records import Mail, Message, Receipt
+from agentd.inbox import Inbox, Refused
+from agentd.language.signatures import signature
+from agentd.language.terms import Literal, atom
+from agentd.mind import Mind
+from agentd.mind.effects import SendMail
+from agentd.mind.failed import Failed
+from agentd.mind.inputs import Mail
+from agentd.outbox import Outbox, Unsendable
+from agentd.wire import BadTerm, from_wire, to_wire
+from commd.bus import Bus, boot_id
+from schemas.records import Message
 
 log = logging.getLogger("mail")
 
-QUEUE = 10_000
-"""Messages that may wait for one receiver; further ones are dropped, counted and logged."""
-RETRY_FIRST, RETRY_MOST = 0.1, 2.0
-"""Wall seconds between two attempts to hand over a message, doubling."""
-PATIENCE = 60.0
-"""Wall seconds after which a message that nobody takes is given up, with a warning."""
-ANSWER_TIMEOUT = 8.0
-REMEMBERED = 10_000
-"""Message ids kept to tell a repeated message from a new one."""
+INPUTS = 20_000
+"""Messages that may wait for the mind; further ones wait at commd."""
+OFFICE = "mail"
+"""The sender of notices about mail (`+undelivered(...)[source(mail)]`)."""
 
 
 class Mailing:
     """The mail of one agent."""
 
-    def __init__(self, bus: Bus, agent: str, on_message: Callable[[Message], str]) -> None:
-        self.counters: Counter[str] = Counter()
-        self._bus, self._agent, self._on_message = bus, agent, on_message
-        self._queues: dict[str, asyncio.Queue[Message]] = {}
-        self._tasks: set[asyncio.Task[None]] = set()
-        self._seen: OrderedDict[tuple[str, str], None] = OrderedDict()
-        self._close = bus.serve(keys.inbox(bus.fleet, agent), Mail, self._receive)
+    def __init__(
+        self, bus: Bus, agent: str, mind: Mind, feed: Callable[[Mail], None], names: Callable[[], Iterable[str]]
+    ) -> None:
+        """`feed` hands a message to the mind and wakes it; `names` are all that can be sent to."""
+        self.outbox = Outbox(bus, agent, self._undelivered)
+        self.inbox = Inbox(bus, agent, self._room, self._read)
+        self._agent, self._mind, self._feed, self._names = agent, mind, feed, names
+        self._life = boot_id()
+        """Tells the answers to questions of this life of the agent from those to a former one's."""
+        self._bad: Counter[str] = Counter()
+        mind.post_office = self.send
 
-    def send(self, message: Message) -> None:
-        """Queue a message for its receiver."""
-        queue = self._queues.get(message.receiver)
-        if queue is None:
-            queue = self._queues[message.receiver] = asyncio.Queue(QUEUE)
-            task = asyncio.get_running_loop().create_task(self._post(queue))
-            self._tasks.add(task)
+    @property
+    def counters(self) -> Counter[str]:
+        """What became of messages so far."""
+        return self.outbox.counters + self.inbox.counters + self._bad
+
+    def send(self, mail: SendMail) -> None:
+        """Take a message, or a broadcast, that leaves when it is on disk. Raises Failed: the plan that sends it fails.
+
+        A broadcast is a message to each that is known, there or away, but oneself.
+        """
+        others = [name for name in self._names() if name != self._agent]
+        receivers = [mail.receiver] if mail.receiver is not None else others
         try:
-            queue.put_nowait(message)
-        except asyncio.QueueFull:
-            self.counters["dropped"] += 1
-            if self.counters["dropped"] % 1000 == 1:
-                log.warning("mail_dropped receiver=%s count=%d", message.receiver, self.counters["dropped"])
+            content = to_wire(mail.content)
+            self.outbox.post(receivers, mail.performative, content, f"{mail.msg_id}.{self._life}", mail.in_reply_to)
+        except BadTerm as bad:
+            raise Failed("not_sendable", f"the message cannot be sent: {bad}") from None
+        except Unsendable as bad:
+            raise Failed(bad.error, f"the message cannot be sent: {bad}") from None
 
-    async def drain(self, patience: float) -> None:
-        """Take no mail any more; wait until what was sent has been handed over, at most `patience` wall seconds."""
-        self._close()
-        waiting = [asyncio.create_task(queue.join()) for queue in self._queues.values()]
-        if waiting:
-            await asyncio.wait(waiting, timeout=patience)
-        self._tasks.update(waiting)
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+    def tell(self, mail: Mail) -> None:
+        """Hand the mind a message that does not come from commd."""
+        self._feed(mail)
+        self.inbox.unnumbered()
 
-    async def _post(self, queue: asyncio.Queue[Message]) -> None:
-        while True:
-            message = await queue.get()
-            reason, pause = await self._hand_over(message), RETRY_FIRST
-            until = asyncio.get_running_loop().time() + PATIENCE
-            while reason and reason != "receiver_not_found" and asyncio.get_running_loop().time() < until:
-                await asyncio.sleep(pause)
-                pause = min(pause * 2, RETRY_MOST)
-                reason = await self._hand_over(message)
-            self.counters["undelivered" if reason else "sent"] += 1
-            if reason:
-                log.warning("mail_undelivered id=%s receiver=%s why=%s", message.id, message.receiver, reason)
-            queue.task_done()
+    async def leave(self, patience: float) -> None:
+        """Take no mail any more, and hand over what may leave, for at most `patience` wall seconds."""
+        self.inbox.close()
+        await self.outbox.drain(patience)
 
-    async def _hand_over(self, message: Message) -> str:
-        """Give a message to commd. Returns why it was not taken, or an empty text."""
-        reason = "commd does not answer"
-        outbox = keys.outbox(self._bus.fleet, self._agent)
+    def absorbed(self) -> bool:
+        """Look at what the mind has taken. Returns whether commd waits for a save."""
+        return self.inbox.absorb(len(self._mind.mailbox))
+
+    def _room(self) -> str:
+        return "the mailbox of the mind is full" if len(self._mind.mailbox) >= INPUTS else ""
+
+    def _read(self, message: Message) -> Callable[[], None]:
         try:
-            async with aclosing(self._bus.query(outbox, Mail(messages=(message,)), Receipt, ANSWER_TIMEOUT)) as replies:
-                async for reply in replies:
-                    if reply.record is None:
-                        reason = reply.error
-                    elif message.id in reply.record.taken:
-                        return ""
-                    else:
-                        reason = reply.record.refused.get(message.id, "not taken")
-        except BadRecord as bad:
-            self.counters["unsendable"] += 1
-            log.warning("mail_unsendable id=%s why=%s", message.id, bad)
-            return ""
-        except BusClosed as closed:
-            return str(closed)
-        return reason
+            content = from_wire(message.content)
+        except BadTerm as bad:
+            self._bad["bad"] += 1
+            log.warning("agent=%s bad_mail sender=%s why=%s", self._agent, message.sender, bad)
+            raise Refused(f"it cannot be read: {bad}") from None
+        # The answer to a question of a former life keeps its whole id: nobody waits for it.
+        answered = message.in_reply_to.removesuffix(f".{self._life}")
+        mail = Mail(message.sender, message.performative, content, message.id, answered)
+        return lambda: self._feed(mail)
 
-    async def _receive(self, query: Query[Mail]) -> None:
-        if query.record is None or not query.concrete:
-            query.reply_error(query.error or "expected a Mail record on a concrete key")
-            return
-        taken: list[str] = []
-        refused: dict[str, str] = {}
-        for message in query.record.messages:
-            known = (message.sender, message.id)
-            reason = "" if known in self._seen else self._on_message(message)
-            if reason:
-                refused[message.id] = reason
-                continue
-            if known not in self._seen:
-                self.counters["received"] += 1
-                self._seen[known] = None
-                if len(self._seen) > REMEMBERED:
-                    self._seen.popitem(last=False)
-            taken.append(message.id)
-        query.reply(Receipt(taken=tuple(taken), refused=refused))
+    def _undelivered(self, message: Message, why: str) -> None:
+        """Tell the mind of a message that commd has refused for good."""
+        told = (atom(message.receiver), atom(message.performative), from_wire(message.content), why)
+        self.tell(Mail(OFFICE, "signal", Literal(signature("undelivered", 4), told)))

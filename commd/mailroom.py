@@ -36,15 +36,18 @@ class Mailroom:
         if query.record is None or not query.concrete:
             query.reply_error(query.error or "expected a Mail record on a concrete key")
             return
-        taken: list[str] = []
-        refused: dict[str, str] = {}
-        for message in query.record.messages:
-            reason = await self.deliver(message)
-            if reason:
-                refused[message.id] = reason
-            else:
-                taken.append(message.id)
-        query.reply(Receipt(taken=tuple(taken), refused=refused))
+        refused: dict[int, str] = {}
+        later: dict[int, str] = {}
+        waits: dict[tuple[str, str], str] = {}
+        for place, message in enumerate(query.record.messages):
+            pair = message.sender, message.receiver
+            reason = waits.get(pair) or await self.deliver(message)
+            if reason == "receiver_not_found":
+                refused[place] = reason
+            elif reason:
+                later[place] = waits[pair] = reason
+        taken = len(query.record.messages) - len(refused) - len(later)
+        query.reply(Receipt(taken=taken, refused=refused, later=later))
 
     async def deliver(self, message: Message) -> str:
         """Hand one message to its receiver. Returns why it was not taken, or an empty text."""
@@ -61,10 +64,10 @@ class Mailroom:
                 async for reply in replies:
                     if reply.record is None:
                         reason = reply.error
-                    elif message.id in reply.record.taken:
+                    elif reply.record.taken:
                         reason = ""
                     else:
-                        reason = reply.record.refused.get(message.id, "not taken")
+                        reason = reply.record.refused.get(0) or reply.record.later.get(0) or "not taken"
         if reason:
             self._guests.discard(message.receiver)
         self.counters["refused" if reason else "delivered"] += 1

@@ -24,7 +24,7 @@ from agentd.mind.decision_views import DecisionView, FailureView, view_of, views
 from agentd.mind.decisions import Decisions
 from agentd.mind.dropping import fail_too_deep
 from agentd.mind.drops import Drops
-from agentd.mind.effects import Effect, Log
+from agentd.mind.effects import Effect, Log, SendMail
 from agentd.mind.frames import PLAN, Frame
 from agentd.mind.goal_states import raise_state
 from agentd.mind.inputs import Input, Mail, TimeRead
@@ -145,6 +145,8 @@ class Mind:
         """What ``changes`` was when those formulas were asked last."""
         self.action_count = 0
         self.message_count = 0
+        self.post_office: Callable[[SendMail], None] | None = None
+        """Takes each message as it is sent, or raises `Failed` for the plan; None: messages are effects like others."""
         self.asked: Asked | None = None
         """While a question of another agent is solved: what it may do."""
         self.questions: dict[str, Any] = {}

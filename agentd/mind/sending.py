@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 from agentd.language.order import sorted_annots
 from agentd.language.sources import SOURCE_SELF, is_source, source
 from agentd.language.terms import FALSE, Literal, atom
-from agentd.mind.effects import SendMail
+from agentd.mind.effects import Log, SendMail
+from agentd.mind.failed import Failed
 from agentd.mind.inputs import Mail
 from agentd.mind.resolving import Copier
 
@@ -18,18 +19,31 @@ if TYPE_CHECKING:
 def send(
     mind: Mind, receiver: str | None, performative: str, content: Any, in_reply_to: str = "", kind: str = "mid"
 ) -> str:
-    """Hand a message out; returns its id, which begins with ``kind``: ``sync`` if the sender waits for an answer."""
+    """Hand a message out; returns its id, which begins with ``kind``: ``sync`` if the sender waits for an answer.
+
+    Fails with ``message_too_large``, ``mailbox_full`` or ``not_sendable`` if the mind's post office does not take it.
+    """
     mind.message_count += 1
     msg_id = f"{kind}{mind.message_count}.{mind.name}"
-    mind.effects.append(SendMail(receiver, performative, content, msg_id, in_reply_to))
+    mail = SendMail(receiver, performative, content, msg_id, in_reply_to)
+    if mind.post_office is None:
+        mind.effects.append(mail)
+    else:
+        mind.post_office(mail)
     return msg_id
 
 
 def reply(mind: Mind, mail: Mail, content: Any) -> None:
-    """Answer a question: a synchronous one by a message in reply, another one by telling."""
+    """Answer a question: a synchronous one by a message in reply, another one by telling.
+
+    An answer that cannot be sent is told in the log; who waits for it sees its time run out.
+    """
     if not mail.msg_id.startswith("sync") and content is FALSE:
         return
-    send(mind, mail.sender, "tell", content, mail.msg_id)
+    try:
+        send(mind, mail.sender, "tell", content, mail.msg_id)
+    except Failed as failed:
+        mind.effects.append(Log("warning", f"the question of {mail.sender} gets no answer: {failed}"))
 
 
 def answer_text(mind: Mind, literal: Any) -> Any:

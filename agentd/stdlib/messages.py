@@ -80,13 +80,12 @@ def _ask(mind: Any, receivers: list[str], many: bool, force: str, content: Any, 
     mind.await_something(intention, f"answer of {', '.join(receivers)}", question)
     for receiver in receivers:
         try:
-            receiver = _present(mind, receiver)
+            msg_id = send(mind, _present(mind, receiver), force, content, kind="sync")
         except Failed:
             question.forget(mind)
             mind.waiting.pop(intention.id, None)
             intention.waiting = None
             raise
-        msg_id = send(mind, receiver, force, content, kind="sync")
         question.ids.append(msg_id)
         mind.questions[msg_id] = question
     if seconds is not None:

@@ -1,105 +1,372 @@
-"""Mail between agents of one board, through a real commd mailroom."""
+"""The mail of one agent between its mind and commd: numbered, in batches, acknowledged, never doubled."""
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 
 import pytest
 
-from agentd.mailing import Mailing
-from commd.bus import Bus
-from commd.mailroom import Mailroom
+from agentd.inbox import Inbox, Numbered, Refused
+from agentd.outbox import LARGEST, Outbox, Unsendable, adds_up
+from commd.bus import Bus, Query
 from schemas import keys
-from schemas.records import Mail, Message
-from tests.support.buses import FLEET, Connect, on_a_bus, until
+from schemas.records import Header, Mail, Message, Receipt
+from tests.support.buses import FLEET, Connect, on_a_bus, served, until
 
 
-async def open_mailroom(connect: Connect) -> Mailroom:
-    """Serve the outboxes of the agents a and b, as commd does."""
-    bus = await connect("board", "commd")
-    mailroom = Mailroom(bus, {"a", "b"})
-    bus.serve(keys.outbox(FLEET, "*"), Mail, mailroom.post)
-    return mailroom
+class Desk:
+    """Serves the outbox of agent a as commd does: takes each message once, or does with a batch as it is told."""
+
+    def __init__(self) -> None:
+        self.taken: list[Message] = []
+        self.batches: list[int] = []
+        self.answer: Callable[[tuple[Message, ...]], Receipt | None] | None = None
+
+    async def serve(self, query: Query[Mail]) -> None:
+        assert query.record is not None
+        messages = query.record.messages
+        self.batches.append(len(messages))
+        told = self.answer(messages) if self.answer is not None else Receipt(taken=len(messages))
+        if told is None:
+            query.reply_error("not now")
+            return
+        for place, message in enumerate(messages):
+            known = {(one.receiver, one.header.boot, one.header.seq) for one in self.taken}
+            number = (message.receiver, message.header.boot, message.header.seq)
+            if place not in {*told.refused, *told.later} and number not in known:
+                self.taken.append(message)
+        query.reply(told)
+
+    def told(self, receiver: str) -> list[object]:
+        return [one.content for one in self.taken if one.receiver == receiver]
 
 
-def message(number: int, receiver: str = "b") -> Message:
-    return Message(id=f"m{number}", sender="a", performative="tell", receiver=receiver, content=number)
+def an_outbox(bus: Bus) -> tuple[Outbox, list[tuple[Message, str]]]:
+    refused: list[tuple[Message, str]] = []
+    return Outbox(bus, "a", lambda message, why: refused.append((message, why))), refused
 
 
-def mailing(bus: Bus, agent: str) -> tuple[Mailing, list[Message]]:
-    got: list[Message] = []
-
-    def take(one: Message) -> str:
-        got.append(one)
-        return ""
-
-    return Mailing(bus, agent, take), got
+def send(outbox: Outbox, number: int, *receivers: str) -> None:
+    outbox.post(receivers or ("b",), "tell", number, f"mid{number}", "")
 
 
-def test_messages_arrive_once_and_in_order(endpoint: str) -> None:
+def keep(outbox: Outbox) -> None:
+    """What the agent does when a checkpoint is on disk."""
+    outbox.saved(outbox.take_unsaved())
+
+
+async def a_desk(connect: Connect) -> Desk:
+    desk, bus = Desk(), await connect("board", "commd")
+    bus.serve(keys.outbox(FLEET, "a"), Mail, desk.serve)
+    return desk
+
+
+def test_messages_leave_numbered_in_batches_and_in_order_per_receiver(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
-        await open_mailroom(connect)
-        sender, _ = mailing(await connect("a"), "a")
-        _, got = mailing(await connect("b"), "b")
-        for number in range(100):
-            sender.send(message(number))
-        await until(lambda: len(got) == 100, "all messages arrive")
-        assert [one.content for one in got] == list(range(100))
-        await until(lambda: sender.counters["sent"] == 100, "each was acknowledged")
+        desk = await a_desk(connect)
+        outbox, _ = an_outbox(await connect("a"))
+        for number in range(1200):
+            send(outbox, number, "b" if number % 3 else "c")
+        keep(outbox)
+        await until(lambda: outbox.counters["sent"] == 1200, "all are handed over")
+        assert desk.told("b") == [number for number in range(1200) if number % 3]
+        assert desk.told("c") == list(range(0, 1200, 3))
+        assert [one.header.seq for one in desk.taken if one.receiver == "c"] == list(range(1, 401))
+        assert len(desk.batches) < 10
+        assert len(outbox) == 0
+        assert sorted(outbox.take_gone()) == list(range(1, 1201))
 
     on_a_bus(endpoint, body)
 
 
-def test_mail_waits_for_a_receiver_that_is_not_there_yet(endpoint: str) -> None:
+def test_nothing_leaves_before_it_is_on_disk(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
-        await open_mailroom(connect)
-        sender, _ = mailing(await connect("a"), "a")
-        sender.send(message(1))
-        sender.send(message(2))
-        await asyncio.sleep(0.5)
-        _, got = mailing(await connect("b"), "b")
-        await until(lambda: [one.content for one in got] == [1, 2], "both arrive, in order")
+        desk = await a_desk(connect)
+        bus = await connect("a")
+        outbox, _ = an_outbox(bus)
+        await served(bus, keys.outbox(FLEET, "a"))
+        send(outbox, 1)
+        held = outbox.take_unsaved()
+        send(outbox, 2)
+        keep(outbox)
+        await until(lambda: desk.told("b") == [2], "what is kept leaves")
+        outbox.saved(held)
+        await until(lambda: desk.told("b") == [2, 1], "the other one leaves when it is kept")
 
     on_a_bus(endpoint, body)
 
 
-def test_mail_to_an_agent_of_no_mission_is_given_up_and_said(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_mail_waits_for_a_commd_that_is_not_there_yet_and_leaves_at_once_when_it_comes(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
-        mailroom = await open_mailroom(connect)
-        sender, _ = mailing(await connect("a"), "a")
-        sender.send(message(1, "nobody"))
-        await until(lambda: sender.counters["undelivered"] == 1, "the sender learns of it")
-        assert mailroom.counters["refused"] == 1
-        assert "mail_undelivered id=m1 receiver=nobody why=receiver_not_found" in caplog.text
+        outbox, _ = an_outbox(await connect("a"))
+        send(outbox, 1)
+        keep(outbox)
+        send(outbox, 2)
+        keep(outbox)
+        await until(lambda: outbox.counters["not_answered"] > 0, "nobody answers")
+        desk = await a_desk(connect)
+        outbox.hurry()
+        await until(lambda: desk.told("b") == [1, 2], "both leave, in order")
 
     on_a_bus(endpoint, body)
 
 
-def test_a_repeated_message_is_acknowledged_and_not_delivered_again(endpoint: str) -> None:
+def test_a_receipt_that_does_not_add_up_counts_as_none_and_the_batch_is_sent_again(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
-        await open_mailroom(connect)
-        sender, _ = mailing(await connect("a"), "a")
-        receiver, got = mailing(await connect("b"), "b")
-        sender.send(message(1))
-        sender.send(message(1))
-        sender.send(message(2))
-        await until(lambda: sender.counters["sent"] == 3, "all are acknowledged")
-        assert [one.content for one in got] == [1, 2]
-        assert receiver.counters["received"] == 2
+        desk = await a_desk(connect)
+        outbox, _ = an_outbox(await connect("a"))
+        wrong = [Receipt(), Receipt(taken=3), Receipt(taken=1, later={7: "full"}), None]
+        desk.answer = lambda messages: wrong.pop() if wrong else Receipt(taken=len(messages))
+        send(outbox, 1)
+        send(outbox, 2)
+        keep(outbox)
+        await until(lambda: outbox.counters["sent"] == 2, "it is sent again until the receipt is right")
+        assert outbox.counters["not_answered"] == 4
+        assert desk.told("b") == [1, 2]
 
     on_a_bus(endpoint, body)
 
 
-def test_too_much_mail_for_one_receiver_is_dropped_counted_and_said(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+def test_a_full_mailbox_holds_up_its_own_pair_only(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        desk = await a_desk(connect)
+        outbox, _ = an_outbox(await connect("a"))
+        full = True
+
+        def answer(messages: tuple[Message, ...]) -> Receipt:
+            later = {place: "mailbox full" for place, one in enumerate(messages) if full and one.receiver == "b"}
+            return Receipt(taken=len(messages) - len(later), later=later)
+
+        desk.answer = answer
+        for number in range(10):
+            send(outbox, number, "b" if number % 2 else "c")
+        keep(outbox)
+        await until(lambda: len(desk.told("c")) == 5, "the others get theirs")
+        send(outbox, 10, "c")
+        keep(outbox)
+        await until(lambda: len(desk.told("c")) == 6, "also later ones")
+        assert desk.told("b") == []
+        full = False
+        await until(lambda: desk.told("b") == [1, 3, 5, 7, 9], "the mailbox has room again, in order")
+
+    on_a_bus(endpoint, body)
+
+
+def test_what_commd_refuses_for_good_is_told_with_its_content(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        desk = await a_desk(connect)
+        outbox, refused = an_outbox(await connect("a"))
+        desk.answer = lambda messages: Receipt(taken=len(messages) - 1, refused={1: "receiver_not_found"})
+        for number in range(3):
+            send(outbox, number)
+        keep(outbox)
+        await until(lambda: len(refused) == 1, "the agent hears of it")
+        assert (refused[0][0].content, refused[0][1]) == (1, "receiver_not_found")
+        assert desk.told("b") == [0, 2]
+        assert len(outbox) == 0
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_message_that_is_too_large_or_cannot_be_written_is_not_taken(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        outbox, _ = an_outbox(await connect("a"))
+        outbox.post(["b"], "tell", "x" * (LARGEST - 1000), "mid1", "")
+        for content, error in (("x" * LARGEST, "message_too_large"), ("\ud800", "not_sendable")):
+            with pytest.raises(Unsendable) as raised:
+                outbox.post(["b"], "tell", content, "mid2", "")
+            assert raised.value.error == error
+        assert len(outbox) == 1
+
+    on_a_bus(endpoint, body)
+
+
+def test_more_than_may_wait_is_not_taken_and_a_broadcast_is_taken_whole_or_not_at_all(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.mailing.QUEUE", 10)
+    monkeypatch.setattr("agentd.outbox.MOST_FOR_ONE", 10)
+    monkeypatch.setattr("agentd.outbox.MOST_BYTES", 5000)
 
     async def body(connect: Connect) -> None:
-        sender, _ = mailing(await connect("a"), "a")
-        for number in range(20):
-            sender.send(message(number))
-        assert sender.counters["dropped"] == 10
-        assert "mail_dropped receiver=b count=1" in caplog.text
+        outbox, _ = an_outbox(await connect("a"))
+        for number in range(10):
+            send(outbox, number)
+        with pytest.raises(Unsendable, match="10 messages to 'b' wait to leave already"):
+            send(outbox, 10, "c", "b")
+        assert outbox.numbers["c"] == 0
+        with pytest.raises(Unsendable, match="at most 0 MB may") as raised:
+            outbox.post(["c"], "tell", "x" * 4000, "mid1", "")
+        assert raised.value.error == "mailbox_full"
+        desk = await a_desk(connect)
+        keep(outbox)
+        outbox.hurry()
+        await until(lambda: len(desk.told("b")) == 10, "they leave")
+        await until(lambda: len(outbox) == 0, "there is room again")
+        send(outbox, 11)
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_new_life_goes_on_with_the_numbers_and_what_was_not_handed_over(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bus = await connect("a")
+        first, _ = an_outbox(bus)
+        for number in range(3):
+            send(first, number)
+        rows = first.take_unsaved()
+        await first.drain(0)
+        second, _ = an_outbox(bus)
+        second.restore(first.numbering, dict(first.numbers), rows[1:])
+        send(second, 3)
+        keep(second)
+        desk = await a_desk(connect)
+        second.hurry()
+        await until(lambda: desk.told("b") == [1, 2, 3], "the rest leaves in order")
+        assert [one.header.seq for one in desk.taken] == [2, 3, 4]
+        assert len({one.header.boot for one in desk.taken}) == 1
+        assert sorted(second.take_gone()) == [2, 3, 4]
+
+    on_a_bus(endpoint, body)
+
+
+@pytest.mark.parametrize(
+    ("receipt", "right"),
+    [
+        (Receipt(taken=3), True),
+        (Receipt(taken=1, refused={0: "x"}, later={2: "y"}), True),
+        (Receipt(taken=2), False),
+        (Receipt(taken=1, refused={1: "x"}, later={1: "y"}), False),
+        (Receipt(taken=2, later={3: "y"}), False),
+        (Receipt(taken=2, later={-1: "y"}), False),
+    ],
+)
+def test_a_receipt_says_what_became_of_each_message(receipt: Receipt, right: bool) -> None:
+    assert adds_up(receipt, 3) == right
+
+
+class Reader:
+    """Agent b as its inbox sees it, and commd as it hands over."""
+
+    def __init__(self, bus: Bus, asker: Bus) -> None:
+        self.fed: list[object] = []
+        self.full = ""
+        self.inbox = Inbox(bus, "b", lambda: self.full, self.read)
+        self._asker = asker
+
+    def read(self, message: Message) -> Callable[[], None]:
+        if message.content == "bad":
+            raise Refused("it cannot be read")
+        return lambda: self.fed.append(message.content)
+
+    async def hand_over(self, *messages: Message) -> Receipt:
+        mail = Mail(messages=messages)
+        async for reply in self._asker.query(keys.inbox(FLEET, "b"), mail, Receipt, 10):
+            assert reply.record is not None, reply.error
+            return reply.record
+        raise AssertionError("nobody serves the inbox")
+
+    def absorb(self, left: int = 0) -> None:
+        """The mind takes what waits but so many, and that is on disk."""
+        self.inbox.absorb(left)
+        self.inbox.kept(self.inbox.take_absorbed())
+
+
+async def a_reader(connect: Connect) -> Reader:
+    asker = await connect("board", "commd")
+    reader = Reader(await connect("b"), asker)
+    await served(asker, keys.inbox(FLEET, "b"))
+    return reader
+
+
+def numbered(seq: int, content: object = None, sender: str = "a", numbering: str = "n") -> Message:
+    return Message(
+        header=Header(seq=seq, boot=numbering),
+        id=f"m{seq}",
+        sender=sender,
+        performative="tell",
+        receiver="b",
+        content=seq if content is None else content,  # type: ignore[arg-type]
+    )
+
+
+def test_a_message_is_acknowledged_only_when_what_came_of_it_is_kept(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        reader = await a_reader(connect)
+        answer = asyncio.create_task(reader.hand_over(numbered(1), numbered(2)))
+        await until(lambda: reader.fed == [1, 2], "the mind gets both")
+        reader.inbox.absorb(1)
+        held = reader.inbox.take_absorbed()
+        reader.inbox.absorb(0)
+        await asyncio.sleep(0.1)
+        assert not answer.done()
+        reader.inbox.kept(held)
+        await asyncio.sleep(0.1)
+        assert not answer.done()
+        reader.absorb()
+        assert (await answer) == Receipt(taken=2)
+
+    on_a_bus(endpoint, body)
+
+
+def test_what_is_not_absorbed_in_time_is_to_be_sent_again_and_is_not_fed_twice(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agentd.inbox.PATIENCE", 0.2)
+
+    async def body(connect: Connect) -> None:
+        reader = await a_reader(connect)
+        told = await reader.hand_over(numbered(1), numbered(2), numbered(1, sender="c"))
+        assert (told.taken, sorted(told.later)) == (0, [0, 1, 2])
+        reader.absorb(left=2)
+        told = await reader.hand_over(numbered(1), numbered(2), numbered(1, sender="c"))
+        assert (told.taken, sorted(told.later)) == (1, [1, 2])
+        reader.absorb()
+        assert await reader.hand_over(numbered(1), numbered(2), numbered(1, sender="c")) == Receipt(taken=3)
+        assert reader.fed == [1, 2, 1]
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_new_life_takes_no_message_again_that_the_last_one_kept(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        reader = await a_reader(connect)
+        reader.inbox.restore({Numbered("a", "n"): 7})
+        assert await reader.hand_over(numbered(6), numbered(7)) == Receipt(taken=2)
+        assert reader.fed == []
+        answer = asyncio.create_task(reader.hand_over(numbered(8), numbered(1, numbering="other")))
+        await until(lambda: reader.fed == [8, 1], "new numbers and new numberings are new messages")
+        reader.absorb()
+        assert await answer == Receipt(taken=2)
+
+    on_a_bus(endpoint, body)
+
+
+def test_what_cannot_be_taken_now_or_ever_is_said_message_by_message(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        reader = await a_reader(connect)
+        reader.full = "the mailbox of the mind is full"
+        late = Message(
+            header=Header(seq=9, boot="n"), id="m", sender="d", performative="tell", receiver="b", content=1, ttl=0
+        )
+        told = await reader.hand_over(numbered(1), numbered(2, "bad"), numbered(3), late)
+        assert told == Receipt(refused={1: "it cannot be read", 3: "expired"}, later={0: reader.full, 2: reader.full})
+        assert reader.fed == []
+
+    on_a_bus(endpoint, body)
+
+
+def test_the_last_numberings_of_a_sender_are_remembered(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        reader = await a_reader(connect)
+        for number in range(12):
+            answer = asyncio.create_task(reader.hand_over(numbered(1, numbering=f"n{number}")))
+            await until(lambda n=number: len(reader.fed) == n + 1, "it is new")  # type: ignore[misc]
+            reader.absorb()
+            assert await answer == Receipt(taken=1)
+        assert await reader.hand_over(*(numbered(1, numbering=f"n{number}") for number in range(4, 12))) == Receipt(
+            taken=8
+        )
+        assert len(reader.fed) == 12
 
     on_a_bus(endpoint, body)

@@ -1,0 +1,159 @@
+"""An agent's incoming mail: each message once, and acknowledged when its effects are on disk.
+
+A message is *fed* to the mind, *absorbed* when the mind has taken it in a cycle, and *kept* when a checkpoint that
+holds what came of it is on disk (`absorb` and `kept`); only then commd hears that it is taken. What is asked for again
+meanwhile is not fed twice.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter, OrderedDict, deque
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from commd.bus import Bus, Query
+from schemas import keys
+from schemas.records import Mail, Message, Receipt
+
+PATIENCE = 5.0
+"""Wall seconds for which an answer to commd waits for the mind and the disk; then the rest is to be sent again."""
+NUMBERINGS = 8
+"""Numberings remembered per sender: it has a new one only when it begins without memory of what it sent."""
+
+
+class Refused(ValueError):
+    """A message that can never be taken; says why."""
+
+
+class Numbered(NamedTuple):
+    """Whose numbers they are."""
+
+    sender: str
+    numbering: str
+
+
+class Inbox:
+    """What comes in for one agent."""
+
+    def __init__(self, bus: Bus, agent: str, room: Callable[[], str], read: Callable[[Message], Callable[[], None]]):
+        """`room` says why the mind can take no message now (empty: it can).
+
+        `read` returns what feeds a message to the mind, and raises Refused.
+        """
+        self.counters: Counter[str] = Counter()
+        self._room, self._read = room, read
+        self._fed: OrderedDict[Numbered, int] = OrderedDict()
+        """The last number that was handed to the mind."""
+        self._waiting: deque[tuple[Numbered, int]] = deque()
+        """What is in the mind's mailbox, in its order; number 0: a message without one."""
+        self._absorbed: dict[Numbered, int] = {}
+        """What the mind has taken and no save has begun to hold."""
+        self._kept: dict[Numbered, int] = {}
+        self._changed = asyncio.Event()
+        self.close = bus.serve(keys.inbox(bus.fleet, agent), Mail, self._receive)
+        """Takes no mail any more."""
+
+    def restore(self, kept: Mapping[Numbered, int]) -> None:
+        """Go on where a former life of the agent ended."""
+        self._kept |= kept
+        self._fed |= kept
+
+    # --- on the way into the checkpoint ---
+
+    def unnumbered(self) -> None:
+        """A message that does not come from commd was put into the mind's mailbox."""
+        self._waiting.append((_NOBODY, 0))
+
+    def absorb(self, left: int) -> bool:
+        """The mind has so many messages left in its mailbox. Returns whether a save is due that somebody waits for."""
+        while len(self._waiting) > left:
+            whose, seq = self._waiting.popleft()
+            if seq:
+                self._absorbed[whose] = seq
+        return bool(self._absorbed)
+
+    def take_absorbed(self) -> dict[Numbered, int]:
+        """Return what a save that begins now has to hold; `kept` is to be called when it does."""
+        found, self._absorbed = self._absorbed, {}
+        return found
+
+    def kept(self, numbers: Mapping[Numbered, int]) -> None:
+        """What came of the messages up to these numbers is on disk: they are taken."""
+        if not numbers:
+            return
+        self._kept |= numbers
+        changed, self._changed = self._changed, asyncio.Event()
+        changed.set()
+
+    def _forget(self, sender: str) -> None:
+        """Remember the last numberings of a sender only."""
+        known = [whose for whose in self._fed if whose.sender == sender]
+        for whose in known[:-NUMBERINGS]:
+            del self._fed[whose]
+            self._kept.pop(whose, None)
+
+    # --- on the bus ---
+
+    async def _receive(self, query: Query[Mail]) -> None:
+        if query.record is None or not query.concrete:
+            query.reply_error(query.error or "expected a Mail record on a concrete key")
+            return
+        messages = query.record.messages
+        refused: dict[int, str] = {}
+        later: dict[int, str] = {}
+        waits: dict[int, tuple[Numbered, int]] = {}
+        full = ""
+        for place, message in enumerate(messages):
+            whose, seq = Numbered(message.sender, message.header.boot), message.header.seq
+            try:
+                feed = self._read(message)
+            except Refused as bad:
+                refused[place] = str(bad)
+                continue
+            if seq and seq <= self._fed.get(whose, 0):
+                waits[place] = whose, seq
+                self._fed.move_to_end(whose)
+                continue
+            if message.ttl is not None and message.ttl <= 0:
+                refused[place] = "expired"
+                continue
+            full = full or self._room()
+            if full:
+                later[place] = full
+                continue
+            feed()
+            self.counters["received"] += 1
+            self._waiting.append((whose, seq))
+            if seq:
+                if whose not in self._fed:
+                    self._forget(message.sender)
+                self._fed[whose] = seq
+                self._fed.move_to_end(whose)
+                waits[place] = whose, seq
+        await self._wait_for(waits)
+        later |= dict.fromkeys(waits, "it is not absorbed yet")
+        self.counters["refused"] += len(refused)
+        self.counters["later"] += len(later)
+        taken = len(messages) - len(refused) - len(later)
+        query.reply(Receipt(taken=taken, refused=refused, later=later))
+
+    async def _wait_for(self, waits: dict[int, tuple[Numbered, int]]) -> None:
+        """Take out of `waits` what is kept, until nothing is left or patience is over."""
+        loop = asyncio.get_running_loop()
+        until = loop.time() + PATIENCE
+        while True:
+            changed = self._changed
+            for place, (whose, seq) in list(waits.items()):
+                if seq <= self._kept.get(whose, 0):
+                    del waits[place]
+            left = until - loop.time()
+            if not waits or left <= 0:
+                return
+            try:
+                await asyncio.wait_for(changed.wait(), left)
+            except TimeoutError:
+                continue
+
+
+_NOBODY = Numbered("", "")
