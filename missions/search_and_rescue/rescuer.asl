@@ -1,0 +1,86 @@
+/* A rescuer of a search and rescue (the paper, section 5.2). It hears of victims from the scout, negotiates with the
+   other rescuers who goes, flies to its victim, drops a buoy, returns, takes a new buoy and charges, and goes on.
+
+   What to do next follows from what it believes now, and never from where in a plan it was. So it may be killed at any
+   moment: started again it looks at itself and goes on. Above all it looks at the latch that holds the buoy: whatever
+   became of the action that opens it and of those who asked for it, open means dropped, and closed means not. */
+
+{ include("flying.asl") }
+
+aboard :- latch(Pulse) & Pulse < 1500.                  // microseconds of the servo; 0 before it has moved at all
+gone :- latch(Pulse) & Pulse >= 1500.
+spent :- battery(_, _, Left) & Left < 40.               // enough to come home from anywhere, and no more
+
+free :- not mine(_) & aboard & charged & not armed.
+taken(V) :- held(V, R) & not .my_name(R).
+open(V, Lat, Lon) :- victim(V, Lat, Lon) & not rescued(V) & not taken(V).
+
+// What it would take to rescue V: the way, longer with an emptier battery. Equal bids are told apart by the name.
+bid(V, offer(Cost, Me))
+  :- free & open(V, Lat, Lon) & global_pos(MyLat, MyLon) & metres(MyLat, MyLon, Lat, Lon, Way) & battery(_, _, Left)
+     & Cost = Way * (2 - Left / 100) & .my_name(Me).
+
+!serve.
+
+// What the bridge began for an earlier life ends within its deadline of 10 s: the latch moves no more then.
++restarted(_) <- .print("here again"); .wait(10000); !serve.
++interrupted(Action, State, Why) <- .print(Action, " went on without me: ", State, " ", Why).
+
++!serve <- !step; !!serve.
+-!serve[error_msg(Why)] <- .print("again, for ", Why); .wait(3000); !!serve.
+
++!step : not perceiving | not latch(_) <- .wait(perceiving & latch(_), 60000, _).
++!step : mine(V) & gone <- !report(V).
++!step : mine(V) & spent <- !give_back(V).
++!step : mine(V) <- !rescue(V).
++!step : armed <- return_to_launch.
++!step : gone <- .print("a new buoy"); load_buoy; .wait(aboard, 10000).
++!step : not charged <- .print("charging"); .wait(charged, 600000, _).
++!step : open(_, _, _) <- -resting; !negotiate.
++!step : search_over & not resting <- +resting.
++!step <- .wait(open(_, _, _) | search_over & not resting, 60000, _).
+
+/* Who goes: the nearest victim first, of those that nobody else is better placed for. The others answer by their own
+   rule bid, or not at all when they are busy, dead or cut off. */
+
++!negotiate
+  <- .findall(bid(Offer, V), bid(V, Offer), Bids);
+     .sort(Bids, Sorted);
+     !try(Sorted).
+
++!try([]) <- .wait(3000).
++!try([bid(Mine, V) | Others]) : peers(Peers)
+  <- .send(Peers, askOne, bid(V, _), Answers, 10000);
+     .findall(Offer, .member(bid(V, Offer), Answers), Offers);
+     if (.min([Mine | Offers], Mine)) { !claim(V) } else { !try(Others) }.
+
++!claim(V) : scout(Scout)
+  <- .send(Scout, askOne, claim(V, _), Answer, 10000);
+     if (Answer = claim(V, yes)) { .print("I go for ", V); +mine(V) }.
+
+/* The rescue. Dropping needs the scout's leave, asked for above the victim; without an answer it is asked for again. */
+
++!rescue(V) : victim(V, Lat, Lon) & height(H) & scout(Scout)
+  <- !at(Lat, Lon, H);
+     .send(Scout, askOne, may_drop(V, _), Answer, 15000);
+     !drop(V, Answer).
+
++!drop(V, may_drop(V, yes)) : over(V) <- drop_buoy; .wait(gone, 10000).
++!drop(V, may_drop(V, no)) <- .print(V, " is another's now"); -mine(V).
++!drop(_, _).
+
+over(V) :- victim(V, Lat, Lon) & global_pos(MyLat, MyLon) & metres(MyLat, MyLon, Lat, Lon, Off) & Off < 3.
+
++!report(V) : scout(Scout) & peers(Peers)
+  <- .print("buoy dropped for ", V);
+     .send([Scout | Peers], tell, rescued(V));
+     +rescued(V);
+     -mine(V).
+
++!give_back(V) : scout(Scout)
+  <- .print("too little battery for ", V);
+     .send(Scout, achieve, give_back(V));
+     -mine(V).
+
+// It was away for too long, and its victim was promised to another: it turns back.
++held(V, R) : mine(V) & not .my_name(R) <- .print(R, " goes for ", V); -mine(V); .fail_goal(rescue(V)).
