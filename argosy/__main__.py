@@ -78,6 +78,7 @@ def _leave_no_broken_pipe() -> None:
 
 COMMANDS = {
     "run": "run a mission on this machine: start its processes, watch them, end them",
+    "simulate": "be the simulated robots of a mission that belong to this machine; for fleets of several machines",
     "check": "read everything that a mission names and tell what is wrong; start nothing",
     "manifest": "check, convert and print manifests of robots; change the one that a robot runs by",
     "stop": "order robots to hold, land or return to launch, above every agent",
@@ -90,6 +91,10 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy import run
 
             return run.add_arguments, run.run
+        case "simulate":
+            from argosy import simulate
+
+            return simulate.add_arguments, simulate.run
         case "check":
             from argosy import check
 

@@ -189,12 +189,18 @@ def plan(setup: Setup) -> list[Process]:
     return [_process(setup, kind, subject) for kind in KINDS for subject in kind.subjects(setup)]
 
 
+def python_command() -> tuple[str, ...]:
+    """Return how a daemon is begun, before its module: a user's folder `schemas/` must not come before ours."""
+    return (sys.executable, "-P", "-m")
+
+
 def _process(setup: Setup, kind: Kind, subject: str) -> Process:
-    python = (sys.executable, "-P", "-m")  # -P: a user's folder `schemas/` must not come before ours
     board = kind.board(setup, subject)
     several = len(boards_of(setup.mission)) > 1
     label = kind.label(board, subject) if several else subject if kind.name != "commd" else ""
-    return Process(kind, subject, (*python, *kind.command(setup, subject)), kind.orphaned(setup, subject), label, board)
+    return Process(
+        kind, subject, (*python_command(), *kind.command(setup, subject)), kind.orphaned(setup, subject), label, board
+    )
 
 
 def real_robots(mission: Mission, named: list[str]) -> tuple[frozenset[str], list[str]]:

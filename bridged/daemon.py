@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bridged.bridge import Bridge
-from bridged.preparation import Part, prepare_all, state_directory
+from bridged.preparation import Part, chosen, prepare_all, state_directory
 from bridged.service import Service
 from bridged.watch import watch_agents
 from commd.bus import Bus, open_bus
@@ -27,7 +27,8 @@ log = logging.getLogger("bridged")
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `bridged serve`."""
     parser.add_argument("mission", help="mission file")
-    parser.add_argument("robots", nargs="+", metavar="ROBOT", help="which robots of the mission")
+    parser.add_argument("robots", nargs="*", metavar="ROBOT", help="robots to serve (default: all of the board)")
+    parser.add_argument("--board", help="serve the robots of this board, all in this process")
     add_router_argument(parser)
     parser.add_argument("--speed", type=float, metavar="X", help="instead of the mission's; simulation only")
     parser.add_argument("--state", type=Path, metavar="DIR", help="where action ids are kept")
@@ -57,7 +58,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
     Watches the tokens of each robot's agents. When told to stop, it first leaves each robot as `on_shutdown` says.
     """
     clock = Clock(args.speed or mission.speed)
-    mission, parts = prepare_all(mission, args.robots, args.link, clock.speed)
+    mission, parts = prepare_all(mission, chosen(mission, args.robots, args.board), args.link, clock.speed)
     async with open_bus(
         args.router or mission.router.endpoint,
         fleet=mission.fleet,
@@ -74,7 +75,9 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
         work = [asyncio.create_task(bridge.driver.run()) for bridge in bridges]
         for part, bridge in zip(parts, bridges, strict=True):
             work.append(asyncio.create_task(report_health(bus, part.name, clock, bridge.health)))
-            work.append(asyncio.create_task(watch_agents(bus, part.agents, bridge, part.steps, clock)))
+            work.append(
+                asyncio.create_task(watch_agents(bus, part.agents, mission.mailboxes, bridge, part.steps, clock))
+            )
             log.info("serving %s on %s for %s", part.name, part.where, ", ".join(part.agents))
         ended = asyncio.create_task(stop.wait())
         if clock.speed != 1:

@@ -16,8 +16,8 @@ from bridged.manifests import load_robot_manifest
 from bridged.orders import Step, read_steps
 from schemas.findings import Finding, Findings
 from schemas.manifest import Manifest
-from schemas.mission import Mission, Robot
-from schemas.positions import Steps
+from schemas.mission import THIS_MACHINE, Mission, Robot
+from schemas.positions import Steps, did_you_mean
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,24 @@ class Part:
     agents: list[str]
     where: str
     """Its link, or the prefix of its keys, or its driver, for people."""
+
+
+def chosen(mission: Mission, robots: list[str], board: str | None) -> list[str]:
+    """Return the robots that a bridge serves: those that are named, or all of the board. Raises Findings for none."""
+    if robots:
+        return robots
+    if board is None and len(mission.boards) > 1:
+        raise Findings([_said(mission, f"which robots? Name them, or by --board one of {', '.join(mission.boards)}")])
+    if board is not None and board not in (mission.boards or {THIS_MACHINE}):
+        raise Findings([_said(mission, f"there is no board `{board}`{did_you_mean(board, mission.boards)}")])
+    found = [name for name, robot in mission.robots.items() if board in (None, robot.board)]
+    if not found:
+        raise Findings([_said(mission, f"board `{board}` has no robots" if board else "the mission has no robots")])
+    return found
+
+
+def _said(mission: Mission, text: str) -> Finding:
+    return Finding(str(mission.path), 0, 0, text)
 
 
 def prepare_all(mission: Mission, names: list[str], link: str | None, speed: float) -> tuple[Mission, list[Part]]:
