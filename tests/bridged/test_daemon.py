@@ -17,9 +17,9 @@ from bridged.daemon import serve
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.mavlink.wire import Encoder
 from bridged.drivers.robot import Reading, Setup
-from bridged.presence import Presence
 from commd.bus import AlreadyRunning, Bus
 from commd.clock import Clock
+from commd.presence import Presence
 from schemas import keys
 from schemas.manifest import ActionDescription, load_manifest
 from schemas.mission import read_mission
@@ -301,7 +301,7 @@ def test_the_robot_of_an_agent_that_dies_after_its_bridge_restarted_returns_all_
 def test_the_robot_of_an_agent_that_died_with_its_bridge_returns_although_another_agent_is_alive(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("bridged.presence.ROUTER_GRACE", 1.0)
+    monkeypatch.setattr("commd.presence.ROUTER_GRACE", 1.0)
 
     async def body(field: Airfield) -> None:
         async with field.router(), field.client("other") as other:

@@ -1,4 +1,4 @@
-"""When an agent counts as dead, and whose failsafe watches whom."""
+"""Whose failsafe watches whom, and what a bridge does about a dead agent."""
 
 from __future__ import annotations
 
@@ -9,95 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.orders import Orders, Step
-from bridged.presence import AGENT_GRACE, BUS_GRACE, ROUTER_GRACE, Presence
 from tests.bridged.sky import MISSION, Sky, is_command
-
-
-@pytest.fixture
-def presence() -> Presence:
-    presence = Presence(["uav", "other"])
-    presence.token("uav", "b1", True, 10.0)
-    return presence
-
-
-def test_an_agent_that_never_came_cannot_be_lost() -> None:
-    assert Presence(["uav"]).lost(1000.0) == {}
-
-
-def test_a_missing_token_counts_after_a_grace_through_a_live_router(presence: Presence) -> None:
-    presence.token("uav", "b1", False, 20.0)
-    assert presence.lost(20.0 + AGENT_GRACE / 2) == {}
-    assert presence.lost(20.0 + AGENT_GRACE) == {"uav": "its token is gone"}
-
-
-def test_an_agent_that_is_restarted_within_the_grace_was_never_lost(presence: Presence) -> None:
-    presence.token("uav", "b1", False, 20.0)
-    presence.token("uav", "b2", True, 20.3)
-    assert presence.lost(30.0) == {}
-
-
-def test_the_old_life_going_after_the_new_one_came_is_no_loss(presence: Presence) -> None:
-    presence.token("uav", "b2", True, 20.0)
-    presence.token("uav", "b1", False, 22.0)
-    assert presence.lost(30.0) == {}
-
-
-def test_an_agent_that_had_the_robot_before_the_bridge_restarted_is_lost_if_it_does_not_come(
-    presence: Presence,
-) -> None:
-    presence.expect("other", 20.0)
-    assert not presence.complete
-    assert presence.lost(20.0 + ROUTER_GRACE - 0.1) == {}, "on a busy board a daemon takes its time to reconnect"
-    assert presence.lost(20.0 + ROUTER_GRACE) == {"other": "it has not come back since the bridge did"}
-
-
-def test_an_agent_that_is_expected_and_comes_is_lost_like_any_other_when_it_goes(presence: Presence) -> None:
-    presence.expect("other", 20.0)
-    presence.token("other", "b1", True, 21.0)
-    assert presence.complete
-    assert presence.lost(30.0) == {}
-    presence.token("other", "b1", False, 30.0)
-    assert presence.lost(30.0 + AGENT_GRACE) == {"other": "its token is gone"}
-
-
-def test_a_router_that_restarts_takes_no_agent_with_it(presence: Presence) -> None:
-    presence.router(False, 20.0)
-    presence.token("uav", "b1", False, 20.0)
-    assert presence.lost(20.0 + BUS_GRACE - 0.1) == {}
-    presence.router(True, 23.0)
-    assert presence.lost(23.2) == {}
-    presence.token("uav", "b1", True, 23.3)
-    assert presence.lost(40.0) == {}
-
-
-def test_an_agent_that_does_not_come_back_with_the_router_is_lost(presence: Presence) -> None:
-    presence.router(False, 20.0)
-    presence.token("uav", "b1", False, 20.0)
-    presence.router(True, 23.0)
-    assert presence.lost(23.0 + ROUTER_GRACE - 0.1) == {}, "on a busy board a daemon takes its time to reconnect"
-    assert presence.lost(23.0 + ROUTER_GRACE) == {"uav": "its token is gone"}
-
-
-def test_who_came_is_known_until_the_bridge_ends(presence: Presence) -> None:
-    presence.token("uav", "b1", False, 20.0)
-    assert presence.known() == {"uav"}
-
-
-def test_without_a_router_for_long_nobody_could_tell_the_robot_anything(presence: Presence) -> None:
-    presence.router(False, 20.0)
-    assert presence.lost(20.0 + BUS_GRACE) == {"uav": "no router for 5 s"}
-
-
-def test_only_while_nobody_is_missing_nothing_need_be_looked_at(presence: Presence) -> None:
-    assert not Presence(["uav"]).complete, "a robot that nobody came for"
-    assert presence.complete
-    presence.token("uav", "b1", False, 20.0)
-    assert not presence.complete
-    presence.token("uav", "b2", True, 20.3)
-    presence.router(False, 21.0)
-    assert not presence.complete
-    presence.router(True, 22.0)
-    assert presence.complete
 
 
 def test_our_heartbeats_go_with_the_vehicles_own_so_that_an_idle_bridge_wakes_once_for_both(
