@@ -7,6 +7,7 @@ machine fails none. `make test ARGS=--hypothesis-profile=exploring` looks for ne
 from __future__ import annotations
 
 import faulthandler
+import itertools
 from collections.abc import Callable
 
 import pytest
@@ -18,6 +19,7 @@ settings.register_profile("exploring", deadline=None, suppress_health_check=[Hea
 settings.register_profile("reproducible", settings.get_profile("exploring"), derandomize=True, database=None)
 settings.load_profile("reproducible")
 
+_tests = itertools.count()
 END_PATIENCE = 60.0
 """Seconds that the interpreter has to end after the last test."""
 
@@ -25,6 +27,12 @@ END_PATIENCE = 60.0
 def pytest_unconfigure() -> None:
     """Show where the run hangs at its end, and end it: a Zenoh session that a failed test left open has threads."""
     faulthandler.dump_traceback_later(END_PATIENCE, exit=True)
+
+
+@pytest.fixture(autouse=True)
+def state_of_its_own(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let daemons that are told of no folder keep their state where no other test has kept any."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path_factory.getbasetemp() / "state" / str(next(_tests))))
 
 
 @pytest.fixture
