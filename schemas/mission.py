@@ -159,6 +159,8 @@ class Client(FileModel, frozen=True, kw_only=True):
 
     board: str = THIS_MACHINE
     """Whose commd keeps its mail."""
+    robot: str | None = None
+    """That it perceives and moves, as an agent does."""
 
 
 class Gateway(FileModel, frozen=True, kw_only=True):
@@ -280,8 +282,9 @@ class Mission:
         return boards | (dict.fromkeys(self.gateway.nodes, self.gateway.board) if self.gateway is not None else {})
 
     def agents_of(self, robot: str) -> list[str]:
-        """Return the agents that share a robot."""
-        return [name for name, agent in self.agents.items() if agent.robot == robot]
+        """Return the agents that share a robot, and the clients that act as one."""
+        members: dict[str, Agent | Client] = {**self.agents, **self.clients}
+        return [name for name, member in members.items() if member.robot == robot]
 
 
 def load_mission(path: str | Path) -> Mission:
@@ -360,10 +363,13 @@ def _check(mission: Mission) -> list[Finding]:
         findings.append(where.finding(path, message, at_key=at_key))
 
     _check_names(mission, wrong)
+    members: dict[str, Mapping[str, Agent | Client]] = {"agents": mission.agents, "clients": mission.clients}
+    for kind, several in members.items():
+        for name, member in several.items():
+            if member.robot is not None and member.robot not in mission.robots:
+                hint = did_you_mean(member.robot, mission.robots)
+                wrong((kind, name, "robot"), f"there is no robot `{member.robot}`{hint}")
     for name, agent in mission.agents.items():
-        if agent.robot is not None and agent.robot not in mission.robots:
-            hint = did_you_mean(agent.robot, mission.robots)
-            wrong(("agents", name, "robot"), f"there is no robot `{agent.robot}`{hint}")
         if not (agent.on_restart in ("resume", "fresh") or agent.on_restart.startswith("goal(")):
             wrong(("agents", name, "on_restart"), f"expected resume, fresh or goal(...), got `{agent.on_restart}`")
     homes: dict[str, Mapping[str, Agent | Robot | Client]] = {

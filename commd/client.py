@@ -1,0 +1,251 @@
+"""Any Python program as a member of the team: it has a mailbox and a name, perceives, and acts if it has a robot.
+
+    async with join("planner", mission="survey.yaml") as me:
+        await me.send("scout", "achieve", parse("survey(north)"))
+        async for message in me.messages():
+            print(message.sender, write(message.content))
+
+Mail is as durable as that of agents: `send` returns when the message is on disk, and a message that came is kept there
+until the program is done with it. To do what it says exactly once is up to the program (docs/mail.md).
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import aclosing, asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+from commd.acting import Acting
+from commd.bus import AlreadyRunning, Bus, BusClosed, open_bus
+from commd.clock import Clock
+from commd.inbox import Inbox, Messages, Seen
+from commd.percepts import Percepts
+from commd.sending import MailboxFull, NoAnswer, NotSent, Sending, TooLarge, UnknownReceiver
+from schemas import keys
+from schemas.codec import Wire
+from schemas.mission import DEFAULT_ROUTER, THIS_MACHINE, Mission, load_mission
+from schemas.names import check_name
+from schemas.positions import did_you_mean
+from schemas.records import ActionStatus, BoardServices, Message, ServiceRequest
+from schemas.text import read as parse
+from schemas.text import write
+from schemas.values import term_of
+
+__all__ = [
+    "Client",
+    "MailboxFull",
+    "NoAnswer",
+    "NotJoined",
+    "NotSent",
+    "TooLarge",
+    "UnknownReceiver",
+    "join",
+    "parse",
+    "write",
+]
+
+PATIENCE = 10.0
+"""Wall seconds for the router, for `commd` and for each of its answers, if nobody says otherwise."""
+RETRY = 0.2
+ACCEPT_PATIENCE = 15.0
+"""Wall seconds that a bridge has to take an action."""
+
+
+class NotJoined(ConnectionError):
+    """The program is no member of the team, and why."""
+
+
+class Client:
+    """A member of the team. Made by `join`."""
+
+    def __init__(
+        self, bus: Bus, name: str, board: str, robots: dict[str, str], clock: Clock, seen: Seen, patience: float
+    ) -> None:
+        self.name, self.board = name, board
+        self._bus, self._robots, self._clock, self._patience = bus, robots, clock, patience
+        self._sending = Sending(bus, name)
+        self._inbox = Inbox(bus, name, seen)
+        self._percepts: dict[str, Percepts] = {}
+        self._acting: Acting | None = None
+        self._actions = 0
+
+    async def send(
+        self,
+        receiver: str,
+        performative: str,
+        content: Any,
+        *,
+        ttl: float | None = None,
+        in_reply_to: str = "",
+        patience: float | None = None,
+    ) -> Message:
+        """Send a message; it is on the board's disk when this returns. `content` is a Python value or a term.
+
+        After `ttl` wall seconds it is not to be delivered any more. Raises UnknownReceiver, TooLarge, MailboxFull or
+        NoAnswer (after `patience` wall seconds), which are all NotSent, and TypeError for what cannot be a term.
+        """
+        waits = self._patience if patience is None else patience
+        return await self._sending.send(receiver, performative, term_of(content), ttl, in_reply_to, waits)
+
+    async def send_again(self, error: NoAnswer) -> None:
+        """Send the message that had no answer under its own number: it is delivered once, taken before or not."""
+        await self._sending.send_again(error.message, self._patience)
+
+    def messages(self) -> Messages:
+        """The messages that the program is not done with, oldest first, then those that come: for `async for`.
+
+        To ask for the next message says that the program is done with the one before; so does `done`. A message that
+        a loop was left with comes again, in the next loop or the next life.
+        """
+        return self._inbox.read()
+
+    def done(self, message: Message) -> None:
+        """Say that the program is done with the message that it has in hand: it will not come again."""
+        self._inbox.done(message)
+
+    def percepts(self, agent: str | None = None, robot: str | None = None) -> Percepts:
+        """What an agent perceives (this client by default), from now on. Without a mission say of which robot."""
+        agent = self.name if agent is None else agent
+        robot = self._robots.get(agent) if robot is None else robot
+        if robot is None:
+            raise ValueError(f"`{agent}` has no robot that the mission tells of: percepts(agent, robot=...)")
+        if agent not in self._percepts:
+            self._percepts[agent] = Percepts(self._bus, agent, robot)
+        return self._percepts[agent]
+
+    async def perform(
+        self, action: str, *parameters: Any, on_status: Callable[[ActionStatus], None] | None = None
+    ) -> ActionStatus:
+        """Let this client's robot act. Returns the final status, `succeeded` or not; never raises for a failure.
+
+        `on_status` hears of each status on the way, with its feedback. Cancelled, this cancels the action.
+        """
+        percepts = self.percepts()
+        if self._acting is None:
+            self._acting = Acting(self._bus, self.name, percepts.perceiving, percepts.bridge, self._clock.to_wall)
+        self._actions += 1
+        identity = f"{self.name}:{self._bus.boot}:{self._actions}"
+        try:
+            return await self._acting.perform(
+                identity, action, tuple(map(term_of, parameters)), ACCEPT_PATIENCE, on_status
+            )
+        except asyncio.CancelledError:
+            await asyncio.shield(self._acting.cancel(identity))
+            raise
+
+    async def register(self, service: str) -> None:
+        """Offer a service: the other agents find it by `.df_search`."""
+        await self.ask_directory("register", service)
+
+    async def deregister(self, service: str) -> None:
+        """Offer a service no longer."""
+        await self.ask_directory("deregister", service)
+
+    async def search(self, service: str) -> tuple[str, ...]:
+        """Return who offers a service, on any board."""
+        return (await self.ask_directory("search", service)).found
+
+    async def subscribe(self, service: str) -> tuple[str, ...]:
+        """As `search`; whoever offers it later is told by mail from `df`: `provider(Agent, Service)`."""
+        return (await self.ask_directory("subscribe", service)).found
+
+    async def ask_directory(self, do: Any, service: str = "") -> BoardServices:
+        """Ask the board's directory. Raises NotJoined if it does not answer in time, or says no."""
+        key, request = (
+            keys.services(self._bus.fleet, self.board),
+            ServiceRequest(agent=self.name, do=do, service=service),
+        )
+        until = asyncio.get_running_loop().time() + self._patience
+        reason = f"no commd serves board `{self.board}`"
+        while True:
+            try:
+                async with aclosing(self._bus.query(key, request, BoardServices, self._patience)) as replies:
+                    async for reply in replies:
+                        if reply.record is not None and reply.record.problem:
+                            raise NotJoined(f"{do} {service or self.name}: {reply.record.problem}")
+                        if reply.record is not None:
+                            return reply.record
+                        reason = f"commd of board `{self.board}`: {reply.error}"
+            except BusClosed as closed:
+                reason = str(closed)
+            if asyncio.get_running_loop().time() + RETRY >= until:
+                raise NotJoined(f"{do}: {reason} ({self._patience:g} s)")
+            await asyncio.sleep(RETRY)
+
+    async def close(self) -> None:
+        """Say how far the program has come with its mail, and perceive no more."""
+        for percepts in self._percepts.values():
+            percepts.close()
+        await self._inbox.close()
+
+
+@asynccontextmanager
+async def join(
+    name: str,
+    *,
+    mission: str | Path | Mission | None = None,
+    fleet: str = "",
+    board: str = "",
+    router: str = "",
+    wire: Wire = "json",
+    robot: str | None = None,
+    numbers: str | Path | None = None,
+    stays: bool = False,
+    patience: float = PATIENCE,
+) -> AsyncIterator[Client]:
+    """Be a member of the team while the block runs, by a mission file or by fleet, board and router.
+
+    A name that the mission does not know joins for as long as the block runs; with `stays` its mailbox remains, and
+    mail waits for its return. `numbers` is a file in which the numbers of the messages that are done with are kept
+    across lives. Raises NotJoined, AlreadyRunning if somebody has the name, and Findings for a bad mission.
+    """
+    check_name(name)
+    declared = load_mission(mission) if isinstance(mission, str | Path) else mission
+    robots, known, clock = dict[str, str](), False, Clock()
+    if declared is not None:
+        if name in declared.agents:
+            raise NotJoined(f"`{name}` is an agent of the mission: a client needs a name of its own")
+        known = name in declared.clients
+        robots = {agent: robot for robot in declared.robots for agent in declared.agents_of(robot)}
+        fleet, wire, clock = fleet or declared.fleet, declared.wire, Clock(declared.speed)
+        board = board or declared.mailboxes.get(name) or next(iter(declared.boards), THIS_MACHINE)
+        router = router or declared.router.endpoint
+        if board not in (declared.boards or {THIS_MACHINE}):
+            raise NotJoined(f"no board `{board}`{did_you_mean(board, declared.boards)}")
+    if robot is not None:
+        robots[name] = robot
+    check_name(fleet)
+    seen = Seen(None if numbers is None else Path(numbers))
+    async with _bus(router or DEFAULT_ROUTER, fleet, name, clock, wire, patience) as bus:
+        await _claim(bus, name)
+        client = Client(bus, name, board or THIS_MACHINE, robots, clock, seen, patience)
+        try:
+            if not known:
+                await client.ask_directory("join")
+            yield client
+            if not known and not stays:
+                await client.ask_directory("leave")
+        finally:
+            await client.close()
+
+
+@asynccontextmanager
+async def _bus(endpoint: str, fleet: str, name: str, clock: Clock, wire: Wire, patience: float) -> AsyncIterator[Bus]:
+    try:
+        async with open_bus(
+            endpoint, fleet=fleet, name=name, daemon="client", stamp=clock.stamp, wire=wire, patience=patience
+        ) as bus:
+            yield bus
+    except BusClosed as closed:
+        raise NotJoined(str(closed)) from None
+
+
+async def _claim(bus: Bus, name: str) -> None:
+    """Declare the presence of a client. Raises AlreadyRunning if anybody has its name."""
+    for key in await bus.tokens(keys.alive(bus.fleet, name, "*", "*")):
+        daemon = key.split("/")[-2]
+        if daemon != bus.daemon:
+            raise AlreadyRunning(f"`{name}` of fleet `{bus.fleet}` is there already: {daemon} serves it")
+    await bus.claim(name)

@@ -1,0 +1,129 @@
+"""Mail of a program that is no agent: handed to the board's `commd`, which has it on disk when `send` returns."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import defaultdict
+from contextlib import aclosing
+
+from commd.bus import Bus, BusClosed
+from schemas import keys
+from schemas.codec import BadRecord, codec
+from schemas.records import Mail, Message, Receipt
+from schemas.terms import Term
+
+MAX_MESSAGE = 1024 * 1024
+"""Bytes of a message, encoded."""
+ANSWER_TIMEOUT = 8.0
+"""Wall seconds that `commd` has for one answer: a full disk is waited for there."""
+RETRY = 0.2
+
+
+class NotSent(Exception):
+    """A message that was not taken, and why."""
+
+    def __init__(self, message: Message, reason: str) -> None:
+        super().__init__(f"{message.performative} to {message.receiver}: {reason}")
+        self.message, self.reason = message, reason
+
+
+class UnknownReceiver(NotSent, LookupError):
+    """No board knows an agent of that name."""
+
+
+class TooLarge(NotSent, ValueError):
+    """The message is larger than 1 MB, or nested too deeply to be written."""
+
+
+class MailboxFull(NotSent):
+    """As many messages as may wait for this receiver do; none of them is given up for a new one."""
+
+
+class NoAnswer(NotSent, TimeoutError):
+    """`commd` has not said that it took the message. `send_again` sends it under its own number: never twice."""
+
+
+class Sending:
+    """The outgoing mail of one name; its messages to each receiver are numbered, and sent one after another."""
+
+    def __init__(self, bus: Bus, name: str) -> None:
+        self._bus, self._name = bus, name
+        self._last: dict[str, Message] = {}
+        """The last message to each receiver."""
+        self._turn: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
+
+    async def send(
+        self, receiver: str, performative: str, content: Term, ttl: float | None, in_reply_to: str, patience: float
+    ) -> Message:
+        """Send a message and return it once it is on disk. Raises NotSent, and which one says why."""
+        async with self._turn[receiver]:
+            header = self._bus.header(f"mail to {receiver}", self._name)
+            message = Message(
+                header=header,
+                id=f"{self._name}.{header.boot}.{receiver}.{header.seq}",
+                sender=self._name,
+                performative=performative,
+                receiver=receiver,
+                content=content,
+                in_reply_to=in_reply_to,
+                ttl=ttl,
+            )
+            self._last[receiver] = message
+            await self._hand_over(message, patience)
+            return message
+
+    async def send_again(self, message: Message, patience: float) -> None:
+        """Send a message that had no answer. Raises ValueError if another one to its receiver went after it."""
+        async with self._turn[message.receiver]:
+            if self._last.get(message.receiver) is not message:
+                raise ValueError(f"{message.id}: another message to {message.receiver} has been sent since")
+            await self._hand_over(message, patience)
+
+    async def _hand_over(self, message: Message, patience: float) -> None:
+        try:
+            size = len(codec(Message).encode(message, self._bus.wire))
+        except BadRecord as bad:
+            raise TooLarge(message, str(bad)) from None
+        if size > MAX_MESSAGE:
+            raise TooLarge(message, f"{size} bytes, expected at most {MAX_MESSAGE}")
+        loop = asyncio.get_running_loop()
+        until = loop.time() + patience
+        while True:
+            left = until - loop.time()
+            reason, full = await self._ask(message, min(ANSWER_TIMEOUT, max(RETRY, left)))
+            if not reason:
+                return
+            if loop.time() + RETRY >= until:
+                raise MailboxFull(message, reason) if full else NoAnswer(message, f"{reason} ({patience:g} s)")
+            await asyncio.sleep(RETRY)
+
+    async def _ask(self, message: Message, timeout: float) -> tuple[str, bool]:
+        """Give a message to `commd` once. Returns why it was not taken yet, and whether that is for want of room."""
+        reason = "no commd serves this board"
+        outbox = keys.outbox(self._bus.fleet, self._name)
+        try:
+            async with aclosing(self._bus.query(outbox, Mail(messages=(message,)), Receipt, timeout)) as replies:
+                async for reply in replies:
+                    match reply.record:
+                        case None:
+                            reason = f"commd: {reply.error}"
+                        case Receipt(taken=1, refused=refused, later=later) if not refused and not later:
+                            return "", False
+                        case Receipt(taken=0, refused={0: why}, later=later) if not later:
+                            raise _for_good(message, why)
+                        case Receipt(taken=0, refused=refused, later={0: why}) if not refused:
+                            return why, True
+                        case _:
+                            reason = "commd: its receipt does not add up"
+        except BusClosed as closed:
+            reason = str(closed)
+        return reason, False
+
+
+def _for_good(message: Message, why: str) -> NotSent:
+    """The error for a reason that stands."""
+    if why.startswith("receiver_not_found"):
+        return UnknownReceiver(message, f"nobody knows an agent `{message.receiver}`")
+    if why.startswith("message_too_large"):
+        return TooLarge(message, why)
+    return MailboxFull(message, why) if why.replace("_", " ").startswith("mailbox full") else NotSent(message, why)
