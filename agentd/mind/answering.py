@@ -18,7 +18,7 @@ from agentd.mind.sending import answer_text, reply
 _ANSWERING = signature("answer_question")
 
 
-class _AnsweringPlan:
+class AnsweringPlan:
     """Stands in a frame where a plan would: it asks the goal and sends what came of it."""
 
     special = False
@@ -30,15 +30,15 @@ class _AnsweringPlan:
     slots: dict[str, int] = {}  # noqa: RUF012 - no variables, ever
 
     def __init__(self, mail: Mail) -> None:
-        self._mail = mail
+        self.mail = mail
         self.syntax = syntax.Plan(syntax.Trigger("+", "!", syntax.Structure("answer_question")))
 
     def on_failure(self, mind: Any, failure: Failed) -> None:
         """A test that fails is the answer false; any other failure gives none, as Jason."""
         if failure.error == "test_goal_failed":
-            reply(mind, self._mail, FALSE)
+            reply(mind, self.mail, FALSE)
             return
-        text = f"the question of {self._mail.sender} gets no answer: {failure}"
+        text = f"the question of {self.mail.sender} gets no answer: {failure}"
         mind.effects.append(Log("warning", text))
 
 
@@ -57,7 +57,7 @@ def answer_by_plan(mind: Any, mail: Mail, relevant: Any, question: Literal, anno
     def tell(mind: Any, intention: Any, frame: Any) -> None:
         reply(mind, mail, answer_text(mind, resolve(question)))
 
-    plan = _AnsweringPlan(mail)
+    plan = AnsweringPlan(mail)
     first, second = Step(written, plan), Step(written, plan)
     first.run, first.next, second.run = ask, second, tell
     intention = mind.new_intention()

@@ -23,6 +23,8 @@ class Library:
         self.namespaced = False
         """Whether the program knows other namespaces: then plain variables must refuse their literals (rule 100)."""
         self._own: dict[tuple[str, int], Callable[..., Any]] = {}
+        self.rules_of_functions: dict[tuple[str, int], str] = {}
+        """The rules that compute the program's own functions, by name and number of arguments."""
         self.unknown: dict[tuple[str, int], syntax.Position] = {}
         """Internal actions that the program uses and nobody knows, with the first place of each."""
 
@@ -33,6 +35,7 @@ class Library:
     def copy_functions(self, other: Library) -> None:
         """Take over the functions that another program has registered."""
         self._own.update(other._own)
+        self.rules_of_functions.update(other.rules_of_functions)
 
     def is_function(self, name: str, arity: int) -> bool:
         return self.find_function(name, arity) is not None

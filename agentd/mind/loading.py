@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -21,10 +21,11 @@ from agentd.mind.rules import add_rule
 
 def load_program(mind: Any, program: CompiledProgram) -> None:
     """Give a new mind its program: functions, plans, initial beliefs and goals, and tell the warnings."""
-    _register_functions(mind, program)
+    register_functions(mind, program.functions)
     mind.compiler.namespaced |= program.namespaced
     mind.plans.extend(list(program.plans))
     _begin(mind, program)
+    warn(mind, program)
 
 
 def include_program(mind: Any, program: CompiledProgram | None, namespace: str = DEFAULT) -> None:
@@ -38,20 +39,29 @@ def include_program(mind: Any, program: CompiledProgram | None, namespace: str =
     if namespace == DEFAULT:
         for node in program.plans:
             refuse_label(mind, node.label)
-    _register_functions(mind, program)
+    register_functions(mind, program.functions)
     mind.compiler.namespaced |= program.namespaced
     for node in program.plans:
         mind.plans.add(mind.plans.make(node))
     _begin(mind, program)
+    warn(mind, program)
 
 
-def _register_functions(mind: Any, program: CompiledProgram) -> None:
-    for name, arity, rule in program.functions:
+def register_functions(mind: Any, functions: Iterable[tuple[str, int, str]]) -> None:
+    """Let rules compute functions: the name and number of arguments of each, and the name of the rule."""
+    for name, arity, rule in functions:
         mind.compiler.register_function(name, arity, by_rule(rule, arity))
+        mind.compiler.rules_of_functions[(name, arity)] = rule
+
+
+def warn(mind: Any, program: CompiledProgram) -> None:
+    """Tell the warnings of a program."""
+    for warning in program.warnings:
+        mind.effects.append(Log("warning", warning))
 
 
 def _begin(mind: Any, program: CompiledProgram) -> None:
-    """Believe the initial beliefs, begin with the initial goals, tell the warnings."""
+    """Believe the initial beliefs, begin with the initial goals."""
     functions = FunctionsOf(mind)
     for item in reversed(program.beliefs):
         if isinstance(item, syntax.Rule):
@@ -62,8 +72,6 @@ def _begin(mind: Any, program: CompiledProgram) -> None:
     for goal in program.goals:
         with _left_out(mind, goal):
             mind.add_goal(Instantiation({}, functions).term(goal.literal), goal.operator)
-    for warning in program.warnings:
-        mind.effects.append(Log("warning", warning))
 
 
 @contextmanager

@@ -29,6 +29,7 @@ from agentd.mind.frames import PLAN, Frame
 from agentd.mind.goal_states import raise_state
 from agentd.mind.inputs import Input, Mail, TimeRead
 from agentd.mind.intentions import Intention
+from agentd.mind.keeping import Keeper
 from agentd.mind.library import Library
 from agentd.mind.loading import copy_mind, load_program
 from agentd.mind.open_beliefs import OpenBeliefs
@@ -73,7 +74,8 @@ class Mind:
     ``.date`` and ``.time``. ``decisions`` is how many of the last decisions and failures are remembered
     (`decision_views`); 0: none, which costs nothing. ``on_decision`` is told each of them as it is made.
     ``select_message``, ``select_event``, ``select_option`` and ``select_intention`` choose in place of the defaults; a
-    subclass may have methods of these names instead (`agentd.mind.choosing`).
+    subclass may have methods of these names instead (`agentd.mind.choosing`). ``keeper`` notes what changes, so that
+    the mind can be kept and restored (`agentd.mind.keeping`).
     """
 
     def __init__(
@@ -98,6 +100,7 @@ class Mind:
         select_event: Selector | None = None,
         select_option: Selector | None = None,
         select_intention: Selector | None = None,
+        keeper: Keeper | None = None,
     ) -> None:
         self.name, self.program = name, program
         self.actions = None if actions is None else frozenset(actions)
@@ -108,7 +111,8 @@ class Mind:
         self.cycle = 0
         """How many cycles have been run."""
         self.open_beliefs = OpenBeliefs(self)
-        self.beliefs = BeliefBase(self.open_beliefs.install)
+        opened = self.open_beliefs.install
+        self.beliefs = BeliefBase(opened) if keeper is None else keeper.belief_base(opened)
         self.compiler = Library()
         self.plans = PlanLibrary(self.compiler, RUNTIME, self._provide)
         self.events: deque[Event] = deque()
@@ -180,7 +184,10 @@ class Mind:
             self.take_event = take_event_recorded
         self._cycles = run_cycles
         self._choose(select_message, select_event, select_option, select_intention)
-        load_program(self, program)
+        if keeper is None:
+            load_program(self, program)
+        else:
+            keeper.begin(self, program)
         if self.beliefs.known(RULE) is not None:
             self.choose_by_rule()
 

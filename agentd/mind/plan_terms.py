@@ -55,6 +55,7 @@ def _add_plan(mind: Any, node: syntax.Plan, values: dict[str, Any], teller: Any,
     if known is not None:
         if teller not in known.sources:
             known.sources.append(teller)
+            mind.plans.version += 1
         return
     label = node.label
     if isinstance(label, syntax.Structure) and label.functor.startswith(GENERATED):
@@ -102,6 +103,7 @@ def remove_plans(mind: Any, term: Any, teller: Any) -> None:
             wrong_arguments("a plan label or plan is needed")
         for plan in [p for p in mind.plans if p.label.sig.functor == name and teller in p.sources]:
             plan.sources.remove(teller)
+            mind.plans.version += 1
             if not plan.sources:
                 mind.plans.remove(plan)
 

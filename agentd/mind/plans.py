@@ -214,6 +214,8 @@ class PlanLibrary:
         self._provide = provide
         self.plans: list[Plan] = []
         self._relevant: dict[tuple[str, str, Signature], Relevant] = {}
+        self.version = 0
+        """Counts up whenever a plan or the source of one comes or goes."""
         self._labels = 0
         self._asks = False
         self.select: Callable[[Any, Any, Any], Frame | None] | None = None
@@ -270,9 +272,7 @@ class PlanLibrary:
         if isinstance(node.label, syntax.Structure) and node.label.functor:
             made = Instantiation({}, {}).term(node.label)
             assert isinstance(made, Literal)
-            number = made.sig.functor.removeprefix(GENERATED)
-            if number != made.sig.functor and number.isdecimal():
-                self._labels = max(self._labels, int(number))
+            self._note_label(made)
             return made
         self._labels += 1
         annots = (
@@ -280,8 +280,19 @@ class PlanLibrary:
         )
         return Literal(signature(f"{GENERATED}{self._labels}"), (), annots)
 
+    def _note_label(self, label: Literal) -> None:
+        number = label.sig.functor.removeprefix(GENERATED)
+        if number != label.sig.functor and number.isdecimal():
+            self._labels = max(self._labels, int(number))
+
+    def name(self, plan: Plan, label: Literal) -> None:
+        """Give a plan the label that it had before."""
+        plan.label = label
+        self._note_label(label)
+
     def add(self, plan: Plan, first: bool = False) -> None:
         """Put a plan at the end of the library, or before all others."""
+        self.version += 1
         self.plans.insert(0 if first else len(self.plans), plan)
         self._note(plan)
         literal = plan.syntax.trigger.literal
@@ -293,6 +304,7 @@ class PlanLibrary:
 
     def extend(self, nodes: list[syntax.Plan]) -> None:
         """Add the plans of a program at once."""
+        self.version += 1
         for node in nodes:
             plan = self.make(node)
             self.plans.append(plan)
@@ -348,6 +360,7 @@ class PlanLibrary:
 
     def remove(self, plan: Plan) -> None:
         """Take a plan out; instances of it that run go on."""
+        self.version += 1
         self.plans.remove(plan)
         for relevant in self._relevant.values():
             if plan in relevant.plans:
