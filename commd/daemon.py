@@ -5,18 +5,19 @@ from __future__ import annotations
 import asyncio
 import logging
 from argparse import ArgumentParser, Namespace
+from pathlib import Path
 from typing import Literal
 
 from commd.bus import open_bus
 from commd.clock import Clock
-from commd.mailroom import Mailroom
+from commd.mailroom import open_mailroom
+from commd.peers import FixedDirectory
 from commd.process import EXIT_DONE, add_router_argument, endpoint_argument, report_health, run_daemon
 from commd.routers import router_of
-from schemas import keys
+from commd.state import state_directory
 from schemas.findings import Finding, Findings
 from schemas.mission import THIS_MACHINE, Mission, load_mission
 from schemas.positions import did_you_mean
-from schemas.records import Mail
 
 log = logging.getLogger("commd")
 
@@ -25,6 +26,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `commd serve`."""
     parser.add_argument("mission", help="mission file")
     parser.add_argument("--board", help="which board this is (default: the only one)")
+    parser.add_argument("--state", type=Path, metavar="DIR", help="where the mail is kept, below the fleet's name")
     add_router_argument(parser)
     for option, what in (("--listen", "where other boards' routers reach this one"), ("--connect", "a router to dial")):
         text = f"{what}; repeatable, and with either the mission's addresses do not count"
@@ -37,7 +39,7 @@ def run(args: Namespace) -> int:
 
 
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
-    """Route for the board; take mail at `{agent}/outbox`, hand it over at `{agent}/inbox`."""
+    """Route for the board; keep its mail: from `{agent}/outbox` and `{agent}/mail/*` to `{agent}/inbox`."""
     clock = Clock()
     board = args.board or next(iter(mission.boards), THIS_MACHINE)
     if board not in (mission.boards or {THIS_MACHINE}):
@@ -60,10 +62,10 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
         stop=stop,
     ) as bus:
         await bus.claim(board)
-        mailroom = Mailroom(bus, set(mission.agents))
-        bus.serve(keys.outbox(mission.fleet, "*"), Mail, mailroom.post)
-        log.info("%s board=%s endpoint=%s", mode, board, endpoint)
-        health = asyncio.create_task(report_health(bus, board, clock, mailroom.health))
-        await stop.wait()
-        health.cancel()
+        folder = state_directory(args.state) / mission.fleet
+        async with open_mailroom(bus, FixedDirectory(mission.mailboxes), mission.mail, folder) as mailroom:
+            log.info("%s board=%s endpoint=%s", mode, board, endpoint)
+            health = asyncio.create_task(report_health(bus, board, clock, mailroom.health))
+            await stop.wait()
+            health.cancel()
     return EXIT_DONE

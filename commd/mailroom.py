@@ -1,91 +1,331 @@
-"""Mail between the agents of one board: each message is handed to its receiver, in order, before its sender is told.
+"""A board's mail: taken from senders and from other boards, kept on disk, carried on until its receiver has it.
 
-The seam for durable mail: `post` and `deliver` are where an outbox and an inbox on disk come in, and the records
-already carry ids and receipts. Here nothing is on disk: what the receiver's daemon did not take is refused.
+Whoever holds a message answers for it: it is removed here only when whoever comes next has it on disk, and if it is
+given up here its sender is told from here (docs/mail.md).
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections import Counter, defaultdict
-from contextlib import aclosing
+import logging
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Collection, Iterable, Sequence
+from contextlib import asynccontextmanager
+from functools import partial
+from pathlib import Path
+from sqlite3 import Connection
 
+from msgspec.structs import replace
+
+from commd import boxes
+from commd.boxes import Tally
 from commd.bus import Bus, Query
+from commd.lanes import Lanes
+from commd.letters import LARGEST, OFFICE, SLACK, Letter, letter
+from commd.mail_clock import SAVE_EVERY, MailClock
+from commd.mail_listing import list_mailboxes
+from commd.peers import Deliver, Directory, Peers
+from commd.radio import Air
+from commd.store import Store, StoreFailed, open_store
 from schemas import keys
+from schemas.mission import MailRules
 from schemas.names import check_name
-from schemas.records import Health, Mail, Message, Receipt
+from schemas.records import Health, Mail, Mailboxes, Message, Receipt
 
-HAND_OVER_TIMEOUT = 5.0
-"""Wall seconds that a receiver's daemon has to take a batch."""
+log = logging.getLogger("mail")
+
+NOT_FOUND, TOO_LARGE = "receiver_not_found", "message_too_large"
+UNKNOWN = "unknown"
+"""Why a message is given up that may have arrived: its time is over, and its receiver's side does not say."""
+SWEEP_EVERY = 0.25
+"""Wall seconds between two looks for messages whose time is over."""
+DOUBT = 60.0
+"""Seconds beyond its time for which a message is kept that may have arrived, until its receiver's side says so."""
+SWEEP = 500
+"""Messages given up in one transaction."""
 
 
 class Mailroom:
-    """Takes batches from senders and hands each message to its receiver's daemon."""
+    """Takes mail, keeps it and carries it on."""
 
-    def __init__(self, bus: Bus, agents: set[str]) -> None:
-        self.agents = agents
-        """The agents of the mission, there or not."""
+    def __init__(
+        self,
+        bus: Bus,
+        store: Store,
+        tally: Tally,
+        clock: MailClock,
+        directory: Directory,
+        rules: MailRules,
+        air: Air | None = None,
+    ) -> None:
+        """`tally` is what `store` counts; `bus.name` is the board."""
         self.counters: Counter[str] = Counter()
-        self._bus = bus
-        self._guests: set[str] = set()
-        """Agents made at run time that have been seen alive."""
-        self._order: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
+        self._bus, self._store, self._tally, self._clock, self._rules = bus, store, tally, clock, rules
+        self._peers = Peers(bus, clock, directory, air)
+        self._lanes = Lanes(store, tally, clock, self._peers.carry, self._give_up, self._peers.of)
+        self._hosted: dict[str, tuple[Callable[[], None], ...]] = {}
+        self._moving: asyncio.Task[None] | None = None
 
-    async def post(self, query: Query[Mail]) -> None:
-        """Serve an outbox: deliver a batch and tell its sender which messages were taken."""
+    @property
+    def directory(self) -> Directory:
+        """Who can be sent to, and where."""
+        return self._peers.directory
+
+    @directory.setter
+    def directory(self, directory: Directory) -> None:
+        self._peers.directory = directory
+
+    @property
+    def names(self) -> Collection[str]:
+        """All who can be sent to, there or away."""
+        return self.directory.names()
+
+    async def run(self) -> None:
+        """Carry mail on, for ever. Whom this board hosts by then is known."""
+        await self._move_lines()
+        self._peers.watch(self._lanes.arrived)
+        self._lanes.begin()
+        self._bus.serve(keys.mailboxes(self._bus.fleet, self._bus.name), Mailboxes, self._list)
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self._lanes.run())
+            tasks.create_task(self._sweep())
+
+    # Who lives here
+
+    def host(self, name: str) -> None:
+        """Serve the mail of an agent, a client or a node that lives on this board."""
+        if name not in self._hosted:
+            fleet = self._bus.fleet
+            self._hosted[name] = (
+                self._bus.serve(keys.outbox(fleet, name), Mail, self._post),
+                self._bus.serve(keys.mail(fleet, name, "*"), Mail, self._receive),
+            )
+            if self._tally.messages[name]:
+                self._moving = asyncio.create_task(self._move_lines())
+
+    async def unhost(self, name: str, reason: str = "receiver_left") -> None:
+        """Serve somebody no more who has left for good: what waits for it is given up."""
+        for withdraw in self._hosted.pop(name, ()):
+            withdraw()
+        await self.gone(name, reason)
+
+    async def gone(self, name: str, reason: str = "receiver_left") -> None:
+        """Give up what waits here for somebody who has left for good."""
+        while found := await self._store.read(partial(boxes.places_for, receiver=name, most=SWEEP)):
+            await self._give_up({place: reason for place, _ in found}, {sender for _, sender in found})
+
+    def attach(self, name: str, deliver: Deliver) -> Callable[[], None]:
+        """Hand the mail of a receiver in this process to `deliver(batch)`, batch by batch. Returns what ends it."""
+        self._peers.attached[name] = deliver
+        self._lanes.arrived(name)
+        return lambda: self._peers.attached.pop(name, None) and None
+
+    async def _move_lines(self) -> None:
+        """Let what waited in a former life wait where it belongs now: an agent may have moved to another board."""
+        for line in list(self._tally.lines):
+            receiver = line.rpartition(">")[2]
+            belongs = self._line("", receiver)
+            if belongs is not None and (">" in line) != (">" in belongs):
+                await self._store.write(partial(boxes.move, tally=self._tally, line=line, home=">" not in belongs))
+                self._lanes.more(receiver if ">" not in belongs else line)
+
+    def _line(self, sender: str, receiver: str) -> str | None:
+        """Return the line in which a message waits; None if nobody knows its receiver."""
+        board = self.directory.board_of(receiver)
+        if receiver in self._hosted or board == self._bus.name:
+            return receiver
+        return None if board is None else f"{sender}>{receiver}"
+
+    # Mail that comes in
+
+    async def take(self, messages: Sequence[Message], also: Callable[[Connection], None] | None = None) -> Receipt:
+        """Take mail from senders of this board. When it returns, what was taken is on disk.
+
+        `also(connection)` becomes part of the same transaction. Raises StoreFailed: nothing was taken.
+        """
+        self.counters["posted"] += len(messages)
+        now = self._clock.now()
+        letters = [self._kept(one, self._line(one.sender, one.receiver), now, self._rules.ttl) for one in messages]
+        return await self._write(letters, now, also)
+
+    async def _post(self, query: Query[Mail]) -> None:
+        """Serve an outbox."""
         if query.record is None or not query.concrete:
             query.reply_error(query.error or "expected a Mail record on a concrete key")
             return
+        self.counters["posted"] += len(query.record.messages)
+        sender, now = keys.parse(query.key)[1], self._clock.now()  # type: ignore[index]
+        letters = [
+            self._kept(one, self._line(sender, one.receiver), now, self._rules.ttl)
+            if one.sender == sender
+            else f"its sender is not {sender}"
+            for one in query.record.messages
+        ]
+        await self._answer(query, letters, now)
+
+    async def _receive(self, query: Query[Mail]) -> None:
+        """Serve what another board brings for a receiver of this one."""
+        if query.record is None or not query.concrete:
+            query.reply_error(query.error or "expected a Mail record on a concrete key")
+            return
+        self.counters["received"] += len(query.record.messages)
+        _, receiver, (_, sender) = keys.parse(query.key)  # type: ignore[misc]
+        now = self._clock.now()
+        letters = [
+            self._kept(one, receiver, now, None, SLACK)
+            if (one.sender, one.receiver) == (sender, receiver)
+            else f"it came as mail from {sender} to {receiver}"
+            for one in query.record.messages
+        ]
+        await self._answer(query, letters, now)
+
+    async def _answer(self, query: Query[Mail], letters: Sequence[Letter | str], now: float) -> None:
+        try:
+            query.reply(await self._write(letters, now))
+        except StoreFailed as failed:  # nothing is taken: it will come again
+            query.reply_error(str(failed))
+
+    def _kept(self, message: Message, line: str | None, now: float, ttl: float | None, slack: int = 0) -> Letter | str:
+        """Return a message as it is kept, or why it is refused for good. `ttl` is for one that brings none."""
+        if line is None:
+            return NOT_FOUND
+        ttl = message.ttl if message.ttl is not None else ttl
+        try:
+            check_name(message.sender)
+            kept = letter(message, line, None if ttl is None else now + ttl)
+        except ValueError as bad:
+            return str(bad)
+        return TOO_LARGE if len(kept.message) > LARGEST + slack else kept
+
+    async def _write(
+        self, letters: Sequence[Letter | str], now: float, also: Callable[[Connection], None] | None = None
+    ) -> Receipt:
+        """Put a batch on disk, and let it go on from there. Reasons stand where messages are refused."""
+        good = [one for one in letters if isinstance(one, Letter)]
+
+        def write(db: Connection) -> list[str]:
+            if also is not None:
+                also(db)
+            return boxes.put(db, self._tally, good, now, self._rules.mailbox)
+
+        outcomes = iter(await self._store.write(write) if good or also is not None else ())
         refused: dict[int, str] = {}
         later: dict[int, str] = {}
-        waits: dict[tuple[str, str], str] = {}
-        for place, message in enumerate(query.record.messages):
-            pair = message.sender, message.receiver
-            reason = waits.get(pair) or await self.deliver(message)
-            if reason == "receiver_not_found":
-                refused[place] = reason
-            elif reason:
-                later[place] = waits[pair] = reason
-        taken = len(query.record.messages) - len(refused) - len(later)
-        query.reply(Receipt(taken=taken, refused=refused, later=later))
+        for place, one in enumerate(letters):
+            outcome = next(outcomes) if isinstance(one, Letter) else one
+            match outcome:
+                case boxes.TAKEN | boxes.AGAIN:
+                    self.counters["taken" if outcome == boxes.TAKEN else "duplicates"] += 1
+                case boxes.FULL:
+                    later[place] = outcome
+                case _:
+                    refused[place] = outcome
+        for line in {one.line for one in good}:
+            self._lanes.more(line)
+        self.counters["turned_away"] += len(refused)
+        self.counters["later"] += len(later)
+        return Receipt(taken=len(letters) - len(refused) - len(later), refused=refused, later=later)
 
-    async def deliver(self, message: Message) -> str:
-        """Hand one message to its receiver. Returns why it was not taken, or an empty text."""
-        self.counters["messages"] += 1
-        if not await self._is_known(message.receiver):
-            self.counters["refused"] += 1
-            return "receiver_not_found"
-        inbox = keys.inbox(self._bus.fleet, message.receiver)
-        async with self._order[message.receiver]:  # one at a time: order is kept per pair
-            reason = f"agent `{message.receiver}` is not there"
-            async with aclosing(
-                self._bus.query(inbox, Mail(messages=(message,)), Receipt, HAND_OVER_TIMEOUT)
-            ) as replies:
-                async for reply in replies:
-                    if reply.record is None:
-                        reason = reply.error
-                    elif reply.record.taken:
-                        reason = ""
-                    else:
-                        reason = reply.record.refused.get(0) or reply.record.later.get(0) or "not taken"
-        if reason:
-            self._guests.discard(message.receiver)
-        self.counters["refused" if reason else "delivered"] += 1
-        return reason
+    # Mail that is given up
 
-    async def _is_known(self, name: str) -> bool:
-        """Whether an agent is of the mission, or was made at run time and is there."""
-        if name in self.agents or name in self._guests:
-            return True
+    async def _give_up(self, reasons: dict[int, str], senders: Iterable[str]) -> None:
+        """Make dead letters of messages, with the reasons by place, and write notices to their senders."""
+        lines = {one: line for one in senders if (line := self._line(OFFICE, one)) is not None}
+        now = self._clock.now()
+        noticed = await self._store.write(lambda db: boxes.bury(db, self._tally, reasons, lines, now))
+        self.counters["given_up"] += len(reasons)
+        log.warning(
+            "mail_given_up count=%d senders=%s why=%s", len(reasons), *map(_several, (senders, reasons.values()))
+        )
+        for line in noticed:
+            self._lanes.more(line)
+
+    async def _sweep(self) -> None:
+        """Give up what has waited longer than it may, and write down the time meanwhile, for ever."""
+        saved = self._clock.now()
+        while True:
+            await asyncio.sleep(SWEEP_EVERY)
+            if not self._tally.expiring:
+                continue
+            try:
+                now = self._clock.now()
+                if now - saved >= SAVE_EVERY:
+                    await self._store.write(self._clock.save)
+                    saved = now
+                await self._give_up_late()
+            except StoreFailed:
+                self.counters["sweeps_failed"] += 1
+
+    async def _give_up_late(self) -> None:
+        late = await self._store.read(partial(boxes.expired, now=self._clock.now(), most=SWEEP))
+        now = self._clock.now()
+        reasons: dict[int, str] = {}
+        senders: set[str] = set()
+        for place, line, sender, end in late:
+            # What may have arrived is sent again without time left: only its receiver's side knows.
+            doubtful = self._lanes.may_be_taken(line, place)
+            if doubtful and now < end + DOUBT:
+                continue
+            reasons[place] = UNKNOWN if doubtful else boxes.EXPIRED
+            senders.add(sender)
+        if reasons:
+            self.counters["expired"] += len(reasons)
+            await self._give_up(reasons, senders)
+
+    # What is told of it
+
+    async def _list(self, query: Query[Mailboxes]) -> None:
+        """Serve what waits here and what was given up."""
         try:
-            key = keys.alive(self._bus.fleet, check_name(name), "agentd", "*")
-        except ValueError:
-            return False
-        if not await self._bus.tokens(key):
-            return False
-        self._guests.add(name)
-        return True
+            listed = await self._store.read(partial(list_mailboxes, now=self._clock.now(), state=self._lanes.state))
+        except StoreFailed as failed:
+            query.reply_error(str(failed))
+            return
+        about = (self._bus.header("mailboxes"), self._bus.name, str(self._store.path), self._store.synchronous)
+        header, board, store, synchronous = about
+        query.reply(
+            replace(
+                listed, header=header, board=board, store=store, synchronous=synchronous, dead_count=self._tally.dead
+            ),
+            keys.mailboxes(self._bus.fleet, self._bus.name),
+        )
 
     def health(self) -> Health:
         """Return the mail counters for the daemon's health."""
-        return Health(counters={name: float(count) for name, count in sorted(self.counters.items())})
+        counters = self.counters + self._lanes.counters + self._store.counters
+        counters["waiting"] = sum(self._tally.messages.values())
+        counters["dead"] = self._tally.dead
+        notes = [f"a corrupt mail file was set aside: {name}" for name in self._store.set_aside]
+        if self._store.note:
+            notes.append(self._store.note)
+        return Health(counters={name: float(count) for name, count in sorted(counters.items())}, notes=tuple(notes))
+
+
+@asynccontextmanager
+async def open_mailroom(
+    bus: Bus, directory: Directory, rules: MailRules, folder: Path, air: Air | None = None
+) -> AsyncIterator[Mailroom]:
+    """Open the mail of the board `bus.name`, kept in `folder`, and carry it on until the end.
+
+    Raises Findings if its file cannot be used.
+    """
+    tally, clock = Tally(), MailClock()
+
+    async with open_store(folder / f"{bus.name}.mail", rules.synchronous, tally.count) as store:
+        await store.read(clock.load)
+        mailroom = Mailroom(bus, store, tally, clock, directory, rules, air)
+        for name in directory.names():
+            if directory.board_of(name) == bus.name:
+                mailroom.host(name)
+        async with asyncio.TaskGroup() as tasks:
+            running = tasks.create_task(mailroom.run())
+            try:
+                yield mailroom
+            finally:
+                running.cancel()
+
+
+def _several(texts: Iterable[str]) -> str:
+    """The first few of several texts, each once."""
+    different = sorted(set(texts))
+    return ",".join(different[:5]) + (",..." if len(different) > 5 else "")

@@ -1,0 +1,127 @@
+"""Messages as commd keeps them: numbered, dated, encoded once, and sent on without a look at their content."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, TypeVar
+
+import msgspec
+
+from schemas.codec import codec
+from schemas.records import Header, Record
+from schemas.records import Mail as ReadMail
+from schemas.records import Message as ReadMessage
+from schemas.terms import Atom, Structure, Term
+
+M = TypeVar("M", bound="ReadMessage | Message")
+
+LARGEST = 1024 * 1024
+"""Bytes of the largest message, encoded as MessagePack."""
+SLACK = 4_096
+"""Bytes that a notice may have besides the content of the largest message."""
+OFFICE = "mail"
+"""The sender of notices."""
+
+
+class Message(Record, frozen=True, kw_only=True):
+    """`schemas.records.Message` with a content that is carried, not read: it was checked where it came in."""
+
+    header: Header = Header()
+    id: str
+    sender: str
+    performative: str
+    receiver: str
+    content: Any
+    in_reply_to: str = ""
+    ttl: float | None = None
+
+
+class Mail(Record, frozen=True, kw_only=True):
+    """A batch of them; on the wire the same as `schemas.records.Mail`."""
+
+    messages: tuple[Message, ...] = ()
+
+
+class Letter(msgspec.Struct, kw_only=True, gc=False):
+    """A message on its way into the file."""
+
+    line: str
+    """Where it waits (`commd.mail_schema`)."""
+    sender: str
+    receiver: str
+    numbering: str = ""
+    number: int = 0
+    """0: it gets the next number of this board's own numbering."""
+    expires: float | None = None
+    """By the mail clock."""
+    message: bytes
+
+
+class Waiting(msgspec.Struct, kw_only=True, gc=False):
+    """A message that has come to the front of its line."""
+
+    place: int
+    sender: str
+    receiver: str
+    numbering: str
+    number: int
+    expires: float | None
+    message: bytes
+
+    def read(self) -> ReadMessage:
+        """Return the message with its content."""
+        return self._numbered(codec(ReadMessage).decode(self.message, MSGPACK))
+
+    def carried(self, now: float) -> Message:
+        """Return the message as it goes on: with its number, and the time that it has left."""
+        message = self._numbered(_CARRIED.decode(self.message))
+        if self.expires is not None:
+            message = msgspec.structs.replace(message, ttl=max(0.0, self.expires - now))
+        return message
+
+    def _numbered(self, message: M) -> M:
+        if message.header.seq == self.number and message.header.boot == self.numbering:
+            return message
+        header = msgspec.structs.replace(message.header, boot=self.numbering, seq=self.number)
+        return msgspec.structs.replace(message, header=header)
+
+
+def letter(message: ReadMessage, line: str, expires: float | None) -> Letter:
+    """Return a message as it is kept. Raises BadRecord for one that cannot be encoded."""
+    header = message.header
+    numbered = header.seq > 0 and bool(header.boot)
+    return Letter(
+        line=line,
+        sender=message.sender,
+        receiver=message.receiver,
+        numbering=header.boot if numbered else "",
+        number=header.seq if numbered else 0,
+        expires=expires,
+        message=codec(ReadMessage).encode(message, "msgpack"),
+    )
+
+
+def undelivered(message: ReadMessage, reason: str) -> ReadMessage:
+    """Return the notice that tells a sender what became of its message."""
+    told = (_name(message.receiver), _name(message.performative), message.content, reason)
+    return ReadMessage(
+        id=f"undelivered.{message.id}",
+        sender=OFFICE,
+        performative="signal",
+        receiver=message.sender,
+        content=Structure("undelivered", told),
+    )
+
+
+def opened(batch: Mail) -> tuple[ReadMessage, ...]:
+    """Return the messages of a batch with their contents, for a receiver in this process."""
+    return codec(ReadMail).decode(codec(Mail).encode(batch, "msgpack"), codec(ReadMail).encoding("msgpack")).messages
+
+
+def _name(text: str) -> Term:
+    """Return a name as an atom, if it can be one."""
+    return Atom(text) if re.fullmatch(r"[a-z]\w*", text, re.ASCII) else text
+
+
+MSGPACK = codec(ReadMessage).encoding("msgpack")
+_CARRIED = msgspec.msgpack.Decoder(Message)

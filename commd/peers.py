@@ -1,0 +1,123 @@
+"""Who takes mail from a board's commd, and how a batch is handed over: receivers of this board, and other boards."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
+from contextlib import aclosing
+from typing import Protocol, TypeAlias
+
+from commd.bus import Bus, BusClosed
+from commd.lanes import NoAnswer
+from commd.letters import Mail, Waiting, opened
+from commd.mail_clock import MailClock
+from commd.radio import Air
+from schemas import keys
+from schemas.records import Message, Receipt
+
+ANSWER_TIMEOUT = 5.0
+"""Wall seconds that another board has to commit a batch."""
+ABSORB_TIMEOUT = 10.0
+"""Wall seconds that a receiver has to take a batch in."""
+RECEIPT_SIZE = 64
+"""Bytes of a receipt on the air."""
+
+Deliver: TypeAlias = Callable[[tuple[Message, ...]], Awaitable[Receipt | None]]
+"""Hands a batch to a receiver in this process; None = no answer, to be tried again."""
+
+
+class Directory(Protocol):
+    """Who can be sent to. What it says is asked for at any time and answered at once."""
+
+    def board_of(self, name: str) -> str | None:
+        """Return the board whose commd keeps the mail of an agent, a client or a node; None for a name of nobody."""
+        ...
+
+    def names(self) -> Collection[str]:
+        """Return all who can be sent to, there or away."""
+        ...
+
+
+class FixedDirectory:
+    """A directory of names that do not change: those of the mission."""
+
+    def __init__(self, mailboxes: Mapping[str, str]) -> None:
+        self._mailboxes = dict(mailboxes)
+
+    def board_of(self, name: str) -> str | None:
+        """Return the board of a name."""
+        return self._mailboxes.get(name)
+
+    def names(self) -> Collection[str]:
+        """Return all names."""
+        return self._mailboxes
+
+
+class Peers:
+    """The tokens of receivers and other boards, and the way to them."""
+
+    def __init__(self, bus: Bus, clock: MailClock, directory: Directory, air: Air | None) -> None:
+        self.directory, self.air = directory, air
+        self.attached: dict[str, Deliver] = {}
+        """Receivers in this process."""
+        self._bus, self._clock = bus, clock
+        self._alive: defaultdict[str, set[str]] = defaultdict(set)
+
+    def watch(self, arrived: Callable[[str], None]) -> None:
+        """Follow the tokens of the fleet; call `arrived(name)` when a board or a receiver appears."""
+
+        def token(key: str, alive: bool) -> None:
+            _, name, (_, daemon, boot) = keys.parse(key) or ("", "", ("", "", ""))
+            if daemon == "bridged" or daemon == "argosy":
+                return
+            if alive:
+                self._alive[name].add(f"{daemon}/{boot}")
+                arrived(name)
+            elif name in self._alive:
+                self._alive[name].discard(f"{daemon}/{boot}")
+                if not self._alive[name]:
+                    del self._alive[name]
+
+        self._bus.watch(keys.alive(self._bus.fleet, "*", "*", "*"), token)
+
+    def of(self, line: str) -> str:
+        """Return who takes the mail of a line: a receiver of this board, or the board of one."""
+        _, remote, receiver = line.partition(">")
+        return (self.directory.board_of(receiver) or receiver) if remote else line
+
+    async def carry(self, line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+        """Hand a batch of a line to whoever takes it."""
+        now = self._clock.now()
+        mail = Mail(messages=tuple(one.carried(now) for one in batch))
+        if (deliver := self.attached.get(line)) is not None:
+            return await deliver(opened(mail)) or NoAnswer(f"{line} does not answer", certain=False)
+        sender, remote, receiver = line.partition(">")
+        if not remote:
+            return await self._ask(line, keys.inbox(self._bus.fleet, line), mail, ABSORB_TIMEOUT)
+        size = sum(len(one.message) for one in batch)
+        if self.air is not None and not await self.air.carries(sender, receiver, size):
+            return NoAnswer("lost on the air", certain=True)
+        key = keys.mail(self._bus.fleet, receiver, sender)
+        answer = await self._ask(self.of(line), key, mail, ANSWER_TIMEOUT)
+        if (
+            self.air is not None
+            and isinstance(answer, Receipt)
+            and not await self.air.carries(receiver, sender, RECEIPT_SIZE)
+        ):
+            return NoAnswer("its receipt was lost on the air", certain=False)
+        return answer
+
+    async def _ask(self, peer: str, key: str, mail: Mail, timeout: float) -> Receipt | NoAnswer:
+        there = peer in self._alive
+        answer: Receipt | NoAnswer | None = None
+        try:
+            async with aclosing(self._bus.query(key, mail, Receipt, timeout)) as replies:
+                async for reply in replies:
+                    answer = reply.record or NoAnswer(f"{peer} does not take it: {reply.error}", certain=False)
+        except BusClosed as closed:
+            return NoAnswer(str(closed), certain=True)
+        if answer is not None:
+            return answer
+        if there or peer in self._alive:
+            return NoAnswer(f"{peer} does not answer", certain=False)
+        return NoAnswer(f"{peer} is away", certain=True, away=True)

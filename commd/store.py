@@ -1,0 +1,321 @@
+"""The file in which a board keeps its mail: SQLite with one thread that writes and one that reads.
+
+What several callers ask to be written at the same time shares one commit. The event loop never waits for the disk; a
+caller waits until what it asked for is on disk, or learns that it is not.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import fcntl
+import logging
+import os
+import sqlite3
+from collections import Counter, deque
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from threading import Condition, Thread
+from typing import Any, Literal, TypeAlias, TypeVar
+
+from commd.mail_schema import TooNew, migrate
+from schemas.findings import Finding, Findings
+
+T = TypeVar("T")
+Transaction: TypeAlias = Callable[[sqlite3.Connection], T]
+log = logging.getLogger("store")
+
+QUEUE = 1_000
+"""Transactions that may wait for the writer; further ones fail at once."""
+GROUP = 256
+"""Transactions that share one commit at most."""
+PATIENCE = 30.0
+"""Wall seconds that a caller waits for the disk."""
+CACHE_KIB = 1_024
+"""Pages that each of the two connections keeps in memory."""
+WAL_BYTES = 8 * 1024 * 1024
+"""A longer write-ahead log is cut back when its content has moved into the file."""
+CORRUPT = {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB}
+DISK = CORRUPT | {
+    sqlite3.SQLITE_FULL,
+    sqlite3.SQLITE_IOERR,
+    sqlite3.SQLITE_READONLY,
+    sqlite3.SQLITE_CANTOPEN,
+    sqlite3.SQLITE_PERM,
+    sqlite3.SQLITE_BUSY,
+    sqlite3.SQLITE_LOCKED,
+    sqlite3.SQLITE_NOMEM,
+}
+"""What is wrong with the disk or the file; any other error is a defect of the transaction that met it."""
+
+
+class StoreFailed(OSError):
+    """What was asked for is not on disk: the disk is full or broken, or the store is closing. Nothing of it is kept."""
+
+
+class Store:
+    """A board's mail file. Make it with `open_store`."""
+
+    def __init__(self, path: Path, synchronous: Literal["full", "normal"], count: Transaction[None] | None) -> None:
+        self.path, self.synchronous = path, synchronous
+        self.counters: Counter[str] = Counter()
+        """`commits`, and `db_errors`: commits that failed."""
+        self.note = ""
+        """What is wrong with the file now, in words."""
+        self.set_aside: list[str] = []
+        """Names of the corrupt files that were set aside, since the start."""
+        self._count = count
+        self._loop = asyncio.get_running_loop()
+        self._waiting: deque[tuple[Transaction[Any], asyncio.Future[Any]]] = deque()
+        self._ready = Condition()
+        self._closing = False
+        self._suspect = False
+        """The reader has met something corrupt: the writer must look."""
+        self._uncounted = True
+        self._generation = 0
+        """Counts the files: a corrupt one was set aside."""
+        self._reader = ThreadPoolExecutor(1, "mail-reader")
+        self._reading: tuple[int, sqlite3.Connection] | None = None
+        self._db: sqlite3.Connection
+        self._writer = Thread(target=self._work, name="mail-writer", daemon=True)
+
+    async def write(self, transaction: Transaction[T]) -> T:
+        """Run `transaction(connection)` in the writer's thread and return its result when it is on disk.
+
+        Raises StoreFailed if it is not, and what the transaction itself raises; nothing of it is kept then.
+        """
+        future: asyncio.Future[T] = self._loop.create_future()
+        with self._ready:
+            if self._closing:
+                raise StoreFailed("the mail file is closed")
+            if len(self._waiting) >= QUEUE:
+                raise StoreFailed(f"busy: {QUEUE} transactions wait for the disk")
+            self._waiting.append((transaction, future))
+            self._ready.notify()
+        try:
+            async with asyncio.timeout(PATIENCE):
+                return await future
+        except TimeoutError:
+            raise StoreFailed(f"the disk has not answered for {PATIENCE:g} s") from None
+
+    async def read(self, question: Transaction[T]) -> T:
+        """Run `question(connection)` in the reader's thread: it sees what is on disk. Raises StoreFailed."""
+        if self._closing:
+            raise StoreFailed("the mail file is closed")
+        return await self._loop.run_in_executor(self._reader, self._read, question)
+
+    def _read(self, question: Transaction[T]) -> T:
+        try:
+            if self._reading is None or self._reading[0] != self._generation:
+                if self._reading is not None:
+                    self._reading[1].close()
+                self._reading = self._generation, _connect(self.path, self.synchronous)
+            return question(self._reading[1])
+        except sqlite3.Error as error:
+            code = _code(error)
+            if code not in DISK:
+                raise
+            if code in CORRUPT:
+                with self._ready:
+                    self._suspect = True
+                    self._ready.notify()
+            raise StoreFailed(_words(error)) from None
+
+    def _work(self) -> None:
+        """Write what waits, one commit after the other, until the store closes."""
+        while True:
+            with self._ready:
+                while not (self._waiting or self._closing or self._suspect):
+                    self._ready.wait()
+                if not self._waiting and self._closing:
+                    break
+                group = [self._waiting.popleft() for _ in range(min(GROUP, len(self._waiting)))]
+            outcomes = self._commit([transaction for transaction, _ in group])
+            with suppress(RuntimeError):  # the loop is closed: nobody waits any more
+                self._loop.call_soon_threadsafe(_settle, [future for _, future in group], outcomes)
+        self._db.close()
+
+    def _commit(self, group: list[Transaction[Any]]) -> list[Any]:
+        """Run a group of transactions as one. Returns each one's result, or the exception instead of it."""
+        db = self._db
+        try:
+            if self._suspect:
+                self._suspect = False
+                _check(db)
+            self._recount()
+            db.execute("BEGIN IMMEDIATE")
+            outcomes = [self._run(transaction) for transaction in group]
+            db.execute("COMMIT")
+        except sqlite3.Error as error:
+            self._failed(error)
+            return [StoreFailed(_words(error))] * len(group)
+        self.counters["commits"] += 1
+        if self.note:
+            log.warning("mail_store_well file=%s", self.path)
+            self.note = ""
+        return outcomes
+
+    def _run(self, transaction: Transaction[Any]) -> Any:
+        self._db.execute("SAVEPOINT one")
+        try:
+            outcome = transaction(self._db)
+        except Exception as error:
+            if _code(error) in DISK:
+                raise
+            outcome = error
+            self._db.execute("ROLLBACK TO one")
+            self._uncounted = True
+            self._recount()
+        self._db.execute("RELEASE one")
+        return outcome
+
+    def _recount(self) -> None:
+        """Count anew what is kept in memory about the file, after something was rolled back."""
+        if self._uncounted and self._count is not None:
+            self._count(self._db)
+        self._uncounted = False
+
+    def _failed(self, error: sqlite3.Error) -> None:
+        """Forget what was not committed, tell once why, and begin a new file if this one is corrupt."""
+        self.counters["db_errors"] += 1
+        self._uncounted = True
+        if not self.note:
+            log.error("mail_store_failing file=%s why=%s: no mail is taken until it is well again", self.path, error)
+        self.note = f"no mail is taken: {_words(error)} ({self.path})"
+        try:
+            if self._db.in_transaction:
+                self._db.execute("ROLLBACK")
+            if _code(error) in CORRUPT:
+                self._begin_anew(str(error))
+        except (sqlite3.Error, OSError) as another:
+            log.error("mail_store_failing file=%s why=%s", self.path, another)
+
+    def _begin_anew(self, why: str) -> None:
+        self._db.close()
+        self.set_aside.append(_set_aside(self.path, why).name)
+        self._db = _connect(self.path, self.synchronous)
+        migrate(self._db)
+        self._generation += 1
+
+    def _open(self) -> None:
+        self._db = _connect(self.path, self.synchronous)
+        try:
+            _check(self._db)
+            migrate(self._db)
+        except sqlite3.Error as error:
+            if _code(error) not in CORRUPT:
+                raise
+            self._begin_anew(str(error))
+        self._recount()
+
+    async def open(self) -> None:
+        """Open the file, check it and bring it to this version; a corrupt one is set aside.
+
+        Raises Findings for a file that cannot be used: of a newer version, or where nothing can be written.
+        """
+        try:
+            await asyncio.to_thread(self._open)
+        except (TooNew, OSError, sqlite3.Error) as error:
+            raise Findings([Finding(str(self.path), 0, 0, f"cannot keep mail in this file: {error}")]) from None
+        self._writer.start()
+
+    async def close(self) -> None:
+        """Write what waits and close the file."""
+        with self._ready:
+            self._closing = True
+            self._ready.notify()
+        await asyncio.to_thread(self._writer.join, PATIENCE)
+        if self._reading is not None:
+            self._reader.submit(self._reading[1].close)
+        await asyncio.to_thread(self._reader.shutdown)
+
+
+@asynccontextmanager
+async def open_store(
+    path: Path, synchronous: Literal["full", "normal"] = "full", count: Transaction[None] | None = None
+) -> AsyncIterator[Store]:
+    """Open a board's mail file for this process alone, and close it at the end.
+
+    `count(connection)` runs in the writer's thread before the first transaction, and again after any was rolled back:
+    what is kept in memory about the file is to be counted there.
+    """
+    with _alone(path):
+        store = Store(path, synchronous, count)
+        await store.open()
+        try:
+            yield store
+        finally:
+            await store.close()
+
+
+class _alone:
+    """Holds a mail file for this process. Raises Findings if another one has it."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> None:
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._lock = os.open(f"{self._path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise Findings([Finding(str(self._path), 0, 0, f"cannot keep mail in this file: {error}")]) from None
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(self._lock)
+            text = "another commd keeps its mail in this file: give each its own --state"
+            raise Findings([Finding(str(self._path), 0, 0, text)]) from None
+
+    def __exit__(self, *_: object) -> None:
+        os.close(self._lock)
+
+
+def _connect(path: Path, synchronous: str) -> sqlite3.Connection:
+    db = sqlite3.connect(path, isolation_level=None, check_same_thread=False, timeout=1.0)
+    db.execute(f"PRAGMA cache_size = -{CACHE_KIB}")
+    db.execute(f"PRAGMA synchronous = {synchronous}")
+    db.execute(f"PRAGMA journal_size_limit = {WAL_BYTES}")
+    return db
+
+
+def _check(db: sqlite3.Connection) -> None:
+    """Raise DatabaseError (corrupt) unless the whole file can be read and is in order."""
+    db.execute("PRAGMA journal_mode = WAL")
+    (found,) = db.execute("PRAGMA quick_check(1)").fetchone()
+    if found != "ok":
+        error = sqlite3.DatabaseError(found)
+        error.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
+        raise error
+
+
+def _set_aside(path: Path, why: str) -> Path:
+    """Rename a corrupt file and what belongs to it. Returns its new path."""
+    number = 1
+    while (aside := path.with_name(f"{path.name}.corrupt-{number}")).exists():
+        number += 1
+    for end in ("-wal", "-shm", ""):
+        with suppress(FileNotFoundError):
+            path.with_name(path.name + end).rename(aside.with_name(aside.name + end))
+    log.error("mail_store_corrupt file=%s why=%s set_aside=%s: its mail is lost, a new file begins", path, why, aside)
+    return aside
+
+
+def _settle(futures: list[asyncio.Future[Any]], outcomes: list[Any]) -> None:
+    for future, outcome in zip(futures, outcomes, strict=True):
+        if future.done():  # its caller waits no longer
+            continue
+        if isinstance(outcome, Exception):
+            future.set_exception(outcome)
+        else:
+            future.set_result(outcome)
+
+
+def _code(error: BaseException) -> int:
+    """Return SQLite's primary error code, 0 for what has none."""
+    return int(getattr(error, "sqlite_errorcode", None) or 0) & 0xFF
+
+
+def _words(error: sqlite3.Error) -> str:
+    return "the disk is full" if _code(error) == sqlite3.SQLITE_FULL else str(error)
