@@ -50,16 +50,23 @@ class Acting:
         """The actions that are under way, and whether the agent still wants them."""
 
     async def perform(
-        self, identity: str, name: str, parameters: tuple[Term, ...], patience: float = ACCEPT_PATIENCE
+        self,
+        identity: str,
+        name: str,
+        parameters: tuple[Term, ...],
+        patience: float = ACCEPT_PATIENCE,
+        on_status: Callable[[ActionStatus], None] | None = None,
+        attempt: int = 1,
     ) -> ActionStatus:
         """Ask for an action and return its final status; the bridge has `patience` wall seconds to take it.
 
         Never raises and never waits for ever: without a word from the bridge for `BUS_GRACE` it has failed, and when
-        the deadline that the bridge has told is over.
+        the deadline that the bridge has told is over. `on_status` hears of each status before the final one. `attempt`
+        above 1 follows what a former life has asked for: the bridge begins nothing, and refuses what it does not know.
         """
         self._wanted[identity] = True
         try:
-            status = await self._follow(identity, name, parameters, patience)
+            status = await self._follow(identity, name, parameters, patience, on_status, attempt)
         finally:
             del self._wanted[identity]
         if status.after is not None:
@@ -67,8 +74,16 @@ class Acting:
         self.counters[status.state] += 1
         return status
 
-    async def _follow(self, identity: str, name: str, parameters: tuple[Term, ...], patience: float) -> ActionStatus:
-        loop, attempt, reason = asyncio.get_running_loop(), 1, "bridge_lost: nobody serves this action"
+    async def _follow(
+        self,
+        identity: str,
+        name: str,
+        parameters: tuple[Term, ...],
+        patience: float,
+        on_status: Callable[[ActionStatus], None] | None,
+        attempt: int,
+    ) -> ActionStatus:
+        loop, reason = asyncio.get_running_loop(), "bridge_lost: nobody serves this action"
         heard = loop.time()
         until, late = heard + patience, f"the bridge has not taken it within {patience:g} s"
 
@@ -103,6 +118,8 @@ class Acting:
                         if reply.record.final:
                             return reply.record
                         heard, taken = loop.time(), True
+                        if on_status is not None:
+                            on_status(reply.record)
                         if reply.record.deadline is not None:
                             until = heard + self._to_wall(reply.record.deadline) + ASKERS_MARGIN
                             late = "no outcome within its deadline"
