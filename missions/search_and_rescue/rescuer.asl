@@ -56,7 +56,7 @@ bid(V, offer(Cost, Me))
 
 +!claim(V) : scout(Scout)
   <- .send(Scout, askOne, claim(V, _), Answer, 10000);
-     if (Answer = claim(V, yes)) { .print("I go for ", V); +mine(V) }.
+     if (claim(V, yes) = Answer) { .print("I go for ", V); +mine(V) } else { .wait(1000) }.
 
 /* The rescue. Dropping needs the scout's leave, asked for above the victim; without an answer it is asked for again. */
 
