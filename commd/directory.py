@@ -1,0 +1,373 @@
+"""The directory of a board: serves `{board}/services`, follows what the other boards say, and keeps both on disk.
+
+A name that was known once stays known while its board is away. An agent that joined at run time is forgotten when it
+leaves, or when it has been gone for `GONE_FOR_GOOD` while this board was up.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Collection, Coroutine, Sequence
+from contextlib import aclosing, asynccontextmanager
+from dataclasses import replace
+from sqlite3 import Connection
+from typing import Any, Protocol, TypeVar
+
+import msgspec
+
+from commd import facts
+from commd.bus import Bus, BusClosed, Query
+from commd.clock import Clock
+from commd.services import Notice, Own, Problem, Services
+from commd.store import StoreFailed
+from schemas import keys
+from schemas.codec import BadRecord, codec
+from schemas.mission import THIS_MACHINE, Mission
+from schemas.records import BoardServices, Message, Receipt, ServiceRequest
+from schemas.terms import Atom, Structure, Term
+
+ASK_EVERY = 30.0
+"""Wall seconds between two looks at what the other boards know: a change that was put may have been lost."""
+ASK_TIMEOUT = 5.0
+GONE_FOR_GOOD = 60.0
+"""Wall seconds without a token after which an agent that joined at run time has left: its daemon was killed. One that
+is started again within that time keeps its mail."""
+LOOK_EVERY = 1.0
+PUT_EVERY = 0.1
+"""Wall seconds between two puts at least."""
+MOST_TASKS = 1_000
+"""What other boards say may wait so often for the disk; the excess is dropped, counted and asked for again."""
+SENDER = "df"
+T = TypeVar("T")
+log = logging.getLogger("directory")
+
+
+class Store(Protocol):
+    """Where a board keeps what must not be lost (`commd.store`)."""
+
+    async def write(self, transaction: Callable[[Connection], T]) -> T: ...
+
+    async def read(self, question: Callable[[Connection], T]) -> T: ...
+
+
+class Post(Protocol):
+    """Who carries notices, and keeps the mail of the agents here (`commd.mailroom`)."""
+
+    async def take(self, messages: Sequence[Message], also: Callable[[Connection], None] | None = None) -> Receipt: ...
+
+    def host(self, name: str) -> None: ...
+
+    async def unhost(self, name: str) -> None: ...
+
+    async def gone(self, name: str) -> None: ...
+
+
+class Directory:
+    """What a board knows of the agents of its fleet. Make it with `open_directory`."""
+
+    def __init__(self, bus: Bus, board: str, mission: Mission, store: Store, post: Post, clock: Clock) -> None:
+        boards = tuple(mission.boards) or (THIS_MACHINE,)
+        reserved = frozenset((*mission.robots, *boards))
+        self.services = Services(board, mission.mailboxes, boards, reserved)
+        self.counters: Counter[str] = Counter()
+        """`notices` and `notices_refused`, `board_changes`, `left`: agents that were gone for good."""
+        self._bus, self._board, self._store, self._post, self._clock = bus, board, store, post, clock
+        self._homes = self.services.homes()
+        self._one_at_a_time = asyncio.Lock()
+        self._alive: dict[str, set[str]] = {}
+        """The tokens of the agents that joined here."""
+        self._absent: dict[str, float] = {}
+        """Those that joined here and are not there: since when."""
+        self._boards: dict[str, set[str]] = {}
+        """The tokens of the commd of each board, this one too."""
+        self._put_at = -PUT_EVERY
+        self._putting: asyncio.TimerHandle | None = None
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._said_doubles: set[str] = set()
+        self._noticed = 0
+
+    # --- for the mailroom ---
+
+    def board_of(self, name: str) -> str | None:
+        """The board that keeps the mail of an agent, or None for one that nobody knows."""
+        return self._homes.get(name)
+
+    def names(self) -> Collection[str]:
+        """Everybody who can be sent to, there or away."""
+        return self._homes.keys()
+
+    def notes(self) -> list[str]:
+        """What is wrong now, in words."""
+        twice = len(self._boards.get(self._board, ())) > 1
+        doubles = [f"another commd serves board `{self._board}` as well"] if twice else []
+        return [*doubles, *self.services.doubled()]
+
+    # --- its life ---
+
+    async def load(self) -> None:
+        """Read what is on disk, and host those that joined in a former life. Raises StoreFailed."""
+        own, others = await self._store.read(lambda db: (facts.kept(db, _OWN), facts.kept(db, _BOARDS)))
+        services = self.services
+        try:
+            if self._board in own:
+                services = replace(services, own=msgspec.json.decode(own[self._board], type=Own))
+            known = {name: _BOARD.decode(said) for name, said in others.items() if name in services.boards}
+        except (msgspec.DecodeError, BadRecord) as bad:  # of another version: what is not known is asked for anew
+            log.error("directory_unreadable why=%s: it begins empty", bad)
+            known = {}
+        self._now_is(replace(services, others=known))
+        for name in self.services.own.joined:
+            self._post.host(name)
+            self._absent[name] = self._clock.wall()
+
+    async def follow(self) -> None:
+        """Serve, and follow the agents and the other boards, for ever."""
+        fleet = self._bus.fleet
+        self._bus.serve(keys.services(fleet, self._board), ServiceRequest, self._answer)
+        self._bus.subscribe(keys.services(fleet, "*"), BoardServices, self._told)
+        for daemon in ("agentd", "client"):
+            self._bus.watch(keys.alive(fleet, "*", daemon, "*"), self._agent_token)
+        self._bus.watch(keys.alive(fleet, "*", "commd", "*"), self._board_token)
+        self._put()
+        while True:
+            await asyncio.sleep(ASK_EVERY)
+            for board in [board for board, boots in self._boards.items() if boots]:
+                self._ask_soon(board)
+
+    async def forget_who_is_gone(self) -> None:
+        """Let those leave that joined here and are gone for good, for ever."""
+        while True:
+            await asyncio.sleep(LOOK_EVERY)
+            now = self._clock.wall()
+            for name in [name for name, since in self._absent.items() if now - since >= GONE_FOR_GOOD]:
+                try:
+                    await self._fulfil(ServiceRequest(agent=name, do="leave"))
+                except StoreFailed:
+                    continue  # tried again at the next look
+                self.counters["left"] += 1
+                log.warning("agent=%s has been gone for %g s: it is forgotten", name, GONE_FOR_GOOD)
+
+    # --- what agents ask ---
+
+    async def _answer(self, query: Query[ServiceRequest]) -> None:
+        if query.error or not query.concrete:
+            query.reply_error(query.error or "expected one board in the key")
+            return
+        if query.record is None:
+            query.reply(self._said())
+            for said in self.services.others.values():
+                query.reply(said)
+            return
+        try:
+            query.reply(await self._fulfil(query.record))
+        except Problem as problem:
+            query.reply(self._said(problem=str(problem)))
+        except StoreFailed as failed:
+            query.reply(self._said(problem=f"commd of board {self._board} cannot keep it: {failed}"))
+
+    async def _fulfil(self, request: ServiceRequest) -> BoardServices:
+        """Do what an agent asks. Raises Problem, and StoreFailed when it could not be written."""
+        async with self._one_at_a_time:
+            before, agent, service = self.services, request.agent, request.service
+            after, notices = before, list[Notice]()
+            match request.do:
+                case "join":
+                    after = before.join(agent)
+                case "leave":
+                    after = before.leave(agent)
+                case "register":
+                    after, notices = before.register(agent, service)
+                case "deregister":
+                    after = before.deregister(agent, service)
+                case "subscribe":
+                    after, notices = before.subscribe(agent, service)
+            if after is not before or notices:
+                own = msgspec.json.encode(after.own)
+                await self._write(notices, lambda db: facts.keep(db, _OWN, self._board, own))
+                self._now_is(after)
+            for name in set(after.own.joined) - set(before.own.joined):
+                self._post.host(name)
+                if not self._alive.get(name):
+                    self._absent[name] = self._clock.wall()
+            for name in set(before.own.joined) - set(after.own.joined):
+                self._absent.pop(name, None)
+                await self._post.unhost(name)
+            if after.own.version != before.own.version:
+                self._put()
+            found = after.providers(service) if request.do in ("search", "subscribe") else ()
+            return self._said(found=found)
+
+    async def _write(self, notices: list[Notice], change: Callable[[Connection], None]) -> None:
+        """Write a change together with the notices that it calls for. Raises StoreFailed: then neither is."""
+        if not notices:
+            await self._store.write(change)
+            return
+        messages = [self._notice(*notice) for notice in notices]
+        receipt = await self._post.take(messages, also=change)
+        self.counters["notices"] += receipt.taken
+        for place, why in {**receipt.refused, **receipt.later}.items():
+            self.counters["notices_refused"] += 1
+            log.warning("notice_refused receiver=%s why=%s", messages[place].receiver, why)
+
+    def _notice(self, subscriber: str, agent: str, service: str) -> Message:
+        self._noticed += 1
+        content = Structure("provider", (named(agent), named(service)))
+        number = f"df.{self._bus.boot}.{self._noticed}"
+        return Message(id=number, sender=SENDER, performative="tell", receiver=subscriber, content=content)
+
+    def _said(self, *, found: tuple[str, ...] = (), problem: str = "") -> BoardServices:
+        """What this board says of itself."""
+        header = self._bus.header("services")
+        version, agents = self.services.own.version, self.services.agents()
+        return BoardServices(
+            header=header, board=self._board, version=version, agents=agents, found=found, problem=problem
+        )
+
+    def _put(self) -> None:
+        """Tell everybody what is known here now, at once or a moment after the last time."""
+        pause = self._put_at + PUT_EVERY - self._clock.wall()
+        if pause <= 0:
+            self._putting, self._put_at = None, self._clock.wall()
+            self._bus.put(keys.services(self._bus.fleet, self._board), self._said())
+        elif self._putting is None:
+            self._putting = asyncio.get_running_loop().call_later(pause, self._put_late)
+
+    def _put_late(self) -> None:
+        self._putting, self._put_at = None, -PUT_EVERY
+        self._put()
+
+    def _now_is(self, services: Services) -> None:
+        self.services, self._homes = services, services.homes()
+        for double in services.doubled():
+            if double not in self._said_doubles:
+                self._said_doubles.add(double)
+                log.error("%s", double)
+
+    # --- the other boards ---
+
+    def _told(self, key: str, said: BoardServices) -> None:
+        parsed = keys.parse(key)
+        if parsed is not None and parsed[1] == said.board and self._concerns_us(said):
+            self._spawn(self._hear(said))
+
+    def _concerns_us(self, said: BoardServices) -> bool:
+        return said.board in self.services.boards and said.board != self._board
+
+    async def _hear(self, said: BoardServices) -> None:
+        """Take what another board says of itself, on disk first."""
+        async with self._one_at_a_time:
+            if not self.services.news(said):
+                return
+            before = self.services.others.get(said.board)
+            after, notices, gone = self.services.heard(said)
+            kept = _BOARD.encode(said)
+            try:
+                await self._write(notices, lambda db: facts.keep(db, _BOARDS, said.board, kept))
+            except StoreFailed as failed:
+                log.error("board=%s what it says is not kept, it is asked again: %s", said.board, failed)
+                return
+            self.counters["board_changes"] += 1
+            self._now_is(after)
+            if before is None or before.agents != said.agents:
+                log.info("board=%s agents=%d", said.board, len(said.agents))
+            for name in gone:
+                await self._post.gone(name)
+
+    def _board_token(self, key: str, alive: bool) -> None:
+        if (parsed := keys.parse(key)) is None or parsed[1] not in self.services.boards:
+            return
+        board, boots = parsed[1], self._boards.setdefault(parsed[1], set())
+        if not alive:
+            boots.discard(parsed[2][-1])
+        elif parsed[2][-1] not in boots:
+            boots.add(parsed[2][-1])
+            self._ask_soon(board)
+            if board == self._board and len(boots) > 1:
+                log.error(
+                    "another commd serves board `%s` as well: its mail goes now to one and now to the other", board
+                )
+
+    def _ask_soon(self, board: str) -> None:
+        if board != self._board:
+            self._spawn(self._ask(board))
+
+    async def _ask(self, board: str) -> None:
+        """Ask a board for what it knows of itself."""
+        try:
+            key = keys.services(self._bus.fleet, board)
+            async with aclosing(self._bus.query(key, None, BoardServices, ASK_TIMEOUT)) as replies:
+                async for reply in replies:
+                    if reply.record is not None and reply.record.board == board:
+                        await self._hear(reply.record)
+        except BusClosed as closed:
+            log.debug("not_asked board=%s why=%s", board, closed)
+
+    def _agent_token(self, key: str, alive: bool) -> None:
+        """An agent came or went; only those count that joined here."""
+        if (parsed := keys.parse(key)) is None:
+            return
+        name, tokens = parsed[1], self._alive.setdefault(parsed[1], set())
+        if alive:
+            tokens.add(key)
+            self._absent.pop(name, None)
+            return
+        tokens.discard(key)
+        if not tokens:
+            del self._alive[name]
+            if name in self.services.own.joined:
+                self._absent[name] = self._clock.wall()
+
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
+        if len(self._tasks) >= MOST_TASKS:
+            work.close()
+            self.counters["dropped"] += 1
+            return
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._ended)
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            context = {"message": "directory of services", "exception": error, "task": task}
+            asyncio.get_running_loop().call_exception_handler(context)
+
+    async def close(self) -> None:
+        """End what is under way."""
+        if self._putting is not None:
+            self._putting.cancel()
+        for task in list(self._tasks):
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+
+@asynccontextmanager
+async def open_directory(
+    bus: Bus, board: str, mission: Mission, store: Store, post: Post, clock: Clock
+) -> AsyncIterator[Directory]:
+    """Read the directory of a board, and keep it up to date until the block ends. Raises StoreFailed."""
+    directory = Directory(bus, board, mission, store, post, clock)
+    await directory.load()
+    work = [asyncio.create_task(directory.follow()), asyncio.create_task(directory.forget_who_is_gone())]
+    try:
+        yield directory
+    finally:
+        for task in work:
+            task.cancel()
+        await asyncio.gather(*work, return_exceptions=True)
+        await directory.close()
+
+
+def named(name: str) -> Term:
+    """A name as an agent's program writes it: an atom where it can be one, else a string."""
+    try:
+        return msgspec.convert({"kind": "atom", "name": name}, Atom)
+    except msgspec.ValidationError:
+        return name
+
+
+_OWN, _BOARDS = "services", "board"
+"""Kinds of facts: what this board keeps of its own agents, and what others said last."""
+_BOARD = codec(BoardServices)

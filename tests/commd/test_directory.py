@@ -1,0 +1,236 @@
+"""The directories of several boards: real routers, real files, real mail."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import AsyncExitStack, aclosing, asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from commd import directory as directory_module
+from commd.bus import Bus, Query
+from commd.clock import Clock
+from commd.directory import Directory, open_directory
+from commd.mailroom import open_mailroom
+from commd.peers import FixedDirectory
+from schemas import keys
+from schemas.mission import read_mission
+from schemas.records import BoardServices, Mail, Message, Receipt, ServiceRequest
+from schemas.terms import Atom, Structure
+from tests.support.buses import FLEET, session, until
+
+MISSION = """\
+mission: fleet
+boards:
+  pi1: {}
+  pi2: {}
+agents:
+  a: {program: a.asl, board: pi1}
+  b: {program: b.asl, board: pi2}
+  c: {program: c.asl, board: pi1}
+"""
+
+
+class Fleet:
+    """Two boards: pi1 listens, pi2 dials. Each is started and ended as a test wants it."""
+
+    def __init__(self, folder: Path, port: Callable[[], int]) -> None:
+        self.mission = read_mission(MISSION, Path("m.yaml"))
+        self.link = f"tcp/127.0.0.1:{port()}"
+        self.endpoints = {board: f"tcp/127.0.0.1:{port()}" for board in ("pi1", "pi2")}
+        self._folder = folder
+
+    @asynccontextmanager
+    async def board(self, name: str) -> AsyncIterator[Directory]:
+        """A board's commd, without its process."""
+        listen, connect = ([self.link], []) if name == "pi1" else ([], [self.link])
+        async with (
+            session(self.endpoints[name], name, "commd", router=True, listen=listen, connect=connect) as bus,
+            open_mailroom(bus, FixedDirectory(self.mission.mailboxes), self.mission.mail, self._folder) as mailroom,
+        ):
+            await bus.claim(name)
+            clock = Clock()
+            async with open_directory(bus, name, self.mission, mailroom._store, mailroom, clock) as directory:
+                mailroom.directory = directory
+                yield directory
+
+    @asynccontextmanager
+    async def agent(self, name: str, board: str) -> AsyncIterator[Agent]:
+        """An agent's daemon, as far as the directory sees it."""
+        async with session(self.endpoints[board], name) as bus:
+            await bus.claim(name)
+            yield Agent(bus, name, board)
+
+
+class Agent:
+    """Asks the directory of its board, and takes its mail."""
+
+    def __init__(self, bus: Bus, name: str, board: str) -> None:
+        self.bus, self.name, self.board = bus, name, board
+        self.mail: list[Message] = []
+        bus.serve(keys.inbox(FLEET, name), Mail, self._take)
+
+    async def _take(self, query: Query[Mail]) -> None:
+        assert query.record is not None
+        self.mail += query.record.messages
+        query.reply(Receipt(taken=len(query.record.messages)))
+
+    async def ask(self, do: str, service: str = "", agent: str = "") -> BoardServices:
+        """Ask until somebody answers."""
+        request = ServiceRequest(agent=agent or self.name, do=do, service=service)  # type: ignore[arg-type]
+        async with asyncio.timeout(20):
+            while True:
+                key = keys.services(FLEET, self.board)
+                async with aclosing(self.bus.query(key, request, BoardServices, 10)) as replies:
+                    async for reply in replies:
+                        assert reply.record is not None, reply.error
+                        return reply.record
+                await asyncio.sleep(0.02)
+
+    @property
+    def told(self) -> list[tuple[str, object]]:
+        """Its notices, each once: sender and content."""
+        return list(dict.fromkeys((one.sender, one.content) for one in self.mail))  # type: ignore[misc]
+
+
+def provider(agent: str, service: str) -> tuple[str, object]:
+    return "df", Structure("provider", (Atom(agent), Atom(service)))
+
+
+@pytest.fixture
+def fleet(tmp_path: Path, free_port: Callable[[], int]) -> Fleet:
+    return Fleet(tmp_path, free_port)
+
+
+def run(body: AsyncIterator[None] | object, seconds: float = 90) -> None:
+    asyncio.run(asyncio.wait_for(body, seconds))  # type: ignore[arg-type]
+
+
+def test_a_service_is_found_and_told_of_on_the_other_board(fleet: Fleet) -> None:
+    async def body() -> None:
+        async with fleet.board("pi1"), fleet.board("pi2"), fleet.agent("a", "pi1") as a, fleet.agent("b", "pi2") as b:
+            assert (await a.ask("subscribe", "cook")).found == ()
+            assert (await b.ask("register", "cook")).problem == ""
+            await until(lambda: a.told == [provider("b", "cook")], "a is told of b")
+            assert (await a.ask("search", "cook")).found == ("b",)
+            await a.ask("register", "cook")
+            await until(lambda: a.told == [provider("b", "cook"), provider("a", "cook")], "a is told of itself")
+            await b.ask("deregister", "cook")
+            await until_found(a, "cook", ("a",))
+
+    run(body())
+
+
+async def until_found(agent: Agent, service: str, expected: tuple[str, ...]) -> None:
+    async with asyncio.timeout(20):
+        while (await agent.ask("search", service)).found != expected:
+            await asyncio.sleep(0.02)
+
+
+def test_who_joins_one_board_is_known_on_the_other_until_it_leaves(fleet: Fleet) -> None:
+    async def body() -> None:
+        async with fleet.board("pi1") as pi1, fleet.board("pi2") as pi2, fleet.agent("kid", "pi2") as kid:
+            assert pi1.board_of("kid") is None
+            assert (await kid.ask("join")).problem == ""
+            await until(lambda: pi1.board_of("kid") == "pi2", "pi1 knows kid")
+            assert list(pi1.names()) == list(pi2.names()) == ["a", "b", "c", "kid"]
+            async with fleet.agent("a", "pi1") as a:
+                answer = await a.ask("join", agent="kid")
+                assert answer.problem == "the name `kid` is taken on board pi2"
+            await kid.ask("leave")
+            await until(lambda: pi1.board_of("kid") is None, "pi1 has forgotten kid")
+
+    run(body())
+
+
+def test_what_is_known_of_a_board_outlives_its_absence_and_our_own_restart(fleet: Fleet) -> None:
+    async def body() -> None:
+        async with fleet.board("pi1") as pi1, AsyncExitStack() as there:
+            await there.enter_async_context(fleet.board("pi2"))
+            kid = await there.enter_async_context(fleet.agent("kid", "pi2"))
+            await kid.ask("join")
+            await kid.ask("register", "cook")
+            await until(lambda: pi1.services.providers("cook") == ("kid",), "pi1 knows what kid offers")
+        async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
+            assert pi1.board_of("kid") == "pi2"
+            assert (await a.ask("search", "cook")).found == ("kid",)
+            async with fleet.board("pi2") as pi2, fleet.agent("kid", "pi2") as kid:
+                assert pi2.board_of("kid") == "pi2", "it has not left"
+                await kid.ask("leave")
+                await until(lambda: pi1.board_of("kid") is None, "pi1 hears that kid has left")
+
+    run(body())
+
+
+def test_a_subscriber_is_told_once_of_what_began_while_the_boards_did_not_see_each_other(fleet: Fleet) -> None:
+    async def body() -> None:
+        async with fleet.board("pi1"), fleet.agent("a", "pi1") as a:
+            await a.ask("subscribe", "cook")
+            async with fleet.board("pi2"), fleet.agent("b", "pi2") as b:
+                await b.ask("register", "cook")
+                await until(lambda: a.told == [provider("b", "cook")], "a is told of b")
+        async with fleet.board("pi2"), fleet.agent("b", "pi2") as b:
+            await b.ask("register", "sing")
+            async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
+                await until(lambda: pi1.services.providers("sing") == ("b",), "pi1 hears of the new service")
+                await a.ask("subscribe", "sing")
+                await until(lambda: provider("b", "sing") in a.told, "a is told of it")
+                assert a.told == [provider("b", "sing")], "and not again of what it had been told of"
+
+    run(body())
+
+
+def test_who_joined_and_was_killed_is_forgotten_after_a_while_and_who_comes_back_is_not(
+    fleet: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(directory_module, "GONE_FOR_GOOD", 2.0)
+    monkeypatch.setattr(directory_module, "LOOK_EVERY", 0.1)
+
+    async def body() -> None:
+        async with fleet.board("pi1") as pi1:
+            async with fleet.agent("kid", "pi1") as kid, fleet.agent("twin", "pi1") as twin:
+                await kid.ask("join")
+                await twin.ask("join")
+            async with fleet.agent("twin", "pi1"):
+                await until(lambda: pi1.board_of("kid") is None, "kid is forgotten")
+                assert pi1.board_of("twin") == "pi1"
+
+    run(body())
+
+
+def test_a_program_beside_us_asks_once_and_hears_of_all_boards_also_of_those_away(fleet: Fleet) -> None:
+    async def body() -> None:
+        async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
+            async with fleet.board("pi2"), fleet.agent("kid", "pi2") as kid:
+                await kid.ask("join")
+                await until(lambda: pi1.board_of("kid") == "pi2", "pi1 knows kid")
+            async with aclosing(a.bus.query(keys.services(FLEET, "pi1"), None, BoardServices, 10)) as replies:
+                said = {reply.record.board: reply.record.agents async for reply in replies if reply.record}
+            assert said == {"pi1": {"a": (), "c": ()}, "pi2": {"b": (), "kid": ()}}
+
+    run(body())
+
+
+def test_what_cannot_be_done_is_answered_with_the_reason(fleet: Fleet) -> None:
+    async def body() -> None:
+        async with fleet.board("pi1"), fleet.agent("a", "pi1") as a:
+            assert (await a.ask("register", "cook", "b")).problem == "`b` is no agent of board pi1 but of pi2"
+            assert (await a.ask("register", "")).problem.startswith("expected the name of a service")
+
+    run(body())
+
+
+def test_two_boards_of_one_name_are_told_of(fleet: Fleet, tmp_path: Path, free_port: Callable[[], int]) -> None:
+    other = Fleet(tmp_path / "other", free_port)
+    other.link = fleet.link
+    other.endpoints["pi2"] = f"tcp/127.0.0.1:{free_port()}"
+
+    async def body() -> None:
+        async with fleet.board("pi2") as pi2, other.board("pi2"):
+            async with fleet.board("pi1"):
+                await until(lambda: pi2.notes() == ["another commd serves board `pi2` as well"], "both are seen")
+            await until(lambda: pi2.notes() == [], "they do not see each other any more")
+
+    run(body())
