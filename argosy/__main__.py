@@ -81,6 +81,7 @@ COMMANDS = {
     "simulate": "be the simulated robots of a mission that belong to this machine; for fleets of several machines",
     "check": "read everything that a mission names and tell what is wrong; start nothing",
     "manifest": "check, convert and print manifests of robots; change the one that a robot runs by",
+    "mail": "show what waits in the mailboxes of a fleet, and what was given up",
     "stop": "order robots to hold, land or return to launch, above every agent",
 }
 
@@ -95,6 +96,10 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy import simulate
 
             return simulate.add_arguments, simulate.run
+        case "mail":
+            from argosy import mail
+
+            return mail.add_arguments, mail.run
         case "check":
             from argosy import check
 

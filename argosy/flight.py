@@ -186,6 +186,7 @@ class Flight:
                 return ending
             if self.status.setup.restart:
                 self._watchdog.look(self.status.children)
+                self._restarts.tell(self.status.serves)
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._wake.wait(), REFRESH)
 

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import math
 import sys
-import time
 import tomllib
 from argparse import ArgumentParser, Namespace
 from collections.abc import Awaitable, Callable
 from contextlib import aclosing
 from typing import Any
 
-from argosy.endpoint import endpoint
-from argosy.stop import ROUTER_PATIENCE, bridges
-from commd.bus import Bus, BusClosed, open_bus
+from argosy.operator_bus import Unanswered, Where, add_fleet_arguments, bridges, on_the_bus
+from commd.bus import Bus
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas import keys
 from schemas.codec import BadRecord
-from schemas.findings import Findings
 from schemas.manifest_changes import BadPath, part_of
 from schemas.manifest_text import write_document, write_value
-from schemas.mission import DEFAULT_ROUTER, load_mission
 from schemas.positions import did_you_mean
 from schemas.records import LiveManifest, ManifestChange
 from schemas.toml_lines import key_parts
@@ -31,18 +26,9 @@ ANSWER_TIMEOUT = 5.0
 """Wall seconds that a bridge has to answer: it need not ask its robot."""
 
 
-class Unanswered(Exception):
-    """No bridge has answered; says which there are."""
-
-
 def _add_where(parser: ArgumentParser) -> None:
     parser.add_argument("robot", help="robot whose bridge runs")
-    which = parser.add_mutually_exclusive_group()
-    which.add_argument("--mission", metavar="FILE", help="take fleet and router from this mission")
-    which.add_argument("--fleet", metavar="NAME", help="the robot's fleet (default: whichever has the robot)")
-    parser.add_argument(
-        "--router", type=endpoint, metavar="ENDPOINT", help=f"the router's endpoint (default: {DEFAULT_ROUTER})"
-    )
+    add_fleet_arguments(parser, "the robot's fleet (default: whichever has the robot)")
 
 
 def add_get_arguments(parser: ArgumentParser) -> None:
@@ -134,36 +120,24 @@ def _is_plain(value: object) -> bool:
 
 def _on_the_bus(args: Namespace, ask: Callable[[Bus, str], Awaitable[int]]) -> int:
     """Ask on the bus of the fleet that has the robot. Returns the exit code."""
-    fleet, router = args.fleet or "*", args.router or DEFAULT_ROUTER
-    if args.mission:
+
+    async def work(bus: Bus, where: Where) -> int:
         try:
-            mission = load_mission(args.mission)
-        except Findings as findings:
-            print(findings, file=sys.stderr)
-            return EXIT_BAD_INPUT
-        fleet, router = mission.fleet, args.router or mission.router.endpoint
+            return await ask(bus, await _fleet_of(bus, where, args.robot))
+        except BadRecord as error:
+            print(f"error: {error}", file=sys.stderr)
+            return EXIT_FAILED
 
-    async def work() -> int:
-        name = fleet if fleet != "*" else "operator"
-        async with open_bus(
-            router, fleet=name, name="operator", daemon="argosy", stamp=time.time_ns, patience=ROUTER_PATIENCE
-        ) as bus:
-            return await ask(bus, await _fleet_of(bus, fleet, args.robot, router))
-
-    try:
-        return asyncio.run(work())
-    except (BusClosed, Unanswered, BadRecord) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_FAILED
+    return on_the_bus(args, work)
 
 
-async def _fleet_of(bus: Bus, fleet: str, robot: str, router: str) -> str:
+async def _fleet_of(bus: Bus, where: Where, robot: str) -> str:
     """Return the fleet in which a bridge serves the robot. Raises Unanswered."""
-    there = await bridges(bus, fleet)
+    there = await bridges(bus, where.fleet)
     fleets = [its for its, name in there if name == robot]
     if not fleets:
         known = did_you_mean(robot, {name for _, name in there}) or "; no bridge is there at all"
-        raise Unanswered(f"{robot}: its bridge is not on the bus at {router}{known}")
+        raise Unanswered(f"{robot}: its bridge is not on the bus at {where.router}{known}")
     if len(fleets) > 1:
         raise Unanswered(f"{robot}: it is in the fleets {', '.join(fleets)}; say which by --fleet")
     return fleets[0]

@@ -31,6 +31,8 @@ class Restarts:
         self._times: dict[str, deque[float]] = {}
         self._over = asyncio.Event()
         self._tasks: set[asyncio.Task[None]] = set()
+        self._coming: dict[str, Child] = {}
+        """What was started again and has not shown itself yet."""
 
     def died(self, child: Child) -> None:
         """A process has ended although nobody told it to: see that it comes again, if that is wanted and may help."""
@@ -62,6 +64,16 @@ class Restarts:
             return
         self._counts[child.name] += 1
         self._journal.add(child.name, f"restarted, pid {new.pid}, restart {self._counts[child.name]} in this run")
+        self._coming[new.name] = new
+
+    def tell(self, serves: Callable[[Child], bool]) -> None:
+        """Tell of each process that was started again and does its work now."""
+        for name, child in list(self._coming.items()):
+            if not child.alive:
+                del self._coming[name]
+            elif serves(child):
+                del self._coming[name]
+                self._journal.add(name, f"up again after {time.monotonic() - child.started:.1f} s", "good")
 
     async def close(self) -> None:
         """Start nothing any more; returns when nothing is being started."""

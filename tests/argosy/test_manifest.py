@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from argosy.__main__ import main
-from argosy.stop import bridges
+from argosy.operator_bus import bridges
 from bridged.daemon import serve
 from commd.bus import open_bus
 from schemas.manifest import load_manifest
@@ -39,7 +39,9 @@ def turtle(endpoint: str, folder: Path) -> Iterator[list[str]]:
 
     async def run() -> None:
         stop = asyncio.Event()
-        args = Namespace(robots=["turtle1"], router=endpoint, speed=None, state=folder, link=None, simulated=False)
+        args = Namespace(
+            robots=["turtle1"], board=None, router=endpoint, speed=None, state=folder, link=None, simulated=False
+        )
         async with open_bus(
             endpoint, fleet="pond", name="board", daemon="commd", stamp=time.time_ns, mode="router"
         ) as bus:

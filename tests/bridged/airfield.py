@@ -45,6 +45,7 @@ class Airfield:
         """What the command line would say."""
         return Namespace(
             robots=["uav1"],
+            board=None,
             router=self.endpoint,
             speed=self.speed,
             state=self.state,

@@ -192,7 +192,9 @@ robots:
 def serving(mission: Mission, endpoint: str, state: Path, *robots: str) -> tuple[asyncio.Task[int], asyncio.Event]:
     """The bridge daemon of some robots, and what stops it."""
     stop = asyncio.Event()
-    said = Namespace(robots=list(robots), router=endpoint, speed=None, state=state, link=None, simulated=False)
+    said = Namespace(
+        robots=list(robots), board=None, router=endpoint, speed=None, state=state, link=None, simulated=False
+    )
     return asyncio.create_task(serve(mission, said, stop)), stop
 
 

@@ -1,0 +1,147 @@
+"""`argosy mail`: what waits in the mailboxes of a fleet, for how long and for what, and what was given up."""
+
+from __future__ import annotations
+
+import json
+import sys
+from argparse import ArgumentParser, Namespace
+from contextlib import aclosing
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+
+from argosy.boards import boards_of
+from argosy.journal import printable
+from argosy.operator_bus import Where, add_router_argument, on_the_bus
+from commd.bus import Bus
+from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from schemas import keys
+from schemas.findings import Finding, Findings
+from schemas.mission import Mission, load_mission
+from schemas.positions import did_you_mean
+from schemas.records import DeadLetter, Mailboxes, Queue
+from schemas.text import write
+
+ANSWER_TIMEOUT = 5.0
+"""Wall seconds that a `commd` has to answer."""
+LONGEST = 60
+"""Characters of a dead letter's content that are shown."""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy mail`."""
+    parser.add_argument("mission", nargs="?", help="mission file, for its fleet, its boards and its router")
+    parser.add_argument("--board", metavar="NAME", help="only this board (default: all of the mission)")
+    add_router_argument(parser, "the mission's")
+    parser.add_argument(
+        "--file", type=Path, metavar="PATH", help="read a board's database instead; no daemon is needed"
+    )
+    parser.add_argument("--dead", action="store_true", help="list the dead letters too, the newest last")
+    parser.add_argument("--json", action="store_true", help="as JSON, dead letters always among it")
+    parser.set_defaults(fleet=None)
+
+
+def run(args: Namespace) -> int:
+    """Print the mailboxes. Returns 1 if a board did not answer, 2 for a mission or a file that cannot be read."""
+    try:
+        if args.file is not None:
+            return _show([_of_file(args.file)], [], args)
+        if args.mission is None:
+            raise Findings([Finding("argosy mail", 0, 0, "expected a MISSION, or a board's database by --file")])
+        wanted = _wanted(load_mission(args.mission), args.board)
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return EXIT_BAD_INPUT
+
+    async def ask(bus: Bus, where: Where) -> int:
+        key = keys.mailboxes(where.fleet, args.board or "*")
+        found: dict[str, Mailboxes] = {}
+        why: dict[str, str] = {}
+        async with aclosing(bus.query(key, None, Mailboxes, ANSWER_TIMEOUT)) as replies:
+            async for reply in replies:
+                parsed = keys.parse(reply.key)
+                board = parsed[1] if parsed is not None else ""
+                if reply.record is not None and board in wanted:
+                    found[board] = reply.record
+                elif reply.error:
+                    why[board] = reply.error
+        silent = [f"{board}: {why.get(board, 'its commd does not answer')}" for board in wanted if board not in found]
+        silent += [f"somebody answers: {error}" for board, error in why.items() if board not in wanted]
+        return _show([found[board] for board in wanted if board in found], silent, args)
+
+    return on_the_bus(args, ask)
+
+
+def _wanted(mission: Mission, board: str | None) -> list[str]:
+    """Return the boards that are to answer. Raises Findings for one that the mission has not."""
+    boards = boards_of(mission)
+    if board is not None and board not in boards:
+        raise Findings([Finding(str(mission.path), 0, 0, f"no board `{board}`{did_you_mean(board, boards)}")])
+    return [board] if board is not None else boards
+
+
+def _of_file(path: Path) -> Mailboxes:
+    from commd.mail_listing import mailboxes_of_file  # a query needs no SQLite
+
+    return mailboxes_of_file(path)
+
+
+def _show(boxes: list[Mailboxes], silent: list[str], args: Namespace) -> int:
+    if args.json:
+        told = {"boards": [msgspec.to_builtins(one) for one in boxes], "silent": silent}
+        print(json.dumps(told, indent=2, ensure_ascii=False))
+    else:
+        for one in boxes:
+            print("\n".join(_board(one, args.dead)))
+    for text in silent:
+        print(f"error: {text}", file=sys.stderr)
+    return EXIT_FAILED if silent else EXIT_DONE
+
+
+def _board(boxes: Mailboxes, dead: bool) -> list[str]:
+    """Return the lines about one board."""
+    waiting = sum(queue.messages for queue in boxes.queues)
+    head = f"{boxes.board}: {_count(waiting, 'message')} waiting, {_count(boxes.dead_count, 'dead letter')}"
+    where = f"{boxes.store}, synchronous {boxes.synchronous}" if boxes.synchronous else boxes.store
+    lines = [f"{head}  ({where})" if where else head]
+    rows = [_row(queue) for queue in boxes.queues]
+    widths = [max(len(row[column]) for row in rows) for column in range(4)] if rows else []
+    for box, pair, messages, age, state in rows:
+        cells = (f"{box:{widths[0]}}", f"{pair:{widths[1]}}", f"{messages:>{widths[2]}}", f"{age:>{widths[3]}}", state)
+        lines.append(f"  {'  '.join(cells)}".rstrip())
+    if dead:
+        lines += [f"  {_dead(letter)}" for letter in boxes.dead]
+        if missing := boxes.dead_count - len(boxes.dead):
+            lines.insert(len(lines) - len(boxes.dead), f"  {_count(missing, 'older dead letter')} not shown")
+    return lines
+
+
+def _row(queue: Queue) -> tuple[str, str, str, str, str]:
+    messages = f"{_count(queue.messages, 'message')}, {_size(queue.bytes)}"
+    age = f"oldest {_age(queue.oldest)}"
+    return queue.box, f"{queue.sender} > {queue.receiver}", messages, age, printable(queue.state)
+
+
+def _dead(letter: DeadLetter) -> str:
+    message = letter.message
+    at = datetime.fromtimestamp(letter.stamp / 1e9, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
+    content = write(message.content)
+    shown = content if len(content) <= LONGEST else f"{content[: LONGEST - 1]}…"
+    what = f"{message.sender} > {message.receiver}  {message.performative} {shown}"
+    return printable(f"dead  {at}  {what}: {letter.reason}")
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _size(size: int) -> str:
+    return f"{size} B" if size < 1000 else f"{size / 1000:.1f} kB" if size < 1_000_000 else f"{size / 1e6:.1f} MB"
+
+
+def _age(seconds: float) -> str:
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
