@@ -6,10 +6,14 @@ BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
 
-.PHONY: fly test index soak faults bench-reasoner bench-bridge lint types contracts format check-python byte-code clean
+.PHONY: fly rescue test index soak faults bench-reasoner bench-bridge lint types contracts format check-python byte-code clean
 
 fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
+
+rescue: $(VENV)/fly.stamp byte-code  ## fly the paper's search and rescue on three boards' daemons, and let the referee judge
+	@$(BIN)/argosy run missions/search_and_rescue.yaml --report report/rescue $(ARGS)
+	@$(BIN)/argosy referee missions/search_and_rescue.yaml report/rescue
 
 test: $(VENV)/test.stamp byte-code  ## run all tests
 	$(BIN)/python -m pytest $(ARGS)

@@ -82,6 +82,7 @@ COMMANDS = {
     "check": "read everything that a mission names and tell what is wrong; start nothing",
     "manifest": "check, convert and print manifests of robots; change the one that a robot runs by",
     "mail": "show what waits in the mailboxes of a fleet, and what was given up",
+    "referee": "judge a search and rescue by what the simulators saw: each victim one buoy",
     "stop": "order robots to hold, land or return to launch, above every agent",
 }
 
@@ -100,6 +101,10 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy import mail
 
             return mail.add_arguments, mail.run
+        case "referee":
+            from argosy import referee
+
+            return referee.add_arguments, referee.run
         case "check":
             from argosy import check
 

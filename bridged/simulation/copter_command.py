@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"an empty battery is full after so long at home with the motors off (default {CHARGE_S:g})",
     )
     parser.add_argument(
-        "--servo-log", type=Path, metavar="FILE", help="append what its servo outputs do, where and when: JSON lines"
+        "--servo-log", type=Path, metavar="FILE", help="write what its servo outputs do, where and when: JSON lines"
     )
     parser.add_argument(
         "--victims", type=_victims, metavar="N,SEED,SOUTH,WEST,NORTH,EAST", help="who is in the water below its camera"

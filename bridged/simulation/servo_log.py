@@ -41,7 +41,7 @@ class ServoLog:
     def __init__(self, path: Path) -> None:
         """Raises OSError."""
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = path.open("ab", buffering=0)
+        self._file = path.open("wb", buffering=0)
 
     def moved(self, copter: Copter, system: int, age: float, output: int, pulse: int) -> None:
         """Write that an output got another pulse. Raises OSError."""
