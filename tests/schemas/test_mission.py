@@ -51,6 +51,14 @@ def test_a_mission_reads_with_its_defaults() -> None:
     assert mission.relative("uav.asl") == Path("uav.asl")
 
 
+def test_a_client_may_have_a_robot_as_an_agent_has() -> None:
+    text = GOOD + "clients: {pilot: {robot: uav1}, planner: {}}\n"
+    assert read(text).agents_of("uav1") == ["uav", "pilot"]
+    assert findings(text.replace("pilot: {robot: uav1}", "pilot: {robot: uav2}")) == [
+        "m.yaml:14:26: error: there is no robot `uav2`, did you mean `uav1`?"
+    ]
+
+
 def test_the_shipped_mission_reads() -> None:
     path = shipped("missions", "single_uav.yaml")
     assert path is not None

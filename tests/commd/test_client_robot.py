@@ -1,0 +1,130 @@
+"""A program in Python that has a robot: it perceives and acts as an agent does, by a real bridge and a turtle."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from commd.bus import Query
+from commd.client import Client, join
+from schemas import keys
+from schemas.mission import Mission, load_mission, read_mission
+from schemas.records import Action, ActionStatus, Cancel
+from tests.bridged.studio import Studio, in_the_studio
+from tests.support.buses import Connect, on_a_bus, served, until
+
+MISSION = """
+mission: turtle
+agents: {artist: {program: turtle/turtle.asl}}
+clients: {driver: {robot: turtle}}
+robots:
+  turtle: {manifest: turtle, on_agent_loss: [hold], on_shutdown: hold, simulate: {vehicle: turtle}}
+"""
+
+
+@pytest.fixture
+def mission() -> Mission:
+    return read_mission(MISSION, Path(load_mission("missions/turtle.yaml").path))
+
+
+def in_the_studio_of(
+    endpoint: str, folder: Path, mission: Mission, body: Callable[[Client, Studio], Coroutine[Any, Any, None]]
+) -> None:
+    """Run `body(me, studio)` as the client whose robot is a simulated turtle."""
+
+    async def with_client(studio: Studio) -> None:
+        async with join("driver", mission=mission, router=endpoint) as me:
+            await body(me, studio)
+
+    in_the_studio(endpoint, folder, with_client, mission=mission)
+
+
+def test_a_client_sees_what_its_robot_does(endpoint: str, tmp_path: Path, mission: Mission) -> None:
+    async def body(me: Client, studio: Studio) -> None:
+        percepts = me.percepts()
+        assert await percepts.until(lambda seen: bool(seen.of("pose")), 20)
+        heard: list[ActionStatus] = []
+        status = await me.perform("teleport", 2, 3.5, 0, on_status=heard.append)
+        assert (status.state, status.result) == ("succeeded", True)
+        assert heard
+        assert not any(one.final for one in heard)
+        assert await percepts.until(lambda seen: seen.of("pose") == [(2.0, 3.5, 0.0)], 20)
+        assert (studio.turtle.x, studio.turtle.y) == (2.0, 3.5)
+        names = set[str]()
+        async for change in percepts:
+            names.add(change.name)
+            if {"pose", "velocity"} <= names:
+                break
+
+    in_the_studio_of(endpoint, tmp_path, mission, body)
+
+
+def test_what_the_robot_refuses_is_the_status_and_no_exception(endpoint: str, tmp_path: Path, mission: Mission) -> None:
+    async def body(me: Client, studio: Studio) -> None:
+        assert await me.percepts().until(lambda seen: bool(seen.of("pose")), 20)
+        status = await me.perform("set_pen", 1, 2, 999, 1, False)
+        assert (status.state, status.result) == ("refused", False)
+        assert "999" in status.reason
+        status = await me.perform("fly", math.inf)
+        assert status.state == "refused"
+
+    in_the_studio_of(endpoint, tmp_path, mission, body)
+
+
+def test_a_robot_is_held_when_its_program_is_gone(
+    endpoint: str, tmp_path: Path, mission: Mission, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def body(studio: Studio) -> None:
+        async with join("driver", mission=mission, router=endpoint) as me:
+            assert await me.percepts().until(lambda seen: bool(seen.of("pose")), 20)
+            assert (await me.perform("cmd_vel", 0.5, 0, 0)).state == "succeeded"
+        await until(lambda: "turtle: agent driver is lost" in caplog.text, "the bridge misses the program")
+
+    in_the_studio(endpoint, tmp_path, body, mission=mission)
+
+
+def test_an_action_whose_program_gives_it_up_is_cancelled(endpoint: str, mission: Mission) -> None:
+    async def everything(connect: Connect) -> None:
+        bridge = await connect("turtle", "bridged")
+        begun, cancelled = asyncio.Event(), list[str]()
+        key, over = keys.action("turtle", "driver", "*"), asyncio.Event()
+
+        async def act(query: Query[Action]) -> None:
+            assert query.record is not None
+            query.reply(ActionStatus(id=query.record.id, state="running"))
+            begun.set()
+            await over.wait()
+
+        async def cancel(query: Query[Cancel]) -> None:
+            assert query.record is not None
+            cancelled.append(query.record.id)
+            query.reply(ActionStatus(id=query.record.id, state="cancelled"))
+
+        bridge.serve(key, Action, act)
+        bridge.serve(keys.cancel("turtle", "driver"), Cancel, cancel)
+        async with join("driver", mission=mission, router=endpoint) as me:
+            await served(me._bus, keys.action("turtle", "driver", "dance"))
+            dancing = asyncio.create_task(me.perform("dance"))
+            await begun.wait()
+            dancing.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await dancing
+            assert len(cancelled) == 1
+            assert cancelled[0].startswith("driver:")
+            over.set()
+
+    on_a_bus(endpoint, everything)
+
+
+def test_who_has_no_robot_is_told_so(endpoint: str, mission: Mission) -> None:
+    async def everything(connect: Connect) -> None:
+        async with join("driver", mission=mission, router=endpoint) as me:
+            with pytest.raises(ValueError, match="`artist` has no robot that the mission tells of"):
+                me.percepts("artist")
+
+    on_a_bus(endpoint, everything)
