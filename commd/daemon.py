@@ -5,11 +5,13 @@ from __future__ import annotations
 import asyncio
 import logging
 from argparse import ArgumentParser, Namespace
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
 
 from commd.bus import open_bus
 from commd.clock import Clock
+from commd.directory import open_directory
 from commd.mailroom import open_mailroom
 from commd.peers import FixedDirectory
 from commd.process import EXIT_DONE, add_router_argument, endpoint_argument, report_health, run_daemon
@@ -18,6 +20,7 @@ from commd.state import state_directory
 from schemas.findings import Finding, Findings
 from schemas.mission import THIS_MACHINE, Mission, load_mission
 from schemas.positions import did_you_mean
+from schemas.records import Health
 
 log = logging.getLogger("commd")
 
@@ -39,7 +42,7 @@ def run(args: Namespace) -> int:
 
 
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
-    """Route for the board; keep its mail: from `{agent}/outbox` and `{agent}/mail/*` to `{agent}/inbox`."""
+    """Route for the board; keep its directory, and its mail from `{agent}/outbox` and `{agent}/mail/*` to its agents."""
     clock = Clock()
     board = args.board or next(iter(mission.boards), THIS_MACHINE)
     if board not in (mission.boards or {THIS_MACHINE}):
@@ -63,9 +66,21 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
     ) as bus:
         await bus.claim(board)
         folder = state_directory(args.state) / mission.fleet
-        async with open_mailroom(bus, FixedDirectory(mission.mailboxes), mission.mail, folder) as mailroom:
+        async with (
+            open_mailroom(bus, FixedDirectory(mission.mailboxes), mission.mail, folder) as mailroom,
+            open_directory(bus, board, mission, mailroom.store, mailroom, clock) as directory,
+        ):
+            mailroom.directory = directory
+            parts = (mailroom.health, directory.health)
             log.info("%s board=%s endpoint=%s", mode, board, endpoint)
-            health = asyncio.create_task(report_health(bus, board, clock, mailroom.health))
+            health = asyncio.create_task(report_health(bus, board, clock, lambda: together(parts)))
             await stop.wait()
             health.cancel()
     return EXIT_DONE
+
+
+def together(parts: Sequence[Callable[[], Health]]) -> Health:
+    """Return the health of the parts of a daemon as that of the whole."""
+    healths = [part() for part in parts]
+    counters = {name: count for health in healths for name, count in health.counters.items()}
+    return Health(counters=counters, notes=tuple(note for health in healths for note in health.notes))

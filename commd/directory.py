@@ -25,7 +25,7 @@ from commd.store import StoreFailed
 from schemas import keys
 from schemas.codec import BadRecord, codec
 from schemas.mission import THIS_MACHINE, Mission
-from schemas.records import BoardServices, Message, Receipt, ServiceRequest
+from schemas.records import BoardServices, Health, Message, Receipt, ServiceRequest
 from schemas.terms import Atom, Structure, Term
 
 ASK_EVERY = 30.0
@@ -104,11 +104,18 @@ class Directory:
         doubles = [f"another commd serves board `{self._board}` as well"] if twice else []
         return [*doubles, *self.services.doubled()]
 
+    def health(self) -> Health:
+        """Return what is counted and what is wrong, for the daemon's health."""
+        counters = {f"directory_{name}": float(count) for name, count in sorted(self.counters.items())}
+        counters["boards_there"] = float(sum(map(bool, self._boards.values())))
+        counters["names_known"] = float(len(self._homes))
+        return Health(counters=counters, notes=tuple(self.notes()))
+
     # --- its life ---
 
     async def load(self) -> None:
-        """Read what is on disk, and host those that joined in a former life. Raises StoreFailed."""
-        own, others = await self._store.read(lambda db: (facts.kept(db, _OWN), facts.kept(db, _BOARDS)))
+        """Read what is on disk, and host those that joined in a former life."""
+        own, others = await self._read()
         services = self.services
         try:
             if self._board in own:
@@ -121,6 +128,17 @@ class Directory:
         for name in self.services.own.joined:
             self._post.host(name)
             self._absent[name] = self._clock.wall()
+
+    async def _read(self) -> tuple[dict[str, bytes], dict[str, bytes]]:
+        """Read the facts; a file that has just been set aside as corrupt is a new one at the second look."""
+        for pause in (0.0, 0.5, 2.0):
+            await asyncio.sleep(pause)
+            try:
+                return await self._store.read(lambda db: (facts.kept(db, _OWN), facts.kept(db, _BOARDS)))
+            except StoreFailed as failed:
+                log.error("directory_unreadable why=%s", failed)
+        log.error("the directory of board %s begins empty: who joined it before is not known", self._board)
+        return {}, {}
 
     async def follow(self) -> None:
         """Serve, and follow the agents and the other boards, for ever."""
@@ -347,7 +365,7 @@ class Directory:
 async def open_directory(
     bus: Bus, board: str, mission: Mission, store: Store, post: Post, clock: Clock
 ) -> AsyncIterator[Directory]:
-    """Read the directory of a board, and keep it up to date until the block ends. Raises StoreFailed."""
+    """Read the directory of a board, and keep it up to date until the block ends."""
     directory = Directory(bus, board, mission, store, post, clock)
     await directory.load()
     work = [asyncio.create_task(directory.follow()), asyncio.create_task(directory.forget_who_is_gone())]

@@ -60,6 +60,7 @@ class Mailroom:
     ) -> None:
         """`tally` is what `store` counts; `bus.name` is the board."""
         self.counters: Counter[str] = Counter()
+        self.store = store
         self._bus, self._store, self._tally, self._clock, self._rules = bus, store, tally, clock, rules
         self._peers = Peers(bus, clock, directory, air)
         self._lanes = Lanes(store, tally, clock, self._peers.carry, self._give_up, self._peers.of)

@@ -52,7 +52,7 @@ class Fleet:
         ):
             await bus.claim(name)
             clock = Clock()
-            async with open_directory(bus, name, self.mission, mailroom._store, mailroom, clock) as directory:
+            async with open_directory(bus, name, self.mission, mailroom.store, mailroom, clock) as directory:
                 mailroom.directory = directory
                 yield directory
 
@@ -92,7 +92,7 @@ class Agent:
     @property
     def told(self) -> list[tuple[str, object]]:
         """Its notices, each once: sender and content."""
-        return list(dict.fromkeys((one.sender, one.content) for one in self.mail))  # type: ignore[misc]
+        return list(dict.fromkeys((one.sender, one.content) for one in self.mail))
 
 
 def provider(agent: str, service: str) -> tuple[str, object]:
