@@ -23,7 +23,7 @@ from schemas import mission
 from schemas.datagram import BadDatagram, read_message, write_message
 from schemas.endpoints import host_and_port
 from schemas.findings import Findings
-from schemas.records import Message, Receipt
+from schemas.records import Health, Message, Receipt
 from schemas.terms import Atom, Structure, Term
 
 log = logging.getLogger("gateway")
@@ -122,6 +122,12 @@ class Gateway(asyncio.DatagramProtocol):
         self._transport, _ = await loop.create_datagram_endpoint(
             lambda: self, local_addr=(host.strip("[]"), port), family=self._family
         )
+
+    def health(self) -> Health:
+        """Return what became of the datagrams, for the daemon's health."""
+        counters = {name: float(count) for name, count in sorted(self.counters.items())}
+        dropped, bad = self.counters["gateway_dropped"], self.counters["gateway_malformed"]
+        return Health(counters=counters, drops=dropped, bad_input=bad)
 
     def close(self) -> None:
         """Speak and hear no more."""
@@ -270,10 +276,12 @@ def _shown(text: str) -> str:
 
 
 @asynccontextmanager
-async def open_gateway(declared: mission.Mission, post: Post) -> AsyncIterator[Gateway]:
-    """Serve the gateway of a mission while the block runs. Raises Findings if its address is not to be had."""
+async def open_gateway(declared: mission.Mission, board: str, post: Post) -> AsyncIterator[Gateway | None]:
+    """Serve the mission's gateway while the block runs, if it is this board's. Raises Findings for its address."""
     settings = declared.gateway
-    assert settings is not None
+    if settings is None or settings.board != board:
+        yield None
+        return
     gateway = Gateway(settings, post)
     try:
         await gateway.open(settings.listen)

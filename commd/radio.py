@@ -12,15 +12,15 @@ import logging
 import math
 import random
 from collections import Counter
-from collections.abc import Mapping
-from contextlib import aclosing
+from collections.abc import AsyncIterator, Mapping
+from contextlib import aclosing, asynccontextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
 from commd.bus import Bus, BusClosed
 from schemas import keys
 from schemas.mission import Mission, Radio
-from schemas.records import Perception
+from schemas.records import Health, Perception
 from schemas.terms import to_float
 
 log = logging.getLogger("radio")
@@ -102,7 +102,7 @@ class RadioAir:
         self.counters: Counter[str] = Counter()
         """radio_sent, radio_lost, radio_out_of_range: transmissions so far."""
         self._bus, self._robots = bus, robots_of(mission)
-        self._model = RadioModel(radio, board)
+        self._radio, self._model = radio, RadioModel(radio, board)
         for name, robot in mission.robots.items():
             if robot.simulate is not None and robot.simulate.home is not None:
                 self._model.place(name, robot.simulate.home[:2])
@@ -121,6 +121,13 @@ class RadioAir:
             except BusClosed as closed:
                 log.debug("positions_unknown why=%s", closed)
             await asyncio.sleep(ASK_EVERY)
+
+    def health(self) -> Health:
+        """Return what became of the transmissions, for the daemon's health."""
+        return Health(
+            counters={name: float(count) for name, count in sorted(self.counters.items())},
+            notes=(f"mail between boards is degraded as the mission declares: {described(self._radio)}",),
+        )
 
     async def carries(self, sender: str, receiver: str, size: int) -> bool:
         """Let one transmission take its time. Returns whether it arrived."""
@@ -146,6 +153,20 @@ class RadioAir:
         match position:
             case [float(latitude), float(longitude)] if math.isfinite(latitude) and math.isfinite(longitude):
                 self._model.place(robot, (latitude, longitude))
+
+
+@asynccontextmanager
+async def open_air(bus: Bus, mission: Mission, board: str) -> AsyncIterator[RadioAir | None]:
+    """Model the mission's radio for this board while the block runs; without one, mail meets the network alone."""
+    if mission.radio is None:
+        yield None
+        return
+    air = RadioAir(bus, mission, mission.radio, board)
+    asking = asyncio.create_task(air.run())
+    try:
+        yield air
+    finally:
+        asking.cancel()
 
 
 def robots_of(mission: Mission) -> Mapping[str, str]:

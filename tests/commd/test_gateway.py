@@ -66,8 +66,10 @@ def in_the_field(port: int, body: Callable[[Field], Coroutine[Any, Any, None]]) 
         async with (
             asyncio.timeout(60),
             nodes(f"127.0.0.1:{port}") as field,
-            open_gateway(field.mission(), field.post) as field.gateway,
+            open_gateway(field.mission(), "local", field.post) as gateway,
         ):
+            assert gateway is not None
+            field.gateway = gateway
             await body(field)
 
     asyncio.run(everything())
@@ -204,7 +206,7 @@ def test_malformed_datagrams_are_counted_and_told_and_end_nothing(
             field.say(payload)
         field.say("<mid1,old1,tell,uav,a>")
         await until(lambda: len(field.post.taken) == 1, "the gateway still hears")
-        assert field.gateway.counters["gateway_malformed"] == len(BAD)
+        assert field.gateway.health().bad_input == len(BAD)
         told = [one.getMessage() for one in caplog.records if one.getMessage().startswith("malformed")]
         assert len(told) == 10
         assert all(text.isprintable() for text in told)
@@ -313,10 +315,18 @@ def test_a_node_whose_host_is_not_found_keeps_its_mail_waiting(
     in_the_field(free_port(), body)
 
 
+def test_the_gateway_is_one_boards_alone(free_port: Callable[[], int]) -> None:
+    async def body(field: Field) -> None:
+        async with open_gateway(field.mission(), "other", field.post) as gateway:
+            assert gateway is None
+
+    in_the_field(free_port(), body)
+
+
 def test_an_address_that_is_not_to_be_had_is_said_at_its_place_in_the_mission(free_port: Callable[[], int]) -> None:
     async def body(field: Field) -> None:
         with pytest.raises(Findings) as raised:
-            async with open_gateway(field.mission(), field.post):
+            async with open_gateway(field.mission(), "local", field.post):
                 pass
         why = f"gateway.listen: cannot listen at {field.listen}: "
         assert str(raised.value).startswith(f"mixed.yaml:5:11: error: {why}")

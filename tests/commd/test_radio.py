@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import math
 from collections.abc import AsyncIterator
@@ -11,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from commd.bus import Bus, Query
-from commd.radio import RadioAir, RadioModel, metres_between
+from commd.radio import RadioAir, RadioModel, metres_between, open_air
 from schemas import keys
 from schemas.distances import Distance
 from schemas.durations import Duration
@@ -106,13 +105,9 @@ def mission(text: str = MISSION) -> Mission:
 @contextlib.asynccontextmanager
 async def on_air(connect: Connect, declared: Mission) -> AsyncIterator[tuple[RadioAir, Bus]]:
     """The air of a board, and a session that stands for the bridges."""
-    assert declared.radio is not None
-    air = RadioAir(await connect("pi1", "commd"), declared, declared.radio, "pi1")
-    asking = asyncio.create_task(air.run())
-    try:
+    async with open_air(await connect("pi1", "commd"), declared, "pi1") as air:
+        assert air is not None
         yield air, await connect("uav2", "bridged")
-    finally:
-        asking.cancel()
 
 
 def told(*parameters: Term) -> Perception:
