@@ -154,6 +154,7 @@ class Checkpoint:
             except BaseException:
                 self._undo()
                 raise
+            self._database.execute("PRAGMA shrink_memory")  # a daemon may have hundreds of agents
 
     def _write(self, database: sqlite3.Connection, saving: Saving) -> None:
         if saving.mind is not None:

@@ -10,12 +10,16 @@ from typing import Final, Literal
 
 CACHE: Final = 64
 """Kibibytes of pages that SQLite keeps in memory for each agent."""
+STATEMENTS: Final = 24
+"""So many statements are kept compiled for each agent: those of `agentd.checkpoint`, which are fewer."""
 LOCK_PATIENCE: Final = 3.0
 """Wall seconds for which a file that another process has open is waited for: it may be about to end."""
 APPLICATION: Final = 0x4172_676F
 """What says in the head of the file that it is a checkpoint of Argosy."""
-LOG_PAGES: Final = 256
-"""Pages of 4 KiB in the write-ahead log before they are carried over into the database."""
+PAGE: Final = 1024
+"""Bytes of a page: what a small change costs the disk, and each open file the memory."""
+LOG_PAGES: Final = 1024
+"""Pages in the write-ahead log before they are carried over into the database."""
 MIGRATIONS: Final = (
     """
     CREATE TABLE belief (rank INTEGER PRIMARY KEY, entry BLOB NOT NULL);
@@ -67,11 +71,8 @@ def open_database(path: Path, agent: str, synchronous: Synchronous) -> sqlite3.C
 
     Raises CheckpointError for one that is not for us, `NotWhole` or another sqlite3.DatabaseError for a corrupt one.
     """
-    database = sqlite3.connect(
-        path, timeout=LOCK_PATIENCE, isolation_level=None, check_same_thread=False, cached_statements=32
-    )
+    database = _connected(path, synchronous, 0)
     try:
-        _prepare(database, synchronous)
         (version,) = database.execute("PRAGMA user_version").fetchone()
         if version > len(MIGRATIONS):
             raise CheckpointError(
@@ -83,22 +84,37 @@ def open_database(path: Path, agent: str, synchronous: Synchronous) -> sqlite3.C
         (owner,) = database.execute("SELECT value FROM agent WHERE name = 'name'").fetchone()
         if owner != agent:
             raise CheckpointError(f"{path} belongs to the agent {owner}, not to {agent}")
-    except BaseException:
+    finally:
         database.close()
-        raise
-    return database
+    return _locked(_connected(path, synchronous, STATEMENTS))
 
 
-def _prepare(database: sqlite3.Connection, synchronous: Synchronous) -> None:
+def _connected(path: Path, synchronous: Synchronous, statements: int) -> sqlite3.Connection:
+    database = sqlite3.connect(
+        path, timeout=LOCK_PATIENCE, isolation_level=None, check_same_thread=False, cached_statements=statements
+    )
     for pragma in (
+        f"page_size={PAGE}",  # a small row costs the disk little
         "locking_mode=EXCLUSIVE",  # for one process, and without a file of shared memory
         "journal_mode=WAL",
         f"synchronous={synchronous}",
         f"cache_size=-{CACHE}",
         f"wal_autocheckpoint={LOG_PAGES}",
-        f"journal_size_limit={LOG_PAGES * 4096}",
+        f"journal_size_limit={LOG_PAGES * PAGE}",
     ):
-        database.execute(f"PRAGMA {pragma}")
+        database.execute(f"PRAGMA {pragma}").close()
+    return database
+
+
+def _locked(database: sqlite3.Connection) -> sqlite3.Connection:
+    """Take the lock, which stays."""
+    try:
+        database.execute("BEGIN EXCLUSIVE").close()
+        database.execute("COMMIT").close()
+    except BaseException:
+        database.close()
+        raise
+    return database
 
 
 def _look_through(database: sqlite3.Connection) -> None:
@@ -113,11 +129,13 @@ def _look_through(database: sqlite3.Connection) -> None:
 
 
 def _migrate(database: sqlite3.Connection, version: int, agent: str) -> None:
+    """Bring the database to the present version and lock it, in one transaction."""
     database.execute("BEGIN EXCLUSIVE")
-    for number, script in enumerate(MIGRATIONS[version:], version + 1):
-        for statement in script.split(";"):
-            database.execute(statement)
-        database.execute(f"PRAGMA user_version={number}")
+    if version < len(MIGRATIONS):
+        for script in MIGRATIONS[version:]:
+            for statement in script.split(";"):
+                database.execute(statement)
+        database.execute(f"PRAGMA user_version={len(MIGRATIONS)}")
     if not version:
         database.execute(f"PRAGMA application_id={APPLICATION}")
         database.execute("INSERT INTO agent VALUES ('name', ?)", (agent,))
