@@ -42,7 +42,7 @@ def run(args: Namespace) -> int:
 
 
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
-    """Route for the board; keep its directory, and its mail from `{agent}/outbox` and `{agent}/mail/*` to its agents."""
+    """Route for the board; keep its directory, and its mail: from `{agent}/outbox` or other boards to its agents."""
     clock = Clock()
     board = args.board or next(iter(mission.boards), THIS_MACHINE)
     if board not in (mission.boards or {THIS_MACHINE}):
