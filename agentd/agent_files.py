@@ -60,9 +60,9 @@ class AgentFiles:
 
 
 def state_folder(given: str | None, fleet: str) -> Path:
-    """Where the agents of a fleet save: what was asked for, systemd's folder of state, or the user's."""
+    """Where the agents of a fleet are kept: below what was asked for, systemd's folder of state, or the user's."""
     if given is not None:
-        return Path(given)
+        return Path(given) / fleet
     if systemd := os.environ.get("STATE_DIRECTORY"):
         return Path(systemd.partition(":")[0]) / fleet
     base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")

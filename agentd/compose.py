@@ -30,6 +30,7 @@ def compose(mission: Mission, agent: str) -> Program:
         findings.append(mission.positions.finding(where, f"agents.{agent}.program: there is no file {path}"))
     for index, text in enumerate(spec.beliefs):
         items += _item(mission, ("agents", agent, "beliefs", index), text, Belief, findings)
+    _restart_goal(mission, agent, findings)
     for index, text in enumerate(spec.goals):
         items += _item(mission, ("agents", agent, "goals", index), "!" + text.strip().lstrip("!"), Goal, findings)
     if findings:
@@ -51,6 +52,28 @@ def _item(
         findings.append(mission.positions.finding(steps, f"`{text}`: expected one {what}"))
         return ()
     return found
+
+
+def restart_goal(mission: Mission, agent: str) -> Goal | None:
+    """Return the goal of `on_restart: goal(g)`, None if it is something else. Raises Findings for one that is none."""
+    findings: list[Finding] = []
+    goal = _restart_goal(mission, agent, findings)
+    if findings:
+        raise Findings(findings)
+    return goal
+
+
+def _restart_goal(mission: Mission, agent: str, findings: list[Finding]) -> Goal | None:
+    text = mission.agents[agent].on_restart.strip()
+    if not text.startswith("goal("):
+        return None
+    steps = ("agents", agent, "on_restart")
+    inner = text.removeprefix("goal(").removesuffix(")").strip().lstrip("!")
+    if not (text.endswith(")") and inner):
+        findings.append(mission.positions.finding(steps, f"`{text}`: expected a goal such as `goal(recover)`"))
+        return None
+    items = _item(mission, steps, f"!{inner}", Goal, findings)
+    return items[0] if items and isinstance(items[0], Goal) else None
 
 
 def endings(mission: Mission, agent: str, field: Literal["done", "failed"]) -> dict[str, Formula]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,14 @@ from agentd.language.compile import CompiledProgram, DirectiveError, compile_pro
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file
 from agentd.language.terms import EMPTY, atom, make_list
+from agentd.memory import FILE, Memory, open_memory
 from agentd.mind.effects import StopTeam, TeamRequest
 from agentd.mind.inputs import Mail, TeamReply
 from agentd.roster import Roster
 from commd.bus import AlreadyRunning, Bus, BusClosed
 from commd.clock import Clock
 from commd.process import report_health
+from schemas import keys
 from schemas.mission import Mission
 from schemas.names import check_name
 
@@ -50,7 +53,10 @@ class Refused(Exception):
 class Crew:
     """Runs the agents of a daemon until each has ended, and answers what they ask for."""
 
-    def __init__(self, bus: Bus, clock: Clock, mission: Mission, state: Path, seed: int) -> None:
+    def __init__(
+        self, bus: Bus, clock: Clock, mission: Mission, state: Path, seed: int, *, fresh: bool = False
+    ) -> None:
+        """`state` has a folder for each agent; `fresh`: the agents forget what is kept there, and begin anew."""
         self.hosts: dict[str, Host] = {}
         self.stopped: StopTeam | None = None
         """What a program said when it stopped the team."""
@@ -61,18 +67,43 @@ class Crew:
         self._running: dict[asyncio.Task[None], str] = {}
         self._stop = asyncio.Event()
         self._directory = Directory()
+        self._fresh = fresh
+        self._writer = ThreadPoolExecutor(1, "keeping")
+        """Writes the checkpoints of all agents, one after the other."""
 
     async def add(self, part: Part) -> Host:
-        """Join the bus under an agent's name; it reasons from `run` on. Raises AlreadyRunning and BusClosed."""
+        """Join the bus under an agent's name; it reasons from `run` on.
+
+        Raises AlreadyRunning, BusClosed and CheckpointError.
+        """
         token = await self._bus.claim(part.name)
-        host = Host(self._bus, self._clock, part, self.roster, self.answer, token)
+        memory = await self._memory(part.name)
+        host = Host(self._bus, self._clock, part, self.roster, self.answer, token, memory)
         self.hosts[part.name] = host
         self.roster.add(part.name)
         return host
 
+    async def _memory(self, name: str) -> Memory | None:
+        """What an agent has on disk; one that begins anew each time has nothing, nor has one made at run time."""
+        agent = self._mission.agents.get(name)
+        if agent is None:
+            return None
+        anew = agent.on_restart == "fresh"
+        if anew and not (self._state / name / FILE).exists():
+            return None
+        synchronous, fresh = self._mission.mail.synchronous, self._fresh or anew
+        memory = await open_memory(self._state / name, name, self._writer, synchronous, fresh=fresh)
+        if anew:
+            await asyncio.get_running_loop().run_in_executor(self._writer, memory.checkpoint.forget)
+            return None
+        return memory
+
     async def run(self, stop: asyncio.Event) -> None:
         """Let the agents reason until `stop` is set or a program stops the team."""
         await self.roster.watch()
+        self._bus.on_router(self._hurry)
+        for board in {self._mission.agents[name].board for name in self.hosts}:
+            self._bus.watch(keys.alive(self._bus.fleet, board, "commd", "*"), lambda _, alive: self._hurry(alive))
         for host in list(self.hosts.values()):
             self._begin(host)
         watch = asyncio.create_task(stop.wait())
@@ -85,6 +116,15 @@ class Crew:
                     task.result()
         finally:
             watch.cancel()
+            for host in self.hosts.values():
+                await host.part_with(forget=self.stopped is not None)
+            self._writer.shutdown(wait=False)
+
+    def _hurry(self, there: bool) -> None:
+        """Commd or the router is back: mail need not wait for its next attempt."""
+        if there:
+            for host in self.hosts.values():
+                host.hurry()
 
     def _end_all(self) -> None:
         self._stop.set()

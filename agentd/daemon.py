@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import logging
 import sys
 from argparse import ArgumentParser, Namespace
 
 from agentd.agent_files import state_folder
-from agentd.compose import compose, endings
+from agentd.checkpoint import CheckpointError
+from agentd.compose import compose, endings, restart_goal
 from agentd.crew import Crew
 from agentd.host import DECISIONS, Part
 from agentd.language.compile import CompiledProgram, DirectiveError, compile_program
@@ -17,7 +19,8 @@ from agentd.language.parser import parse_file
 from agentd.language.syntax import Program
 from commd.bus import open_bus
 from commd.clock import Clock
-from commd.process import EXIT_DONE, add_router_argument, run_daemon
+from commd.output import stderr
+from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, run_daemon
 from schemas.findings import Finding, Findings
 from schemas.manifest import load_manifest
 from schemas.mission import Mission, load_mission
@@ -37,7 +40,10 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--state",
         metavar="DIR",
-        help="where .save_agent writes, in a folder per agent (default: the user's state folder)",
+        help="where agents are kept and .save_agent writes, below FLEET/AGENT (default: the user's state folder)",
+    )
+    parser.add_argument(
+        "--fresh", action="store_true", help="forget what is kept of these agents: they begin with their initial goals"
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the minds' random numbers")
     parser.add_argument(
@@ -64,9 +70,13 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
     async with open_bus(
         endpoint, fleet=mission.fleet, name=name, daemon="agentd", stamp=clock.stamp, wire=mission.wire, stop=stop
     ) as bus:
-        crew = Crew(bus, clock, mission, state_folder(args.state, mission.fleet), args.seed)
-        for part in parts:
-            await crew.add(part)
+        crew = Crew(bus, clock, mission, state_folder(args.state, mission.fleet), args.seed, fresh=args.fresh)
+        try:
+            for part in parts:
+                await crew.add(part)
+        except CheckpointError as error:
+            stderr().write(f"error: agentd: {error}")
+            return EXIT_FAILED
         log.info("agents=%s", ",".join(crew.hosts))
         await crew.run(stop)
     return EXIT_DONE if crew.stopped is None else crew.stopped.exit_code
@@ -91,7 +101,24 @@ def prepare(mission: Mission, agent: str, seed: int, decisions: int = DECISIONS)
         as_text = load_manifest(named, mission.path.parent).robot.values == "text"
     program = compiled(compose(mission, agent))
     done, failed = endings(mission, agent, "done"), endings(mission, agent, "failed")
-    return Part(agent, program, robot, done, failed, seed, decisions, as_text)
+    return Part(
+        agent,
+        program,
+        robot,
+        done,
+        failed,
+        seed,
+        restart_goal(mission, agent),
+        decisions,
+        as_text,
+        digest_of(program),
+    )
+
+
+def digest_of(program: CompiledProgram) -> bytes:
+    """Return what stands for a program: an edited one has another digest."""
+    text = repr((program.beliefs, program.goals, program.plans))
+    return hashlib.sha256(text.encode(errors="replace")).digest()
 
 
 def compiled(program: Program) -> CompiledProgram:

@@ -9,15 +9,16 @@ from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+from agentd.keeping import Keeping
 from agentd.language.compile import CompiledProgram
 from agentd.language.signatures import signature
-from agentd.language.syntax import Formula
+from agentd.language.syntax import Formula, Goal
 from agentd.language.terms import Literal, atom
 from agentd.mailing import Mailing
+from agentd.memory import Memory
 from agentd.mind import Mind
 from agentd.mind.effects import CancelAction, Effect, Log, PerformAction, Print, StopTeam, TeamRequest
 from agentd.mind.inputs import (
-    ActionDone,
     Input,
     Mail,
     PerceptAdded,
@@ -26,11 +27,14 @@ from agentd.mind.inputs import (
     SignalRaised,
     TeamReply,
 )
+from agentd.mind.keeping import Keeper
+from agentd.performing import NoJournal, Performing
+from agentd.restart import come_back
 from agentd.roster import Roster
 from agentd.telling import line_of
 from agentd.viewing import decisions_of, intentions_of
-from agentd.wire import BadTerm, perceived, to_wire
-from commd.acting import Acting, describe
+from agentd.wire import BadTerm, perceived
+from commd.acting import Acting
 from commd.bridge_watch import BridgeWatch
 from commd.bus import Bus, Query, Token
 from commd.clock import Clock
@@ -66,21 +70,37 @@ class Part:
     done: dict[str, Formula]
     failed: dict[str, Formula]
     seed: int = 0
+    on_restart: Goal | None = None
+    """What it goes on with after a restart in place of what it had in mind."""
     decisions: int = DECISIONS
     """How many of its last decisions the agent remembers; 0: none."""
     names_variables: bool = False
     """The robot takes a free variable in an action by its name (`values = "text"` in its manifest)."""
+    digest: bytes = b""
+    """Stands for the program: another one has another digest."""
 
 
 class Host:
     """One agent of a mission: its mind, and the mind's hands and ears."""
 
-    def __init__(self, bus: Bus, clock: Clock, part: Part, roster: Roster, team: Team, token: Token) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        part: Part,
+        roster: Roster,
+        team: Team,
+        token: Token,
+        memory: Memory | None = None,
+    ) -> None:
+        """`memory` is what the agent has on disk; without one it begins anew each time."""
         self.part = part
         self.stopped: StopTeam | None = None
         """What the program said when it stopped the team."""
         self.counters: Counter[str] = Counter()
         self._bus, self._clock, self._roster, self._team, self._token = bus, clock, roster, team, token
+        self._memory = memory
+        self._keeper = None if memory is None else Keeper(None if memory.stored is None else memory.stored.mind)
         self._mind = Mind(
             part.name,
             part.program,
@@ -94,11 +114,13 @@ class Host:
             epoch=clock.epoch,
             zone=clock.zone,
             decisions=part.decisions,
+            keeper=self._keeper,
         )
         self._wake = asyncio.Event()
         self._prints: deque[str] = deque(maxlen=LAST_PRINTS)
         self._tasks: set[asyncio.Task[None]] = set()
         self._mailing = Mailing(bus, part.name, self._mind, self._feed, lambda: roster.names)
+        self._keeping = self._keep_in(memory)
         self._perceiving: Perceiving | None = None
         self._acting: Acting | None = None
         if part.robot is not None:
@@ -106,11 +128,46 @@ class Host:
             watch = BridgeWatch(bus, part.robot, self._bridge_up, self._bridge_gone)
             self._acting = Acting(bus, part.name, self._perceiving, watch, clock.to_wall)
             self._spawn(self._perceiving.run())
+        self._performing = Performing(
+            part.name,
+            bus.boot,
+            self._acting,
+            self._keeping or NoJournal(),
+            self._feed,
+            self._spawn,
+            lambda literal: self._feed(SignalRaised(literal)),
+        )
         self._hide = bus.serve(keys.mind(bus.fleet, part.name), MindView, self._show)
+
+    def _keep_in(self, memory: Memory | None) -> Keeping | None:
+        """Take up the mail of a former life, and prepare to keep this one."""
+        if memory is None or self._keeper is None:
+            return None
+        memory.restore(self._mailing)
+        if not memory.is_of(self.part.digest):
+            log.warning("agent=%s its program has changed: beliefs and goals are those of the old one", self.part.name)
+        keeping = Keeping(
+            self.part.name, memory, self._keeper, self._mind, self._mailing, self._bus.wire, self._wake.set
+        )
+        keeping.first = memory.first_saving(self._mailing, self.part.digest)
+        return keeping
+
+    async def _come_back(self) -> None:
+        """Go on where a former life ended, if there was one."""
+        if self._memory is None or self._keeper is None or self._memory.stored is None:
+            return
+        interrupted = await self._performing.take_up(self._memory.actions())
+        come_back(self._mind, self._keeper, self._memory.life, interrupted, self.part.on_restart)
+        self._memory.stored = None
+
+    def hurry(self) -> None:
+        """Mail that had to wait may find commd again."""
+        self._mailing.outbox.hurry()
 
     async def run(self, stop: asyncio.Event) -> None:
         """Reason until `stop` is set or the program stops the team. Sleeps while there is nothing to do."""
         mind, clock = self._mind, self._clock
+        await self._come_back()
         waiting = asyncio.create_task(stop.wait())
         waiting.add_done_callback(lambda _: self._wake.set())
         try:
@@ -118,32 +175,48 @@ class Host:
                 self._wake.clear()
                 for effect in mind.run(clock.now(), SLICE):
                     self._carry_out(effect)
-                self._keep()
+                look_at = self._keep()
                 if self.stopped is not None:
                     break
                 if mind.ready:
                     await asyncio.sleep(0)
                     continue
                 due = mind.wake_at
-                pause = None if due is None else max(0.0, clock.to_wall(due - clock.now()))
-                await _wait(self._wake, pause)
+                pauses = [] if due is None else [max(0.0, clock.to_wall(due - clock.now()))]
+                if look_at is not None:
+                    pauses.append(look_at)
+                await _wait(self._wake, min(pauses, default=None))
         finally:
             waiting.cancel()
             await self._leave()
 
-    def _keep(self) -> None:
-        self._mailing.absorbed()
-        self._mailing.inbox.kept(self._mailing.inbox.take_absorbed())
-        self._mailing.outbox.saved(self._mailing.outbox.take_unsaved())
-        self._mailing.outbox.take_gone()
+    def _keep(self) -> float | None:
+        """Begin a save if one is due. Returns the wall seconds until it is to be looked at again."""
+        if self._keeping is not None:
+            return self._keeping.look(quiet=not self._mind.ready)
+        self._mailing.forget()
+        return None
 
     async def _leave(self) -> None:
+        """Keep what there is, let the mail leave, end; after `.stopMAS` nothing is to come back."""
         for note in self._mind.drops.untold():
             self._carry_out(note)
-        await self._mailing.leave(LEAVE)
+        self._mailing.inbox.close()
+        if self._keeping is not None:
+            await self._keeping.finish()
+        else:
+            self._mailing.forget()
+        await self._mailing.outbox.drain(LEAVE)
         for task in list(self._tasks):
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+        if self._keeping is not None:
+            await self._keeping.finish()
+
+    async def part_with(self, forget: bool) -> None:
+        """Close what the agent has on disk; `forget`: it is over, and begins anew when it is started again."""
+        if self._keeping is not None:
+            await self._keeping.close(forget)
 
     def close(self) -> None:
         """Leave the bus for good: nobody of this name is here any more."""
@@ -183,10 +256,9 @@ class Host:
             case Log(level=level):
                 log.log(_LEVELS.get(level, logging.INFO), "agent=%s %s", self.part.name, line_of(effect))
             case PerformAction():
-                self._spawn(self._perform(effect))
+                self._performing.begin(effect)
             case CancelAction(id=number):
-                if self._acting is not None:
-                    self._spawn(self._acting.cancel(self._identity(number)))
+                self._performing.cancel(number)
             case StopTeam(delay=delay):
                 self._stop_after(effect, delay)
             case TeamRequest():
@@ -212,28 +284,6 @@ class Host:
             why = f"defect in agentd: {type(error).__name__}: {error}"
             self._feed(TeamReply(request.id, None, "unknown", why))
             raise
-
-    def _identity(self, number: int) -> str:
-        return f"{self.part.name}:{self._bus.boot}:{number}"
-
-    async def _perform(self, effect: PerformAction) -> None:
-        if self._acting is None:
-            reason = f"agent {self.part.name} has no robot to do {effect.name}"
-            self._feed(ActionDone(effect.id, False, reason, "refused"))
-            return
-        try:
-            parameters = tuple(map(to_wire, effect.parameters))
-        except BadTerm as bad:
-            self._feed(ActionDone(effect.id, False, f"{effect.name}: {bad}", "refused"))
-            return
-        try:
-            status = await self._acting.perform(self._identity(effect.id), effect.name, parameters)
-        except Exception as error:  # the intention must not wait for ever for an answer that cannot come
-            reason = f"defect in agentd: {type(error).__name__}: {error}"
-            self._feed(ActionDone(effect.id, False, reason, "failed"))
-            raise
-        log.info("agent=%s %s", self.part.name, describe(status))
-        self._feed(ActionDone(effect.id, status.state == "succeeded", status.reason, status.state))
 
     # --- into the mind ---
 
@@ -288,15 +338,17 @@ class Host:
     def health(self) -> Health:
         """Return what the agent has counted, for its health."""
         counters = Counter(self.counters)
-        for part, prefix in ((self._perceiving, "percepts_"), (self._acting, "actions_"), (self._mailing, "mail_")):
+        parts = {"percepts": self._perceiving, "actions": self._acting, "mail": self._mailing, "kept": self._keeping}
+        for prefix, part in parts.items():
             if part is not None:
-                counters.update({f"{prefix}{name}": count for name, count in part.counters.items()})
+                counters.update({f"{prefix}_{name}": count for name, count in part.counters.items()})
         counters["cycles"] = self._mind.cycle
         missed = self._perceiving.percepts.missed if self._perceiving else 0
         return Health(
             drops=sum(self._mind.drops.counts.values()) + stdout().dropped,
             bad_input=self.counters["bad_percepts"] + self._mailing.counters["bad"],
             counters={**{name: float(count) for name, count in sorted(counters.items())}, "percepts_missed": missed},
+            notes=() if self._keeping is None else self._keeping.notes(),
         )
 
 

@@ -66,14 +66,16 @@ class Mailing:
         self._feed(mail)
         self.inbox.unnumbered()
 
-    async def leave(self, patience: float) -> None:
-        """Take no mail any more, and hand over what may leave, for at most `patience` wall seconds."""
-        self.inbox.close()
-        await self.outbox.drain(patience)
-
     def absorbed(self) -> bool:
         """Look at what the mind has taken. Returns whether commd waits for a save."""
         return self.inbox.absorb(len(self._mind.mailbox))
+
+    def forget(self) -> None:
+        """Nothing is kept: what was sent may leave, and what the mind has taken is taken."""
+        self.absorbed()
+        self.inbox.kept(self.inbox.take_absorbed())
+        self.outbox.saved(self.outbox.take_unsaved())
+        self.outbox.take_gone()
 
     def _room(self) -> str:
         return "the mailbox of the mind is full" if len(self._mind.mailbox) >= INPUTS else ""

@@ -92,7 +92,7 @@ def test_what_cannot_be_made_or_ended_fails_with_the_reason(tmp_path: Path, endp
     (folder / "link.asl").symlink_to(tmp_path / "outside.asl")
     path = mission(folder, ONE, a=REFUSED, kid=KID, wrong="!go", quiet="")
     told = prints(path, endpoint, "--state", str(tmp_path / "state"))
-    places = f"{folder} and {tmp_path}/state/a"
+    places = f"{folder} and {tmp_path}/state/one/a"
     assert [line for line in told if line.startswith("[a]")] == [
         "[a] 1 ia_failed there is no agent 'nobody'",
         "[a] 2 action_failed 'a' is an agent of the mission: "
@@ -131,12 +131,12 @@ def test_an_agent_is_cloned_saved_and_included_below_its_folders_only(tmp_path: 
     assert told == [
         "[twin] red 8",
         '[a] copy say "hi"',
-        f"[a] 1 unknown ../escaped.asl is outside of {state}/a, where agents save",
-        f"[a] 2 unknown ../m.yaml is outside of {folder} and {state}/a",
+        f"[a] 1 unknown ../escaped.asl is outside of {state}/one/a, where agents save",
+        f"[a] 2 unknown ../m.yaml is outside of {folder} and {state}/one/a",
         "[a] a missing file is no failure",
         "[a] end",
     ]
-    assert (state / "a/kept/self.asl").is_file()
+    assert (state / "one/a/kept/self.asl").is_file()
     assert not (state / "escaped.asl").exists()
 
 
@@ -210,7 +210,7 @@ def test_what_is_saved_is_there_whole_can_be_read_again_and_is_bounded(tmp_path:
 def test_the_state_is_where_it_was_asked_for_or_where_systemd_or_the_user_keep_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    assert state_folder("/srv/x", "sar") == Path("/srv/x")
+    assert state_folder("/srv/x", "sar") == Path("/srv/x/sar")
     monkeypatch.setenv("STATE_DIRECTORY", "/var/lib/argosy:/var/lib/other")
     assert state_folder(None, "sar") == Path("/var/lib/argosy/sar")
     monkeypatch.delenv("STATE_DIRECTORY")

@@ -1,0 +1,211 @@
+"""When an agent's mind and mail are kept: at once when mail or an action waits for it, else now and then.
+
+One save at a time. It holds what the mind has become, the mail that it has sent and taken, and the actions that it is
+about to begin, in one transaction; what was waiting for it goes on when it is on disk. A disk that is full holds up
+mail, not the mind: the same save is tried again until it succeeds.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import Counter
+from collections.abc import Callable
+
+from agentd.checkpoint import ActionInFlight, CheckpointError, Outgoing, Saving
+from agentd.mailing import Mailing
+from agentd.memory import Memory
+from agentd.mind import Mind
+from agentd.mind.keeping import Keeper
+from schemas.codec import Wire, codec
+from schemas.records import Action, Message
+
+log = logging.getLogger("keeping")
+
+MAIL_EVERY = 0.02
+"""Wall seconds between the beginnings of two saves that mail waits for."""
+OTHERS_EVERY = 0.5
+"""Wall seconds between two saves that nobody waits for."""
+BUSY_PATIENCE = 0.5
+"""Wall seconds after which a mind that is never at rest is kept as it stands."""
+ACTION_PATIENCE = 0.3
+"""Wall seconds for which an action waits to be written down; a slow disk must not keep a robot from acting."""
+RETRY_FIRST, RETRY_MOST = 0.2, 5.0
+"""Wall seconds between two attempts of a save that failed, doubling."""
+LAST_PATIENCE = 3.0
+"""Wall seconds that the last save of an agent that leaves may take."""
+
+
+class Keeping:
+    """The saves of one agent."""
+
+    def __init__(
+        self,
+        agent: str,
+        memory: Memory,
+        keeper: Keeper,
+        mind: Mind,
+        mailing: Mailing,
+        wire: Wire,
+        wake: Callable[[], None],
+    ) -> None:
+        """`wake` lets `look` be called again."""
+        self.counters: Counter[str] = Counter()
+        self.problem = ""
+        """Why nothing can be kept now; empty = it can."""
+        self.first: Saving | None = None
+        """What the first save of this life holds besides."""
+        self._told = tuple(memory.checkpoint.notes)
+        self._agent, self._keeper, self._mind, self._mailing = agent, keeper, mind, mailing
+        self._checkpoint, self._writer = memory.checkpoint, memory.writer
+        self._wire, self._wake = wire, wake
+        self._begun: dict[str, ActionInFlight] = {}
+        """Actions that no save has begun to hold, and those who wait for that."""
+        self._waiting: list[asyncio.Future[None]] = []
+        self._ended: list[str] = []
+        self._saving: asyncio.Task[None] | None = None
+        self._last = -OTHERS_EVERY
+        self._since: float | None = None
+        """When there was first something to keep that is not kept yet."""
+
+    def notes(self) -> tuple[str, ...]:
+        """What people should know: why nothing can be kept now, and what was wrong with the file."""
+        return (*((self.problem,) if self.problem else ()), *self._told)
+
+    # --- actions (`agentd.performing.Journal`) ---
+
+    async def begun(self, action: Action) -> None:
+        """Note that an action is about to be asked for; waits until that is on disk, but not for long."""
+        self._begun[action.id] = ActionInFlight(action.name, codec(Action).encode(action, self._wire))
+        if self.problem:
+            return
+        waiting = asyncio.get_running_loop().create_future()
+        self._waiting.append(waiting)
+        self._wake()
+        try:
+            await asyncio.wait_for(waiting, ACTION_PATIENCE)
+        except TimeoutError:
+            self.counters["actions_unkept"] += 1
+            log.warning("agent=%s action=%s begins before it is written down: the disk is slow", self._agent, action.id)
+
+    def ended(self, identity: str) -> None:
+        """The mind is being told how an action ended: it need not be remembered when the mind has taken that."""
+        self._ended.append(identity)
+
+    # --- when ---
+
+    def look(self, quiet: bool) -> float | None:
+        """Begin a save if one is due; to be called between two runs of the mind, when its effects are carried out.
+
+        `quiet`: the mind has nothing to do. Returns the wall seconds until it is to be called again at the latest.
+        """
+        mail = self._mailing.absorbed() or bool(self._mailing.outbox.unsaved)
+        if self._saving is not None:
+            return None
+        others = self._keeper.dirty or self._mailing.outbox.gone or self._ended or self.first is not None
+        if not (mail or self._begun or others):
+            self._since = None
+            return None
+        now = asyncio.get_running_loop().time()
+        if self._since is None:
+            self._since = now
+        if self._begun:
+            due = now
+        else:
+            due = self._last + (MAIL_EVERY if mail else OTHERS_EVERY)
+            if not quiet:
+                due = max(due, self._since + BUSY_PATIENCE)
+        if due > now:
+            return due - now
+        self._last, self._since = now, None
+        self._begin()
+        return None
+
+    def _begin(self) -> None:
+        mailing = self._mailing
+        mind = self._keeper.changes()
+        for what in mind.unkept:
+            self.counters["unkept"] += 1
+            log.warning("agent=%s %s", self._agent, what)
+        sent, absorbed = mailing.outbox.take_unsaved(), mailing.inbox.take_absorbed()
+        saving = self.first or Saving()
+        self.first = None
+        saving.mind = mind if mind else None
+        saving.absorbed = {(whose.sender, whose.numbering): seq for whose, seq in absorbed.items()}
+        saving.outgoing = [
+            Outgoing(
+                one.place, one.message.receiver, one.message.header.seq, codec(Message).encode(one.message, self._wire)
+            )
+            for one in sent
+        ]
+        saving.delivered = mailing.outbox.take_gone()
+        saving.next_seq = {one.message.receiver: one.message.header.seq + 1 for one in sent}
+        if not self._mind.inputs:  # what an action came to is in the mind, not on its way
+            saving.ended, self._ended = self._ended, []
+        saving.actions = {one: action for one, action in self._begun.items() if one not in saving.ended}
+        self._begun = {}
+        saving.soft = not (sent or absorbed)
+        waiting, self._waiting = self._waiting, []
+        if not self._is_something(saving):
+            return
+
+        def done() -> None:
+            mailing.inbox.kept(absorbed)
+            mailing.outbox.saved(sent)
+            for one in waiting:
+                if not one.done():
+                    one.set_result(None)
+
+        self._saving = asyncio.get_running_loop().create_task(self._write(saving, done))
+
+    @staticmethod
+    def _is_something(saving: Saving) -> bool:
+        return saving != Saving(soft=True)
+
+    async def _write(self, saving: Saving, done: Callable[[], None]) -> None:
+        loop, pause = asyncio.get_running_loop(), RETRY_FIRST
+        while True:
+            try:
+                await loop.run_in_executor(self._writer, self._checkpoint.save, saving)
+                break
+            except CheckpointError as error:
+                self.counters["failed"] += 1
+                if not self.problem:
+                    log.error("agent=%s nothing is kept, and mail waits: %s", self._agent, error)
+                self.problem = f"agent {self._agent} cannot be kept, and its mail waits: {error}"
+                await asyncio.sleep(pause)
+                pause = min(pause * 2, RETRY_MOST)
+        if self.problem:
+            log.info("agent=%s is kept again", self._agent)
+            self.problem = ""
+        self.counters["saved"] += 1
+        self._saving = None
+        done()
+        self._wake()
+
+    # --- the end ---
+
+    async def finish(self) -> None:
+        """Save what is left, within `LAST_PATIENCE` wall seconds: this life ends, another may go on."""
+        try:
+            async with asyncio.timeout(LAST_PATIENCE):
+                for _ in range(2):  # what was under way, and what has come since
+                    if self._saving is not None:
+                        await asyncio.shield(self._saving)
+                    self._mailing.absorbed()
+                    self._begin()
+                if self._saving is not None:
+                    await asyncio.shield(self._saving)
+        except TimeoutError:
+            log.error("agent=%s the last of it could not be kept: %s", self._agent, self.problem or "the disk is slow")
+
+    async def close(self, forget: bool) -> None:
+        """Close the file; `forget` removes it: nothing of this agent is to come back."""
+        if self._saving is not None:
+            self._saving.cancel()
+            await asyncio.gather(self._saving, return_exceptions=True)
+        work = self._checkpoint.forget if forget else self._checkpoint.close
+        try:
+            await asyncio.get_running_loop().run_in_executor(self._writer, work)
+        except CheckpointError as error:
+            log.error("agent=%s %s", self._agent, error)

@@ -1,0 +1,112 @@
+"""What an agent has on disk when it begins: its checkpoint, and what it was when that was written."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from agentd.checkpoint import ActionInFlight, Checkpoint, CheckpointError, Saving, Stored
+from agentd.inbox import Numbered
+from agentd.mailing import Mailing
+from agentd.outbox import Waiting
+from schemas.codec import Codec, R, codec
+from schemas.records import Action, Message
+
+log = logging.getLogger("keeping")
+
+FILE = "mind.sqlite"
+"""In the agent's folder of state."""
+BOOT = Path("/proc/sys/kernel/random/boot_id")
+"""Tells one start of the machine from another."""
+
+
+@dataclass
+class Memory:
+    """The checkpoint of one agent."""
+
+    checkpoint: Checkpoint
+    stored: Stored | None
+    """None: the agent begins for the first time."""
+    writer: Executor
+    """Has the one thread in which the checkpoints of a daemon are written."""
+    synchronous: Literal["full", "normal"]
+
+    @property
+    def life(self) -> int:
+        """How often the agent has been started again, this time included; 0: it begins."""
+        return 0 if self.stored is None else self.stored.lives
+
+    def actions(self) -> list[Action]:
+        """What the last life had begun, or was about to begin."""
+        stored: Mapping[str, ActionInFlight] = {} if self.stored is None else self.stored.actions
+        return [_read(codec(Action), kept.parameters) for kept in stored.values()]
+
+    def restore(self, mailing: Mailing) -> None:
+        """Give the mail of the agent what the last life had not handed over, and what it has taken."""
+        stored = self.stored
+        if stored is None:
+            return
+        messages = [
+            Waiting(one.number, _read(codec(Message), one.message), len(one.message)) for one in stored.outgoing
+        ]
+        numbering, numbers = stored.numbering, {receiver: seq - 1 for receiver, seq in stored.next_seq.items()}
+        if self.synchronous == "normal" and stored.extra.get("boot") != _boot():
+            # The last messages may be forgotten here and known to commd: their numbers must not be given again.
+            numbering, numbers = mailing.outbox.numbering, {}
+        mailing.outbox.restore(numbering, numbers, messages)
+        mailing.inbox.restore({Numbered(*whose): seq for whose, seq in stored.absorbed.items()})
+
+    def first_saving(self, mailing: Mailing, program: bytes) -> Saving:
+        """Return what the first save of this life holds in any case; `program` stands for what the agent runs."""
+        extra = {"boot": _boot(), "program": program}
+        return Saving(numbering=mailing.outbox.numbering, lives=self.life + 1, extra=extra)
+
+    def is_of(self, program: bytes) -> bool:
+        """Whether the last life has run the same program."""
+        return self.stored is None or self.stored.extra.get("program", program) == program
+
+
+async def open_memory(
+    folder: Path, agent: str, writer: Executor, synchronous: Literal["full", "normal"], *, fresh: bool
+) -> Memory:
+    """Open an agent's checkpoint, or make it. Raises CheckpointError.
+
+    `fresh` forgets what is there, mail that has not left included, and says so.
+    """
+    path = folder / FILE
+
+    def work() -> Memory:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        mode: Literal["FULL", "NORMAL"] = "FULL" if synchronous == "full" else "NORMAL"
+        checkpoint = Checkpoint.open(path, agent, mode)
+        stored = checkpoint.read()
+        if fresh and stored is not None:
+            log.warning("agent=%s forgets what it was; messages=%d are lost", agent, len(stored.outgoing))
+            checkpoint.forget()
+            checkpoint, stored = Checkpoint.open(path, agent, mode), None
+        return Memory(checkpoint, stored, writer, synchronous)
+
+    try:
+        memory = await asyncio.get_running_loop().run_in_executor(writer, work)
+    except OSError as error:
+        raise CheckpointError(f"{path}: {error.strerror or error}") from None
+    for note in memory.checkpoint.notes:
+        log.error("agent=%s %s", agent, note)
+    return memory
+
+
+def _read(made: Codec[R], kept: bytes) -> R:
+    """Decode a record that was written in the wire format of then."""
+    return made.decode(kept, made.encoding("json" if kept[:1] == b"{" else "msgpack"))
+
+
+def _boot() -> bytes:
+    try:
+        return BOOT.read_bytes().strip()
+    except OSError:
+        return b""

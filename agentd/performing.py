@@ -1,0 +1,197 @@
+"""The actions that a mind performs, and those that a former life of its agent left running (docs/restart.md).
+
+An action is written down before the bridge is asked for it. So an agent that was killed knows which actions it may have
+begun; it asks for each of them by its id, which begins nothing, and learns what became of it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Coroutine, Iterable
+from typing import Any, Protocol
+
+from agentd.language.signatures import signature
+from agentd.language.terms import Literal, atom
+from agentd.mind.effects import PerformAction
+from agentd.mind.inputs import ActionDone
+from agentd.wire import BadTerm, from_wire, to_wire
+from commd.acting import Acting, describe
+from schemas.records import Action, ActionStatus
+from schemas.terms import Term
+
+log = logging.getLogger("agent")
+
+ANSWER_PATIENCE = 2.0
+"""Wall seconds that the bridge has to say which of the former life's actions still run, before the agent reasons."""
+
+
+class Journal(Protocol):
+    """Where actions are written down."""
+
+    async def begun(self, action: Action) -> None:
+        """Note that an action is about to be asked for; it outlives this process when this returns."""
+
+    def ended(self, identity: str) -> None:
+        """The mind has been told how an action ended: it need not be remembered."""
+
+
+class NoJournal:
+    """For agents without memory."""
+
+    async def begun(self, action: Action) -> None:
+        """Nothing is noted."""
+
+    def ended(self, identity: str) -> None:
+        """Nothing was noted."""
+
+
+class _Left:
+    """An action that a former life has left."""
+
+    def __init__(self, action: Action) -> None:
+        self.action = action
+        self.answered = asyncio.Event()
+        """The bridge has said whether it runs."""
+        self.joined = False
+        self.status: asyncio.Task[ActionStatus] | None = None
+
+    def running(self, status: ActionStatus) -> None:
+        """The bridge says that it runs."""
+        self.answered.set()
+
+
+class Performing:
+    """The actions of one agent, between its mind and its hands."""
+
+    def __init__(
+        self,
+        agent: str,
+        life: str,
+        acting: Acting | None,
+        journal: Journal,
+        feed: Callable[[ActionDone], None],
+        spawn: Callable[[Coroutine[Any, Any, None]], None],
+        on_interrupted: Callable[[Literal], None],
+    ) -> None:
+        """`life` makes the ids of this life's actions its own; `on_interrupted` hears of what ended without a plan that
+        waited for it.
+        """
+        self._agent, self._life, self._acting, self._journal = agent, life, acting, journal
+        self._feed, self._spawn, self._on_interrupted = feed, spawn, on_interrupted
+        self._left: dict[str, _Left] = {}
+        self._identities: dict[int, str] = {}
+        """Of the actions that intentions wait for; empty: it has not been asked for yet."""
+        self._dropped: set[int] = set()
+
+    def begin(self, effect: PerformAction) -> None:
+        """Carry out what a plan asks for; the mind hears of its end."""
+        self._identities[effect.id] = ""
+        self._spawn(self._perform(effect))
+
+    def cancel(self, number: int) -> None:
+        """The intention that waited for an action is gone."""
+        identity = self._identities.get(number)
+        if identity == "":
+            self._dropped.add(number)
+        elif identity is not None and self._acting is not None:
+            self._spawn(self._acting.cancel(identity))
+
+    async def _perform(self, effect: PerformAction) -> None:
+        try:
+            done = await self._outcome(effect)
+        except Exception as error:  # the intention must not wait for ever for an answer that cannot come
+            reason = f"defect in agentd: {type(error).__name__}: {error}"
+            self._feed(ActionDone(effect.id, False, reason, "failed"))
+            raise
+        finally:
+            identity = self._identities.pop(effect.id, "")
+            self._dropped.discard(effect.id)
+        if identity:
+            self._journal.ended(identity)
+        self._feed(done)
+
+    async def _outcome(self, effect: PerformAction) -> ActionDone:
+        if self._acting is None:
+            reason = f"agent {self._agent} has no robot to do {effect.name}"
+            return ActionDone(effect.id, False, reason, "refused")
+        try:
+            parameters = tuple(map(to_wire, effect.parameters))
+        except BadTerm as bad:
+            return ActionDone(effect.id, False, f"{effect.name}: {bad}", "refused")
+        if left := self._same(effect.name, parameters):
+            status = await self._join(effect.id, left)
+        else:
+            identity = f"{self._agent}:{self._life}:{effect.id}"
+            await self._journal.begun(Action(id=identity, agent=self._agent, name=effect.name, parameters=parameters))
+            self._identities[effect.id] = identity
+            if effect.id in self._dropped:
+                return ActionDone(effect.id, False, "the agent has dropped it", "cancelled")
+            status = await self._acting.perform(identity, effect.name, parameters)
+        log.info("agent=%s %s", self._agent, describe(status))
+        return ActionDone(effect.id, status.state == "succeeded", status.reason, status.state)
+
+    # --- what a former life has left ---
+
+    async def take_up(self, actions: Iterable[Action]) -> list[Literal]:
+        """Ask what became of actions that a former life has begun, for at most `ANSWER_PATIENCE` wall seconds.
+
+        Returns `interrupted(Action, State, Reason)` for each that has ended. A plan that performs one which still runs
+        joins it; `on_interrupted` hears of the end of those that no plan has joined.
+        """
+        if self._acting is None:
+            return [_interrupted(one, "failed", "the agent has no robot any more") for one in actions]
+        left = [_Left(action) for action in actions]
+        if not left:
+            return []
+        gone: list[Literal] = []
+        early = True
+
+        async def follow(one: _Left) -> None:
+            assert one.status is not None
+            status = await one.status
+            log.info("agent=%s left by a former life: %s", self._agent, describe(status))
+            one.answered.set()
+            self._left.pop(one.action.id, None)
+            if one.joined:
+                return
+            self._journal.ended(one.action.id)
+            told = _interrupted(one.action, status.state, status.reason)
+            if early:
+                gone.append(told)
+            else:
+                self._on_interrupted(told)
+
+        for one in left:
+            asked = self._acting.perform(
+                one.action.id, one.action.name, one.action.parameters, on_status=one.running, attempt=2
+            )
+            one.status = asyncio.get_running_loop().create_task(asked)
+            self._left[one.action.id] = one
+            self._spawn(follow(one))
+        answers = [asyncio.ensure_future(one.answered.wait()) for one in left]
+        _, silent = await asyncio.wait(answers, timeout=ANSWER_PATIENCE)
+        for wait in silent:
+            wait.cancel()
+        early = False
+        return gone
+
+    def _same(self, name: str, parameters: tuple[Term, ...]) -> _Left | None:
+        """The action of a former life that is the one which a plan performs now."""
+        for one in self._left.values():
+            if not one.joined and (one.action.name, one.action.parameters) == (name, parameters):
+                return one
+        return None
+
+    async def _join(self, number: int, left: _Left) -> ActionStatus:
+        assert left.status is not None
+        left.joined = True
+        self._identities[number] = left.action.id
+        log.info("agent=%s goes on with %s, which a former life has begun", self._agent, left.action.name)
+        return await asyncio.shield(left.status)
+
+
+def _interrupted(action: Action, state: str, reason: str) -> Literal:
+    parameters = tuple(from_wire(parameter) for parameter in action.parameters)
+    performed = Literal(signature(action.name, len(parameters)), parameters)
+    return Literal(signature("interrupted", 3), (performed, atom(state), reason))
