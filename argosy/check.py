@@ -10,14 +10,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from agentd.analysis.elsewhere import Elsewhere
-from agentd.analysis.subjects import read_survey
+from agentd.analysis.elsewhere import RAISED_BY_AGENTD, Elsewhere
+from agentd.analysis.subjects import Surveyed, read_survey
 from agentd.check import Robot, findings_of
 from agentd.compose import compose, endings
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file, parse_literal
 from agentd.language.syntax import Formula, Program, Structure
 from agentd.paths import SourcePaths
+from argosy.check_fleet import check_boards, check_team
 from argosy.links import check_links, group_of
 from argosy.mentions import beliefs_of, mentioned
 from argosy.outline import Outline, outline
@@ -32,12 +33,7 @@ from schemas.mission import Ending, Mission, load_mission
 from schemas.positions import Steps, did_you_mean
 
 _FIELDS: tuple[Literal["done", "failed"], ...] = ("done", "failed")
-_NOT_BUILT: tuple[tuple[str, str, object], ...] = (
-    ("", "restart", "never"),
-    ("", "inject", False),
-    ("agents", "presence", False),
-    ("agents", "on_restart", "resume"),
-)
+_NOT_BUILT: tuple[tuple[str, str, object], ...] = (("", "inject", False),)
 """Fields that are read and do nothing yet: in what they stand, their name and default."""
 
 
@@ -53,7 +49,8 @@ def run(args: Namespace) -> int:
     results: list[str] = []
     for path in args.mission:
         mission, found = check_mission(path)
-        found = sorted([*found, *(_only_real(mission) if mission is not None else ())])
+        if mission is not None:
+            found = sorted([*found, *_only_real(mission), *check_boards(mission)])
         findings += [one for one in found if one not in findings]
         results.append(f"{path}: {_result(mission, found)}")
     errors = sum(finding.severity == "error" for finding in findings)
@@ -108,15 +105,17 @@ def check_mission(path: str | Path) -> tuple[Mission | None, list[Finding]]:
     if mission is not None:
         findings += check_simulations(mission, manifests)
     programs = {agent: _program(named, agent, mission, findings) for agent in named.agents}
+    surveys = {name: read_survey(program, SourcePaths()) for name, program in programs.items() if program is not None}
     for agent, program in programs.items():
         robot = named.agents[agent].robot
         manifest = manifests.get(robot) if robot is not None else None
         if program is not None and (robot is None or manifest is not None):  # against nothing, all would be unknown
-            told = _declared(named.agents[agent].beliefs)
+            told = _declared(named.agents[agent].beliefs) | RAISED_BY_AGENTD
             for other, its in programs.items():
                 told |= mentioned(its) if other != agent and its is not None else set()
-            findings += _against(program, manifest, told)
+            findings += _against(surveys[agent], manifest, told)
     if mission is not None:
+        findings += check_team(mission, {name: found.survey for name, found in surveys.items()})
         findings += _endings(mission, programs, manifests)
     return mission, sorted(set(findings))
 
@@ -198,14 +197,14 @@ def _declared(beliefs: tuple[str, ...]) -> set[tuple[str, int]]:
     return found
 
 
-def _against(program: Program, manifest: Manifest | None, told: set[tuple[str, int]]) -> list[Finding]:
+def _against(surveyed: Surveyed, manifest: Manifest | None, told: set[tuple[str, int]]) -> list[Finding]:
     """Check a program against what its robot can do and tell, and what the mission and other agents may tell."""
     actions = {**manifest.action_arities(), **built_in.ACTION_ARITIES} if manifest is not None else {}
     percepts = manifest.percept_arities() if manifest is not None else {}
     parameters = {name: entry.params for name, entry in manifest.actions.items()} if manifest is not None else {}
     values = manifest.robot.values if manifest is not None else "typed"
     robot = Robot(actions, {**built_in.PERCEPTS, **percepts}, parameters, values)
-    return findings_of(read_survey(program, SourcePaths()), robot, Elsewhere(beliefs=frozenset(told)))
+    return findings_of(surveyed, robot, Elsewhere(beliefs=frozenset(told)))
 
 
 def _endings(
@@ -213,7 +212,7 @@ def _endings(
 ) -> list[Finding]:
     """A `done` or `failed` about a belief that no program and no manifest ever mentions can never hold."""
     findings: list[Finding] = []
-    known: set[tuple[str, int]] = {("true", 0), ("false", 0), *built_in.PERCEPTS.items()}
+    known: set[tuple[str, int]] = {("true", 0), ("false", 0), *RAISED_BY_AGENTD, *built_in.PERCEPTS.items()}
     for program in programs.values():
         known |= mentioned(program) if program is not None else set()
     for manifest in manifests.values():

@@ -107,6 +107,10 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
         together = ",".join(group_of(mission, name))
         raise Refused(f"{where}: {why}; fly the real one with --real {together}")
     speed = args.speed if args.speed is not None else 1.0 if real else mission.speed
+    if real and mission.radio is not None:
+        line = mission.positions.of(("radio",))[0]
+        told = f"{', '.join(sorted(real))} is real, and `radio` is a model of the air between simulated robots"
+        raise Refused(f"{mission.path}:{line}: {told}: take it out to fly real ones")
     if real and speed != 1:
         raise Refused(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")
     router = args.router or mission.router.endpoint

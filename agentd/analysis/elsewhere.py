@@ -24,9 +24,20 @@ class Elsewhere:
 
 
 RAISED_BY_AGENTD = frozenset(
-    (("jag_shutting_down", 1), ("jag_sleeping", 0), ("jag_awaking", 0), ("kqml_received", 4), ("provider", 2))
+    (
+        ("jag_shutting_down", 1),
+        ("jag_sleeping", 0),
+        ("jag_awaking", 0),
+        ("kqml_received", 4),
+        ("provider", 2),
+        ("online", 1),
+        ("undelivered", 4),
+        ("restarted", 1),
+        ("interrupted", 3),
+    )
 )
-"""Events and beliefs that the interpreter itself raises: `.stopMAS(Ms)`, messages, `.df_subscribe`."""
+"""Events and beliefs that the interpreter itself raises: `.stopMAS(Ms)`, messages, `.df_subscribe`, presence, mail that
+was given up, a restart and the actions that it interrupted."""
 
 
 def from_team(surveys: Iterable[Survey]) -> Elsewhere:

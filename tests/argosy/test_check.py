@@ -219,10 +219,7 @@ def test_what_has_no_effect_yet_is_warned_about(mission: Path) -> None:
     edit(mission, "    robot: uav1", "    robot: uav1\n    presence: true\n    on_restart: fresh")
     edit(mission, "done:", "inject: true\nrestart: on-failure\nwire: json\ndone:")
     assert findings(mission) == [
-        "survey.yaml:6:5: warning: presence: this has no effect yet",
-        "survey.yaml:7:5: warning: on_restart: this has no effect yet",
         "survey.yaml:14:1: warning: inject: this has no effect yet",
-        "survey.yaml:15:1: warning: restart: this has no effect yet",
     ]
 
 

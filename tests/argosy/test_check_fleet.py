@@ -1,0 +1,135 @@
+"""What `argosy check` says of a team: receivers, presence, restarts, boards, the radio."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from argosy.__main__ import main
+
+MISSION = """\
+mission: pair
+boards: {pi1: {address: 10.0.0.11}, pi2: {address: 10.0.0.12}}
+agents:
+  one: {program: one.asl, board: pi1, presence: true, on_restart: goal(recover)}
+  two: {program: two.asl, board: pi2}
+clients: {planner: {board: pi1}}
+gateway: {board: pi1, listen: "10.0.0.11:9000", nodes: {old: "10.0.0.9:9000"}}
+robots:
+  uav1:
+    board: pi1
+    manifest: arducopter
+    link: udpin:0.0.0.0:14550
+    simulate: {board: sim, home: [-27.6, -48.5, 21.0]}
+done: "one: enough"
+"""
+ONE = """\
+!begin.
++!begin <- .send([two, planner, old], tell, hello); +enough.
++!recover <- .print("again").
++online(Agent)[board(Board)] <- .print(Agent, " ", Board).
++undelivered(Receiver, Performative, Content, Reason) <- .print(Receiver, Performative, Content, Reason).
++interrupted(Action, State, Reason) <- .print(Action, State, Reason).
+"""
+TWO = "+hello[source(Agent)] <- .print(Agent).\n"
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> Path:
+    """Return a mission of two agents on two boards, and a machine that simulates, in which all is right."""
+    (tmp_path / "one.asl").write_text(ONE)
+    (tmp_path / "two.asl").write_text(TWO)
+    path = tmp_path / "pair.yaml"
+    path.write_text(MISSION)
+    return path
+
+
+def said(path: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """Return what the check complains about, files without their folder."""
+    main(["check", str(path)])
+    return capsys.readouterr().err.replace(f"{path.parent}/", "").splitlines()
+
+
+def test_a_team_in_which_all_is_right_is_ok(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert said(pair, capsys) == []
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "expected"),
+    [
+        (
+            "one.asl",
+            "two, planner, old",
+            "two, planer",
+            "one.asl:2:12: warning: .send: nobody in the mission is called `planer`, did you mean `planner`?",
+        ),
+        (
+            "pair.yaml",
+            "presence: true, ",
+            "",
+            "one.asl:4:2: warning: online/1 is only believed with `presence: true`, which agent `one` has not",
+        ),
+        (
+            "pair.yaml",
+            "goal(recover)",
+            "goal(recover(1))",
+            "pair.yaml:4:67: warning: on_restart: the program has no plan for `+!recover/1`",
+        ),
+        (
+            "pair.yaml",
+            "goal(recover)",
+            "goal(recover",
+            "pair.yaml:4:67: error: `goal(recover`: expected a goal such as `goal(recover)`",
+        ),
+        (
+            "pair.yaml",
+            "{pi1: {address: 10.0.0.11}, pi2: {address: 10.0.0.12}}",
+            "{pi1: {}, pi2: {}}",
+            "pair.yaml:2:19: warning: pi1 and pi2 have no `address`: their routers find one another only under "
+            "`argosy run`",
+        ),
+        (
+            "pair.yaml",
+            "udpin:0.0.0.0:14550",
+            "udpin:127.0.0.1:14550",
+            "pair.yaml:12:11: warning: simulated on `sim`: link 'udpin:127.0.0.1:14550': it stays on its board, and "
+            "the simulator is elsewhere; write `udpin:0.0.0.0:14550`",
+        ),
+        (
+            "pair.yaml",
+            "program: two.asl, board: pi2",
+            "program: two.asl, board: pi3",
+            "pair.yaml:5:34: error: agents.two: there is no board `pi3`, did you mean `pi2`?",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_team_is_told_where_it_stands(
+    pair: Path, file: str, old: str, new: str, expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed = pair.with_name(file)
+    assert old in changed.read_text()
+    changed.write_text(changed.read_text().replace(old, new))
+    assert expected in said(pair, capsys)
+
+
+def test_whoever_may_be_created_at_run_time_may_be_sent_to(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one = pair.with_name("one.asl")
+    one.write_text(ONE.replace(".send([two", '.create_agent(three, "two.asl"); .send([three'))
+    assert said(pair, capsys) == []
+
+
+def test_a_radio_between_agents_of_one_board_is_told_to_do_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.asl").write_text("!begin.\n+!begin <- +enough.\n")
+    path = tmp_path / "m.yaml"
+    path.write_text("mission: m\nagents: {a: {program: a.asl}}\ndone: 'a: enough'\nradio: {range: 300m}\n")
+    told = "radio: mail between agents of one board goes by no radio, and there is one board"
+    assert said(path, capsys) == [f"m.yaml:4:1: warning: {told}"]
+
+
+def test_a_real_robot_is_not_flown_with_a_model_of_the_radio(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pair.write_text(f"{MISSION}radio: {{range: 300m}}\n")
+    assert main(["run", str(pair), "--real", "uav1", "--yes"]) == 2
+    assert "uav1 is real, and `radio` is a model of the air between simulated robots" in capsys.readouterr().err
