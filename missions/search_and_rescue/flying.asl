@@ -8,7 +8,7 @@ aloft :- armed & altitude(A) & A > 2.
 // All that decisions are made by is perceived: after a start, and whenever the bridge was away.
 perceiving :- bridge(up) & state(_, true, _) & altitude(_) & global_pos(_, _) & battery(_, _, _).
 
-charged :- battery(_, _, Left) & Left >= 90.
+charged :- battery(_, _, Left) & Left >= 97.
 
 metres_per_degree(111320).
 metres(Lat1, Lon1, Lat2, Lon2, D)

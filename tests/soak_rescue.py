@@ -1,0 +1,263 @@
+"""Search and rescue while daemons are killed (-9) and links between boards are cut: does each victim get one buoy?
+
+    python -m tests.soak_rescue [--runs 20] [--first 1] [--keep FOLDER]
+
+Each run has a world and troubles of its own, by its number. Any daemon of any board may be killed, at any time and, by
+aim, while a rescuer drops its buoy; any link between two boards may be cut. `argosy run` starts daemons again as the
+mission says. The referee judges by the simulators' logs alone. Writes its section of docs/soak.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import random
+import re
+import signal
+import socket
+import sys
+import tempfile
+import time
+from collections import Counter
+from contextlib import AsyncExitStack, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TextIO
+
+from argosy.referee import Verdict, judge_run
+from schemas.mission import load_mission
+from tests.soak_report import ROOT, write_section
+from tests.support.relay import Relay
+
+RUNS = 20
+PATIENCE = 540.0
+"""Wall seconds of one run; the mission's own timeout comes first."""
+PAUSE = (3.0, 10.0)
+"""Wall seconds between two troubles."""
+CUT = (1.0, 20.0)
+"""Wall seconds for which a link is cut."""
+CUT_SHARE = 0.3
+"""Of the troubles, those that are cuts."""
+AIMED_SHARE = 0.35
+"""Of the drops, those during which a daemon is killed."""
+MISSION = ROOT / "missions" / "search_and_rescue.yaml"
+BOARDS = ("pi1", "pi2", "pi3")
+_STARTED = re.compile(r"s  (?P<name>(?:commd|bridged|agentd) .*?): (?:re)?started, pid (?P<pid>\d+)")
+_DROPS = re.compile(r"s  rescuer(?P<number>\d): drop_buoy$")
+
+
+@dataclass
+class Course:
+    """What happened in a run."""
+
+    number: int
+    verdict: Verdict | None = None
+    """None: it could not be judged."""
+    code: int | None = None
+    """Exit code of `argosy run`; None: it had to be ended."""
+    seconds: float = 0.0
+    troubles: Counter[str] = field(default_factory=Counter)
+    diary: list[str] = field(default_factory=list)
+    why: str = ""
+
+    @property
+    def good(self) -> bool:
+        """Whether the mission was done, as it says itself and as the referee says."""
+        return self.code == 0 and self.verdict is not None and self.verdict.good
+
+
+def ports(count: int) -> list[int]:
+    """Return neighbouring loopback ports that nobody uses now."""
+    while True:
+        first = random.randrange(12_000, 30_000)
+        found = [first + index for index in range(count)]
+        if all(_free(port) for port in found):
+            return found
+
+
+def _free(port: int) -> bool:
+    for kind in (socket.SOCK_STREAM, socket.SOCK_DGRAM):
+        with socket.socket(socket.AF_INET, kind) as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                return False
+    return True
+
+
+def write_mission(folder: Path, seed: int, links: list[int]) -> Path:
+    """Write the mission with another world and other links to its vehicles."""
+    text = MISSION.read_text(encoding="utf-8")
+    text = re.sub(r"seed: \d+", f"seed: {seed}", text)
+    for index, port in enumerate(links):
+        text = text.replace(f"udpin:127.0.0.1:{14551 + index}", f"udpin:127.0.0.1:{port}")
+    path = folder / MISSION.name
+    path.write_text(text, encoding="utf-8")
+    (folder / "search_and_rescue").symlink_to(MISSION.with_suffix(""))
+    return path
+
+
+class Troubles:
+    """Kills daemons and cuts links of a run."""
+
+    def __init__(self, course: Course, relays: list[Relay]) -> None:
+        self._course, self._relays = course, relays
+        self._dice = random.Random(f"troubles {course.number}")
+        self._pids: dict[str, int] = {}
+        self._began = time.monotonic()
+
+    def heard(self, line: str) -> None:
+        """Take a line that the run has written."""
+        if found := _STARTED.search(line):
+            self._pids[found["name"]] = int(found["pid"])
+        elif (found := _DROPS.search(line)) and self._dice.random() < AIMED_SHARE:
+            board = f"pi{int(found['number']) + 1}"
+            daemon = self._dice.choice(("agentd", "agentd", "bridged", "commd"))
+            self._kill(
+                self._dice.choice([name for name in self._pids if name.startswith(f"{daemon} {board}")]), "aimed"
+            )
+
+    async def go_on(self) -> None:
+        """Trouble the run until cancelled."""
+        while True:
+            await asyncio.sleep(self._dice.uniform(*PAUSE))
+            if self._dice.random() < CUT_SHARE:
+                await self._cut()
+            else:
+                self._kill(self._dice.choice(sorted(self._pids)), "random")
+
+    def _kill(self, name: str, how: str) -> None:
+        with suppress(ProcessLookupError):
+            os.kill(self._pids[name], signal.SIGKILL)
+            self._note("aimed kills" if how == "aimed" else "kills", f"kill {name} ({how})")
+
+    async def _cut(self) -> None:
+        links = self._dice.choice([self._relays[:1], self._relays[1:2], self._relays[2:], self._relays[:2]])
+        seconds = self._dice.uniform(*CUT)
+        self._note("cuts", f"cut {len(links)} link(s) for {seconds:.0f} s")
+        for link in links:
+            link.cut()
+        try:
+            await asyncio.sleep(seconds)
+        finally:
+            for link in links:
+                link.mend()
+
+    def _note(self, kind: str, text: str) -> None:
+        self._course.troubles[kind] += 1
+        self._course.diary.append(f"{time.monotonic() - self._began:6.1f} {text}")
+
+
+async def fly(number: int, folder: Path) -> Course:
+    """Fly one run with its troubles, and let the referee judge it."""
+    course = Course(number)
+    routers, vehicles, between = ports(6), ports(3), ports(3)
+    mission = write_mission(folder, number, vehicles)
+    first, second = routers[3], routers[4]  # where pi1 and pi2 listen for other boards, by `argosy.boards.places`
+    pairs = list(zip((first, first, second), between, strict=True))
+    wiring = ",".join(f"tcp/127.0.0.1:{target}=tcp/127.0.0.1:{relay}" for target, relay in pairs)
+    report = folder / "report"
+    command = ["run", str(mission), "--plain", "--report", str(report), "--router", f"tcp/127.0.0.1:{routers[0]}"]
+    began = time.monotonic()
+    async with AsyncExitStack() as stack:
+        relays = [await stack.enter_async_context(Relay(relay, target)) for target, relay in pairs]
+        run = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", "tests.relayed_run", wiring, *command),
+            cwd=ROOT,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.STDOUT,
+            limit=2**20,
+        )
+        troubles = Troubles(course, relays)
+        with (folder / "run.log").open("w", encoding="utf-8") as log:
+            await asyncio.wait([asyncio.create_task(_watch(run, troubles, log, course))], timeout=PATIENCE)
+        if run.returncode is None:
+            run.send_signal(signal.SIGTERM)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(run.wait(), 60)
+            course.why = f"not done after {PATIENCE:.0f} s"
+        else:
+            course.code = run.returncode
+    course.seconds = time.monotonic() - began
+    try:
+        course.verdict = judge_run(load_mission(mission), report)
+    except (OSError, ValueError) as error:
+        course.why = str(error)
+    (folder / "troubles.txt").write_text("\n".join(course.diary) + "\n", encoding="utf-8")
+    return course
+
+
+async def _watch(run: asyncio.subprocess.Process, troubles: Troubles, log: TextIO, course: Course) -> None:
+    assert run.stdout is not None
+    at_work: asyncio.Task[None] | None = None
+    try:
+        async for raw in run.stdout:
+            line = raw.decode(errors="replace").rstrip()
+            log.write(line + "\n")
+            log.flush()
+            troubles.heard(line)
+            if at_work is None and "lane 0" in line:
+                at_work = asyncio.create_task(troubles.go_on())
+            if at_work is not None and re.search(r"s  argosy: (done|failed|stopped)", line):
+                at_work.cancel()
+            if line.startswith("error:"):
+                course.why = line
+    finally:
+        if at_work is not None:
+            at_work.cancel()
+    await run.wait()
+
+
+def told(course: Course) -> str:
+    """Return one line about a run."""
+    happened = ", ".join(f"{count} {what}" for what, count in sorted(course.troubles.items())) or "no troubles"
+    verdict = str(course.verdict).splitlines()[-1] if course.verdict is not None else "not judged"
+    ended = "done" if course.code == 0 else f"exit {course.code}: {course.why}"
+    return f"run {course.number}: {verdict}; {ended} in {course.seconds:.0f} s; {happened}"
+
+
+def main() -> int:
+    """Fly the runs and write the report. Returns the exit code: 0 only if all were good."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=RUNS)
+    parser.add_argument("--first", type=int, default=1, help="number of the first run, which is its seed")
+    parser.add_argument("--keep", type=Path, help="keep logs of the runs there")
+    parser.add_argument("--no-report", action="store_true", help="do not write docs/soak.md")
+    args = parser.parse_args()
+    courses = []
+    for number in range(args.first, args.first + args.runs):
+        with tempfile.TemporaryDirectory() as temporary:
+            folder = args.keep / str(number) if args.keep is not None else Path(temporary)
+            folder.mkdir(parents=True, exist_ok=True)
+            courses.append(asyncio.run(fly(number, folder)))
+        print(told(courses[-1]), flush=True)
+    good = sum(course.good for course in courses)
+    if not args.no_report:
+        write_section("Search and rescue", report(courses))
+    return 0 if good == len(courses) else 1
+
+
+def report(courses: list[Course]) -> list[str]:
+    """Return the section of the report."""
+    good = sum(course.good for course in courses)
+    troubles = sum((course.troubles for course in courses), Counter[str]())
+    return [
+        f"`missions/search_and_rescue.yaml`, three boards' daemons on one machine, {len(courses)} seeded runs with "
+        f"{troubles['kills'] + troubles['aimed kills']} daemons killed (-9), {troubles['aimed kills']} of them while a "
+        f"buoy was being dropped, and {troubles['cuts']} cuts of links between boards for {CUT[0]:g} to {CUT[1]:g} s: "
+        f"**in {good} of {len(courses)} the mission was done and each victim had exactly one buoy, within 5 m**.",
+        "",
+        "| run | wall s | kills | aimed at a drop | cuts | referee | end |",
+        "|---|---|---|---|---|---|---|",
+        *(
+            f"| {one.number} | {one.seconds:.0f} | {one.troubles['kills']} | {one.troubles['aimed kills']} "
+            f"| {one.troubles['cuts']} | {str(one.verdict).splitlines()[-1] if one.verdict else 'not judged'} "
+            f"| {'done' if one.code == 0 else one.why} |"
+            for one in courses
+        ),
+    ]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
