@@ -95,6 +95,8 @@ class Host:
     ) -> None:
         """`memory` is what the agent has on disk; without one it begins anew each time."""
         self.part = part
+        self.begins = memory is None or memory.stored is None
+        """Whether the agent begins anew, without memory of a former life."""
         self.stopped: StopTeam | None = None
         """What the program said when it stopped the team."""
         self.counters: Counter[str] = Counter()

@@ -28,6 +28,8 @@ OTHERS_EVERY = 0.5
 """Wall seconds between two saves that nobody waits for."""
 BUSY_PATIENCE = 0.5
 """Wall seconds after which a mind that is never at rest is kept as it stands."""
+ATOMIC_PATIENCE = 10.0
+"""The same while an atomic plan runs: it is to be kept whole or not at all."""
 ACTION_PATIENCE = 0.3
 """Wall seconds for which an action waits to be written down; a slow disk must not keep a robot from acting."""
 RETRY_FIRST, RETRY_MOST = 0.2, 5.0
@@ -114,7 +116,8 @@ class Keeping:
         else:
             due = self._last + (MAIL_EVERY if mail else OTHERS_EVERY)
             if not quiet:
-                due = max(due, self._since + BUSY_PATIENCE)
+                patience = BUSY_PATIENCE if self._mind.atomic is None else ATOMIC_PATIENCE
+                due = max(due, self._since + patience)
         if due > now:
             return due - now
         self._last, self._since = now, None
