@@ -138,7 +138,7 @@ KINDS: tuple[Kind, ...] = (
     Kind(
         "commd",
         lambda s: boards_of(s.mission),
-        lambda s, board: ["commd", "serve", s.file, "--board", board, *s.place(board).arguments],
+        lambda s, board: ["commd", "serve", s.file, "--board", board, *s.place(board).arguments, *_state(s)],
     ),
     Kind(
         "simulator",

@@ -77,10 +77,10 @@ def test_every_process_has_its_command_in_the_order_of_the_start_and_each_daemon
     file, speed = "/missions/two.yaml", "--speed 5"
     pi1, pi2, state = "--router tcp/127.0.0.1:9000", "--router tcp/127.0.0.1:9001", "--state /state"
     assert list(commands().items()) == [
-        ("commd pi1", f"commd serve {file} --board pi1 {pi1} --listen tcp/127.0.0.1:9002"),
+        ("commd pi1", f"commd serve {file} --board pi1 {pi1} --listen tcp/127.0.0.1:9002 {state}"),
         (
             "commd pi2",
-            f"commd serve {file} --board pi2 {pi2} --listen tcp/127.0.0.1:9003 --connect tcp/127.0.0.1:9002",
+            f"commd serve {file} --board pi2 {pi2} --listen tcp/127.0.0.1:9003 --connect tcp/127.0.0.1:9002 {state}",
         ),
         (
             "simulator uav1",
