@@ -12,9 +12,11 @@ from typing import Literal
 from commd.bus import open_bus
 from commd.clock import Clock
 from commd.directory import open_directory
+from commd.gateway import open_gateway
 from commd.mailroom import open_mailroom
 from commd.peers import FixedDirectory
 from commd.process import EXIT_DONE, add_router_argument, endpoint_argument, report_health, run_daemon
+from commd.radio import open_air
 from commd.routers import router_of
 from commd.state import state_directory
 from schemas.findings import Finding, Findings
@@ -67,11 +69,14 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
         await bus.claim(board)
         folder = state_directory(args.state) / mission.fleet
         async with (
-            open_mailroom(bus, FixedDirectory(mission.mailboxes), mission.mail, folder) as mailroom,
+            open_air(bus, mission, board) as air,
+            open_gateway(mission, board) as gateway,
+            open_mailroom(bus, FixedDirectory(mission.mailboxes), mission.mail, folder, air) as mailroom,
             open_directory(bus, board, mission, mailroom.store, mailroom, clock) as directory,
+            gateway.serving(mailroom),
         ):
             mailroom.directory = directory
-            parts = (mailroom.health, directory.health)
+            parts = (mailroom.health, directory.health, gateway.health, *((air.health,) if air is not None else ()))
             log.info("%s board=%s endpoint=%s", mode, board, endpoint)
             health = asyncio.create_task(report_health(bus, board, clock, lambda: together(parts)))
             await stop.wait()
@@ -83,4 +88,9 @@ def together(parts: Sequence[Callable[[], Health]]) -> Health:
     """Return the health of the parts of a daemon as that of the whole."""
     healths = [part() for part in parts]
     counters = {name: count for health in healths for name, count in health.counters.items()}
-    return Health(counters=counters, notes=tuple(note for health in healths for note in health.notes))
+    return Health(
+        drops=sum(health.drops for health in healths),
+        bad_input=sum(health.bad_input for health in healths),
+        counters=counters,
+        notes=tuple(note for health in healths for note in health.notes),
+    )

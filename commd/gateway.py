@@ -13,7 +13,7 @@ import re
 import socket
 import time
 from collections import Counter, OrderedDict
-from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from typing import Protocol
 
@@ -54,7 +54,7 @@ class Post(Protocol):
     """The mail of the board, as the gateway needs it."""
 
     @property
-    def names(self) -> Collection[str]:
+    def names(self) -> Iterable[str]:
         """All that can be sent to, of all boards."""
         ...
 
@@ -99,14 +99,14 @@ class Node:
 
 
 class Gateway(asyncio.DatagramProtocol):
-    """Speaks to the nodes of the mission. Make it with `open_gateway`."""
+    """Speaks to the nodes of the mission, or to none. Make it with `open_gateway`."""
 
-    def __init__(self, settings: mission.Gateway, post: Post, now: Callable[[], float] = time.monotonic) -> None:
-        self.nodes = {name: Node(name, address) for name, address in settings.nodes.items()}
+    def __init__(self, nodes: Mapping[str, str], now: Callable[[], float] = time.monotonic) -> None:
+        self.nodes = {name: Node(name, address) for name, address in nodes.items()}
         self.counters: Counter[str] = Counter()
         """gateway_in, gateway_out, gateway_malformed, gateway_strangers, gateway_repeated, gateway_dropped,
         gateway_refused, gateway_unsendable, gateway_errors: datagrams so far."""
-        self._post, self._now = post, now
+        self._now = now
         self._waiting: asyncio.Queue[Message] = asyncio.Queue(QUEUE)
         self._strangers: set[tuple[str, str]] = set()
         self._transport: asyncio.DatagramTransport | None = None
@@ -122,6 +122,20 @@ class Gateway(asyncio.DatagramProtocol):
         self._transport, _ = await loop.create_datagram_endpoint(
             lambda: self, local_addr=(host.strip("[]"), port), family=self._family
         )
+
+    @asynccontextmanager
+    async def serving(self, post: Post) -> AsyncIterator[None]:
+        """Carry mail between the nodes and `post` while the block runs."""
+        detach = [post.attach(name, self.deliver) for name in self.nodes]
+        running = [asyncio.create_task(self._take(post)), asyncio.create_task(self._seek())]
+        try:
+            yield
+        finally:
+            for task in running:
+                task.cancel()
+            await asyncio.gather(*running, return_exceptions=True)
+            for end in detach:
+                end()
 
     def health(self) -> Health:
         """Return what became of the datagrams, for the daemon's health."""
@@ -162,21 +176,21 @@ class Gateway(asyncio.DatagramProtocol):
         else:
             self._waiting.put_nowait(message)
 
-    async def seek(self) -> None:
+    async def _seek(self) -> None:
         """Look for nodes that are not found yet, for ever."""
         while True:
             await asyncio.sleep(SEEK_EVERY)
             await self._find_nodes()
 
-    async def run(self) -> None:
+    async def _take(self, post: Post) -> None:
         """Take what the nodes said into the mail, for ever."""
         while True:
             said = [await self._waiting.get()]
             while len(said) < BATCH and not self._waiting.empty():
                 said.append(self._waiting.get_nowait())
-            batch = [one for message in said for one in self._addressed(message)]
+            batch = [one for message in said for one in _addressed(message, post.names)]
             try:
-                receipt = await self._post.take(batch)
+                receipt = await post.take(batch)
             except Exception as error:  # one batch's defect must not end what all others live by
                 log.exception("defect in argosy: %d messages of nodes are lost", len(batch))
                 receipt = Receipt(refused=dict.fromkeys(range(len(batch)), f"{type(error).__name__}: {error}"))
@@ -195,12 +209,6 @@ class Gateway(asyncio.DatagramProtocol):
                 refused[place] = why
             await asyncio.sleep(PACE)
         return Receipt(taken=len(batch) - len(refused), refused=refused)
-
-    def _addressed(self, message: Message) -> list[Message]:
-        """A message, or the copies of a broadcast."""
-        if message.receiver != EVERYBODY:
-            return [message]
-        return [replace(message, receiver=name) for name in self._post.names if name != message.sender]
 
     def _send(self, node: Node, message: Message) -> str:
         """Send a message to a node. Returns why it cannot be sent, or an empty text."""
@@ -265,6 +273,13 @@ class Gateway(asyncio.DatagramProtocol):
                     node.at = (str(found[0][4][0]), port)
 
 
+def _addressed(message: Message, names: Iterable[str]) -> list[Message]:
+    """A message, or the copies of a broadcast: for everybody but its sender."""
+    if message.receiver != EVERYBODY:
+        return [message]
+    return [replace(message, receiver=name) for name in names if name != message.sender]
+
+
 def _name(text: str) -> Term:
     """A name as an atom, if it can be one."""
     return Atom(text) if re.fullmatch(r"[a-z]\w*", text, re.ASCII) else text
@@ -276,27 +291,23 @@ def _shown(text: str) -> str:
 
 
 @asynccontextmanager
-async def open_gateway(declared: mission.Mission, board: str, post: Post) -> AsyncIterator[Gateway | None]:
-    """Serve the mission's gateway while the block runs, if it is this board's. Raises Findings for its address."""
+async def open_gateway(declared: mission.Mission, board: str) -> AsyncIterator[Gateway]:
+    """Listen to the nodes of the mission while the block runs, if its gateway is this board's.
+
+    Raises Findings if its address is not to be had.
+    """
     settings = declared.gateway
     if settings is None or settings.board != board:
-        yield None
+        yield Gateway({})
         return
-    gateway = Gateway(settings, post)
+    gateway = Gateway(settings.nodes)
     try:
         await gateway.open(settings.listen)
     except OSError as error:
         why = f"gateway.listen: cannot listen at {settings.listen}: {error.strerror or error}"
         raise Findings([declared.positions.finding(("gateway", "listen"), why)]) from None
-    detach = [post.attach(name, gateway.deliver) for name in gateway.nodes]
-    running = [asyncio.create_task(gateway.run()), asyncio.create_task(gateway.seek())]
     log.info("listening to %s for %s", settings.listen, ", ".join(settings.nodes))
     try:
         yield gateway
     finally:
-        for task in running:
-            task.cancel()
-        await asyncio.gather(*running, return_exceptions=True)
-        for end in detach:
-            end()
         gateway.close()

@@ -66,10 +66,9 @@ def in_the_field(port: int, body: Callable[[Field], Coroutine[Any, Any, None]]) 
         async with (
             asyncio.timeout(60),
             nodes(f"127.0.0.1:{port}") as field,
-            open_gateway(field.mission(), "local", field.post) as gateway,
+            open_gateway(field.mission(), "local") as field.gateway,
+            field.gateway.serving(field.post),
         ):
-            assert gateway is not None
-            field.gateway = gateway
             await body(field)
 
     asyncio.run(everything())
@@ -317,8 +316,8 @@ def test_a_node_whose_host_is_not_found_keeps_its_mail_waiting(
 
 def test_the_gateway_is_one_boards_alone(free_port: Callable[[], int]) -> None:
     async def body(field: Field) -> None:
-        async with open_gateway(field.mission(), "other", field.post) as gateway:
-            assert gateway is None
+        async with open_gateway(field.mission(), "other") as gateway:
+            assert not gateway.nodes
 
     in_the_field(free_port(), body)
 
@@ -326,7 +325,7 @@ def test_the_gateway_is_one_boards_alone(free_port: Callable[[], int]) -> None:
 def test_an_address_that_is_not_to_be_had_is_said_at_its_place_in_the_mission(free_port: Callable[[], int]) -> None:
     async def body(field: Field) -> None:
         with pytest.raises(Findings) as raised:
-            async with open_gateway(field.mission(), "local", field.post):
+            async with open_gateway(field.mission(), "local"):
                 pass
         why = f"gateway.listen: cannot listen at {field.listen}: "
         assert str(raised.value).startswith(f"mixed.yaml:5:11: error: {why}")
