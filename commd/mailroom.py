@@ -20,7 +20,7 @@ from msgspec.structs import replace
 from commd import boxes
 from commd.boxes import Tally
 from commd.bus import Bus, Query
-from commd.lanes import Lanes
+from commd.lanes import RETRY_MOST, Lanes
 from commd.letters import LARGEST, OFFICE, SLACK, Letter, letter
 from commd.mail_clock import SAVE_EVERY, MailClock
 from commd.mail_listing import list_mailboxes
@@ -61,11 +61,12 @@ class Mailroom:
         """`tally` is what `store` counts; `bus.name` is the board."""
         self.counters: Counter[str] = Counter()
         self.store = store
-        self._bus, self._store, self._tally, self._clock, self._rules = bus, store, tally, clock, rules
+        """The board's file: its facts are kept there too."""
+        self._bus, self._tally, self._clock, self._rules = bus, tally, clock, rules
         self._peers = Peers(bus, clock, directory, air)
         self._lanes = Lanes(store, tally, clock, self._peers.carry, self._give_up, self._peers.of)
         self._hosted: dict[str, tuple[Callable[[], None], ...]] = {}
-        self._moving: asyncio.Task[None] | None = None
+        self._moving: asyncio.Task[bool] | None = None
 
     @property
     def directory(self) -> Directory:
@@ -83,7 +84,8 @@ class Mailroom:
 
     async def run(self) -> None:
         """Carry mail on, for ever. Whom this board hosts by then is known."""
-        await self._move_lines()
+        while not await self._lines_moved():
+            await asyncio.sleep(RETRY_MOST)
         self._peers.watch(self._lanes.arrived)
         self._lanes.begin()
         self._bus.serve(keys.mailboxes(self._bus.fleet, self._bus.name), Mailboxes, self._list)
@@ -102,7 +104,7 @@ class Mailroom:
                 self._bus.serve(keys.mail(fleet, name, "*"), Mail, self._receive),
             )
             if self._tally.messages[name]:
-                self._moving = asyncio.create_task(self._move_lines())
+                self._moving = asyncio.create_task(self._lines_moved())
 
     async def unhost(self, name: str, reason: str = "receiver_left") -> None:
         """Serve somebody no more who has left for good: what waits for it is given up."""
@@ -112,7 +114,7 @@ class Mailroom:
 
     async def gone(self, name: str, reason: str = "receiver_left") -> None:
         """Give up what waits here for somebody who has left for good."""
-        while found := await self._store.read(partial(boxes.places_for, receiver=name, most=SWEEP)):
+        while found := await self.store.read(partial(boxes.places_for, receiver=name, most=SWEEP)):
             await self._give_up({place: reason for place, _ in found}, {sender for _, sender in found})
 
     def attach(self, name: str, deliver: Deliver) -> Callable[[], None]:
@@ -121,14 +123,20 @@ class Mailroom:
         self._lanes.arrived(name)
         return lambda: self._peers.attached.pop(name, None) and None
 
-    async def _move_lines(self) -> None:
-        """Let what waited in a former life wait where it belongs now: an agent may have moved to another board."""
-        for line in list(self._tally.lines):
-            receiver = line.rpartition(">")[2]
-            belongs = self._line("", receiver)
-            if belongs is not None and (">" in line) != (">" in belongs):
-                await self._store.write(partial(boxes.move, tally=self._tally, line=line, home=">" not in belongs))
-                self._lanes.more(receiver if ">" not in belongs else line)
+    async def _lines_moved(self) -> bool:
+        """Let what waits wait where it belongs by now: an agent may have moved to another board. Returns False when the
+        disk does not do it."""
+        try:
+            for line in list(self._tally.lines):
+                receiver = line.rpartition(">")[2]
+                belongs = self._line("", receiver)
+                if belongs is not None and (">" in line) != (">" in belongs):
+                    home = belongs == receiver
+                    await self.store.write(partial(boxes.move, tally=self._tally, line=line, home=home))
+                    self._lanes.more(belongs if home else line)
+        except StoreFailed:
+            return False
+        return True
 
     def _line(self, sender: str, receiver: str) -> str | None:
         """Return the line in which a message waits; None if nobody knows its receiver."""
@@ -209,7 +217,7 @@ class Mailroom:
                 also(db)
             return boxes.put(db, self._tally, good, now, self._rules.mailbox)
 
-        outcomes = iter(await self._store.write(write) if good or also is not None else ())
+        outcomes = iter(await self.store.write(write) if good or also is not None else ())
         refused: dict[int, str] = {}
         later: dict[int, str] = {}
         for place, one in enumerate(letters):
@@ -233,7 +241,7 @@ class Mailroom:
         """Make dead letters of messages, with the reasons by place, and write notices to their senders."""
         lines = {one: line for one in senders if (line := self._line(OFFICE, one)) is not None}
         now = self._clock.now()
-        noticed = await self._store.write(lambda db: boxes.bury(db, self._tally, reasons, lines, now))
+        noticed = await self.store.write(lambda db: boxes.bury(db, self._tally, reasons, lines, now))
         self.counters["given_up"] += len(reasons)
         log.warning(
             "mail_given_up count=%d senders=%s why=%s", len(reasons), *map(_several, (senders, reasons.values()))
@@ -251,14 +259,14 @@ class Mailroom:
             try:
                 now = self._clock.now()
                 if now - saved >= SAVE_EVERY:
-                    await self._store.write(self._clock.save)
+                    await self.store.write(self._clock.save)
                     saved = now
                 await self._give_up_late()
             except StoreFailed:
                 self.counters["sweeps_failed"] += 1
 
     async def _give_up_late(self) -> None:
-        late = await self._store.read(partial(boxes.expired, now=self._clock.now(), most=SWEEP))
+        late = await self.store.read(partial(boxes.expired, now=self._clock.now(), most=SWEEP))
         now = self._clock.now()
         reasons: dict[int, str] = {}
         senders: set[str] = set()
@@ -278,11 +286,11 @@ class Mailroom:
     async def _list(self, query: Query[Mailboxes]) -> None:
         """Serve what waits here and what was given up."""
         try:
-            listed = await self._store.read(partial(list_mailboxes, now=self._clock.now(), state=self._lanes.state))
+            listed = await self.store.read(partial(list_mailboxes, now=self._clock.now(), state=self._lanes.state))
         except StoreFailed as failed:
             query.reply_error(str(failed))
             return
-        about = (self._bus.header("mailboxes"), self._bus.name, str(self._store.path), self._store.synchronous)
+        about = (self._bus.header("mailboxes"), self._bus.name, str(self.store.path), self.store.synchronous)
         header, board, store, synchronous = about
         query.reply(
             replace(
@@ -293,24 +301,29 @@ class Mailroom:
 
     def health(self) -> Health:
         """Return the mail counters for the daemon's health."""
-        counters = self.counters + self._lanes.counters + self._store.counters
+        counters = self.counters + self._lanes.counters + self.store.counters
         counters["waiting"] = sum(self._tally.messages.values())
         counters["dead"] = self._tally.dead
-        notes = [f"a corrupt mail file was set aside: {name}" for name in self._store.set_aside]
-        if self._store.note:
-            notes.append(self._store.note)
+        notes = [f"a corrupt mail file was set aside: {name}" for name in self.store.set_aside]
+        if self.store.note:
+            notes.append(self.store.note)
         return Health(counters={name: float(count) for name, count in sorted(counters.items())}, notes=tuple(notes))
 
 
 @asynccontextmanager
 async def open_mailroom(
-    bus: Bus, directory: Directory, rules: MailRules, folder: Path, air: Air | None = None
+    bus: Bus,
+    directory: Directory,
+    rules: MailRules,
+    folder: Path,
+    air: Air | None = None,
+    clock: MailClock | None = None,
 ) -> AsyncIterator[Mailroom]:
     """Open the mail of the board `bus.name`, kept in `folder`, and carry it on until the end.
 
     Raises Findings if its file cannot be used.
     """
-    tally, clock = Tally(), MailClock()
+    tally, clock = Tally(), clock or MailClock()
 
     async with open_store(folder / f"{bus.name}.mail", rules.synchronous, tally.count) as store:
         await store.read(clock.load)

@@ -32,7 +32,7 @@ GROUP = 256
 """Transactions that share one commit at most."""
 PATIENCE = 30.0
 """Wall seconds that a caller waits for the disk."""
-CACHE_KIB = 1_024
+CACHE_KIB = 256
 """Pages that each of the two connections keeps in memory."""
 WAL_BYTES = 8 * 1024 * 1024
 """A longer write-ahead log is cut back when its content has moved into the file."""
