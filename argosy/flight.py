@@ -236,7 +236,9 @@ class Flight:
         if self._observer is not None:
             await self._observer.stop()
         await self._bus.aclose()
-        await self._stop(self._supervisor.of_kind("simulator", "commd"), LEAVE)
+        await self._stop(self._supervisor.of_kind("simulator"), LEAVE)
+        for router in reversed(self._supervisor.of_kind("commd")):  # one by one: each tells the others that it leaves
+            await self._stop([router], LEAVE)
 
     def _simulator_is_dead(self, robot: str) -> bool:
         simulators = self._supervisor.of_kind("simulator")
