@@ -3,7 +3,7 @@
     python -m tests.soak_rescue [--runs 20] [--first 1] [--keep FOLDER]
 
 Each run has a world and troubles of its own, by its number. Any daemon of any board may be killed, at any time and, by
-aim, while a rescuer drops its buoy; any link between two boards may be cut. `argosy run` starts daemons again as the
+aim, just when a rescuer is to drop its buoy; any link between two boards may be cut. `argosy run` starts daemons again as the
 mission says. The referee judges by the simulators' logs alone. Writes its section of docs/soak.md.
 """
 
@@ -40,11 +40,13 @@ CUT = (1.0, 20.0)
 CUT_SHARE = 0.3
 """Of the troubles, those that are cuts."""
 AIMED_SHARE = 0.35
-"""Of the drops, those during which a daemon is killed."""
+"""Of the arrivals over a victim, those after which a daemon is killed."""
+AIM = 0.6
+"""Wall seconds after an arrival in which leave is asked for, the buoy dropped and reported: the kill falls into them."""
 MISSION = ROOT / "missions" / "search_and_rescue.yaml"
 BOARDS = ("pi1", "pi2", "pi3")
 _STARTED = re.compile(r"s  (?P<name>(?:commd|bridged|agentd) .*?): (?:re)?started, pid (?P<pid>\d+)")
-_DROPS = re.compile(r"s  rescuer(?P<number>\d): drop_buoy$")
+_ARRIVES = re.compile(r"s  rescuer(?P<number>\d): goto\(.*succeeded after")
 
 
 @dataclass
@@ -244,8 +246,8 @@ def report(courses: list[Course]) -> list[str]:
     troubles = sum((course.troubles for course in courses), Counter[str]())
     return [
         f"`missions/search_and_rescue.yaml`, three boards' daemons on one machine, {len(courses)} seeded runs with "
-        f"{troubles['kills'] + troubles['aimed kills']} daemons killed (-9), {troubles['aimed kills']} of them while a "
-        f"buoy was being dropped, and {troubles['cuts']} cuts of links between boards for {CUT[0]:g} to {CUT[1]:g} s: "
+        f"{troubles['kills'] + troubles['aimed kills']} daemons killed (-9), {troubles['aimed kills']} of them just when a "
+        f"rescuer was to drop its buoy, and {troubles['cuts']} cuts of links between boards for {CUT[0]:g} to {CUT[1]:g} s: "
         f"**in {good} of {len(courses)} the mission was done and each victim had exactly one buoy, within 5 m**.",
         "",
         "| run | wall s | kills | aimed at a drop | cuts | referee | end |",
