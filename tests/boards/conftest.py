@@ -53,3 +53,4 @@ def fleet(network: Network, tmp_path: Path) -> Iterator[Callable[..., Fleet]]:
     yield make
     for one in made:
         one.__exit__(None, None, None)
+        print(one.transcript())  # shown with a test that fails

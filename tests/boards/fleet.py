@@ -92,6 +92,11 @@ class Fleet:
         """Return what a daemon has said in all of its lives."""
         return "\n".join([*self.said.get((board, kind), []), *self.running[board, kind].lines])
 
+    def transcript(self) -> str:
+        """Return what all processes have said, each under its name."""
+        texts = [f"--- {kind} of {board}\n{self.text(board, kind)}" for board, kind in self.running]
+        return "\n".join([*texts, *(f"--- {' '.join(other.arguments)}\n{other.text}" for other in self._others)])
+
     def ground(self, *arguments: str) -> Daemon:
         """Start a process on the ground: simulators, mostly."""
         self._others.append(Daemon(*arguments, within=self.network.within(GROUND)))
