@@ -3,8 +3,8 @@
     python -m tests.soak_rescue [--runs 20] [--first 1] [--keep FOLDER]
 
 Each run has a world and troubles of its own, by its number. Any daemon of any board may be killed, at any time and, by
-aim, just when a rescuer is to drop its buoy; any link between two boards may be cut. `argosy run` starts daemons again as the
-mission says. The referee judges by the simulators' logs alone. Writes its section of docs/soak.md.
+aim, just when a rescuer is to drop its buoy; any link between two boards may be cut. `argosy run` starts daemons again
+as the mission says. The referee judges by the simulators' logs alone. Writes its section of docs/soak.md.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ CUT_SHARE = 0.3
 AIMED_SHARE = 0.35
 """Of the arrivals over a victim, those after which a daemon is killed."""
 AIM = 0.6
-"""Wall seconds after an arrival in which leave is asked for, the buoy dropped and reported: the kill falls into them."""
+"""Wall seconds after an arrival, in which leave is asked for, the buoy dropped and reported: the kill falls there."""
 MISSION = ROOT / "missions" / "search_and_rescue.yaml"
 BOARDS = ("pi1", "pi2", "pi3")
 _STARTED = re.compile(r"s  (?P<name>(?:commd|bridged|agentd) .*?): (?:re)?started, pid (?P<pid>\d+)")
@@ -113,12 +113,11 @@ class Troubles:
         """Take a line that the run has written."""
         if found := _STARTED.search(line):
             self._pids[found["name"]] = int(found["pid"])
-        elif (found := _DROPS.search(line)) and self._dice.random() < AIMED_SHARE:
+        elif (found := _ARRIVES.search(line)) and self._dice.random() < AIMED_SHARE:
             board = f"pi{int(found['number']) + 1}"
             daemon = self._dice.choice(("agentd", "agentd", "bridged", "commd"))
-            self._kill(
-                self._dice.choice([name for name in self._pids if name.startswith(f"{daemon} {board}")]), "aimed"
-            )
+            name = next(name for name in sorted(self._pids) if name.startswith(f"{daemon} {board}"))
+            asyncio.get_running_loop().call_later(self._dice.uniform(0, AIM), self._kill, name, "aimed")
 
     async def go_on(self) -> None:
         """Trouble the run until cancelled."""
@@ -244,11 +243,12 @@ def report(courses: list[Course]) -> list[str]:
     """Return the section of the report."""
     good = sum(course.good for course in courses)
     troubles = sum((course.troubles for course in courses), Counter[str]())
+    kills, aimed = troubles["kills"] + troubles["aimed kills"], troubles["aimed kills"]
     return [
-        f"`missions/search_and_rescue.yaml`, three boards' daemons on one machine, {len(courses)} seeded runs with "
-        f"{troubles['kills'] + troubles['aimed kills']} daemons killed (-9), {troubles['aimed kills']} of them just when a "
-        f"rescuer was to drop its buoy, and {troubles['cuts']} cuts of links between boards for {CUT[0]:g} to {CUT[1]:g} s: "
-        f"**in {good} of {len(courses)} the mission was done and each victim had exactly one buoy, within 5 m**.",
+        f"`missions/search_and_rescue.yaml`, the daemons of three boards on one machine, {len(courses)} seeded runs with "
+        f"{kills} daemons killed (-9), {aimed} of them just when a rescuer was to drop its buoy, and {troubles['cuts']} "
+        f"cuts of links between boards, of {CUT[0]:g} to {CUT[1]:g} s: **in {good} of {len(courses)} the mission was "
+        "done and each victim had exactly one buoy, within 5 m**.",
         "",
         "| run | wall s | kills | aimed at a drop | cuts | referee | end |",
         "|---|---|---|---|---|---|---|",
