@@ -68,7 +68,7 @@ class Observer:
 
     async def look_at_percepts(self) -> None:
         """Take in the percepts that are present already: what was said before anybody listened."""
-        for agent in self.picture.agents:
+        for agent in self.picture.eyes:
             everything = keys.percept(self.bus.fleet, agent, "**")
             with suppress(BusClosed):
                 async with aclosing(self.bus.query(everything, None, Perception, ANSWER_TIMEOUT)) as replies:

@@ -116,7 +116,8 @@ class Picture:
         self.alive: set[tuple[str, str, str]] = set()
         """Name, daemon and boot of each liveliness token."""
         self.counts: Counter[str] = Counter()
-        self._eyes = {robot: agents[0] for robot in mission.robots if (agents := mission.agents_of(robot))}
+        self.eyes = {agents[0]: robot for robot in mission.robots if (agents := mission.agents_of(robot))}
+        """The agent or client through whom each robot is seen, and the robot."""
 
     def is_alive(self, name: str, daemon: str) -> bool:
         """Whether a daemon for this agent, robot or board is on the bus now."""
@@ -155,13 +156,13 @@ class Picture:
                     self.journal.add(parsed[1], note, "warning")
 
     def percept(self, key: str, percept: Perception) -> None:
-        """An agent perceived something; a robot is seen through the first of its agents."""
+        """An agent perceived something; a robot is seen through the first of those that have it."""
         self.counts["percepts"] += 1
         parsed = keys.parse(key)
-        agent = self.agents.get(parsed[1]) if parsed else None
-        if agent is None or agent.robot is None or self._eyes.get(agent.robot) != agent.name:
+        seen = self.eyes.get(parsed[1]) if parsed else None
+        if seen is None:
             return
-        robot = self.robots[agent.robot]
+        robot = self.robots[seen]
         if percept.update == "remove":
             robot.told.pop(percept.name, None)
             return
@@ -243,7 +244,7 @@ class Picture:
             why = f": {status.reason}" if status.reason else ""
             level = "good" if status.state == "succeeded" else "warning"
             self.journal.add(agent, f"{seen.text} {status.state} after {seen.age(now):.1f} s{why}", level)  # type: ignore[arg-type]
-            robot = self.agents[agent].robot if agent in self.agents else None
+            robot = next((name for name in self.robots if agent in self.mission.agents_of(name)), None)
             if robot is not None and status.reason.startswith(OPERATOR):
                 self.ordered(robot, status.reason.removeprefix(OPERATOR))
 

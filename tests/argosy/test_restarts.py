@@ -1,0 +1,240 @@
+"""What is started again when it dies, on small processes of their own."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import sys
+from collections import Counter
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from argosy import restarts
+from argosy.journal import Journal
+from argosy.processes import Kind, Process
+from argosy.restarts import MOST, Restarts, Watchdog
+from argosy.supervise import Child, Supervisor
+
+DAEMON = Kind("daemon", lambda setup: [], lambda setup, subject: [])
+SIMULATOR = replace(DAEMON, name="simulator", daemon=False)
+
+
+class Run:
+    """A supervisor, its restarts, and what the journal says."""
+
+    def __init__(self, on: bool) -> None:
+        self.journal = Journal(lambda: 0.0)
+        self.counts: Counter[str] = Counter()
+        self.ended: list[Child] = []
+        self.supervisor = Supervisor(lambda child, line: None, self._ended)
+        self.restarts = Restarts(self.supervisor, self.journal, self.counts, on)
+
+    def _ended(self, child: Child) -> None:
+        self.ended.append(child)
+        if child.dead:
+            self.restarts.died(child)
+
+    async def start(self, code: str, kind: Kind = DAEMON) -> Child:
+        return await self.supervisor.start(Process(kind, "one", (sys.executable, "-S", "-c", code), label="one"))
+
+    @property
+    def told(self) -> list[str]:
+        return [f"{entry.who}: {entry.text}" for entry in self.journal.entries]
+
+
+def supervised(body: Callable[[Run], Awaitable[None]], on: bool = True) -> None:
+    """Run `body(run)` and end everything."""
+
+    async def main() -> None:
+        run = Run(on)
+        try:
+            async with asyncio.timeout(60):
+                await body(run)
+        finally:
+            await run.restarts.close()
+            await run.supervisor.close()
+        assert all(not child.alive for child in run.supervisor.children)
+
+    asyncio.run(main())
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    """Wait until something holds."""
+    while not condition():
+        await asyncio.sleep(0.01)
+
+
+@pytest.fixture(autouse=True)
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let nobody wait long for a restart."""
+    monkeypatch.setattr(restarts, "FIRST", 0.01)
+
+
+def test_a_daemon_that_is_killed_runs_again_by_the_same_command_in_its_place() -> None:
+    async def body(run: Run) -> None:
+        first = await run.start("import time; time.sleep(600)")
+        other = await run.start("import time; time.sleep(600)")
+        first.signal(signal.SIGKILL)
+        await until(lambda: run.counts["daemon one"] == 1)
+        again = run.supervisor.children[0]
+        assert run.supervisor.children == [again, other]
+        assert again.alive
+        assert again.process == first.process
+        assert again.pid != first.pid
+        assert run.supervisor.dead() == []
+        assert run.told == [
+            "daemon one: was killed by SIGKILL; it is started again in 0.01 s",
+            f"daemon one: restarted, pid {again.pid}, restart 1 in this run",
+        ]
+
+    supervised(body)
+
+
+def test_what_is_up_again_is_told_once() -> None:
+    async def body(run: Run) -> None:
+        first = await run.start("import time; time.sleep(600)")
+        run.restarts.tell(lambda child: True)
+        first.signal(signal.SIGKILL)
+        await until(lambda: run.counts["daemon one"] == 1)
+        run.restarts.tell(lambda child: False)
+        before = len(run.told)
+        run.restarts.tell(lambda child: True)
+        run.restarts.tell(lambda child: True)
+        assert len(run.told) == before + 1
+        assert run.told[-1].startswith("daemon one: up again after ")
+
+    supervised(body)
+
+
+def test_a_daemon_that_dies_again_and_again_is_given_up_and_the_reason_says_so() -> None:
+    async def body(run: Run) -> None:
+        await run.start("import sys; print('error: no'); sys.exit(1)")
+        await until(lambda: bool(run.supervisor.dead()))
+        assert run.counts["daemon one"] == MOST == 5
+        (dead,) = run.supervisor.dead()
+        told = "ended by itself with exit code 1: error: no"
+        assert dead.how_it_ended() == f"{told}; it was restarted 5 times within 60 s, and is not any more"
+        delays = [line.rpartition(" in ")[2] for line in run.told if "is started again" in line]
+        assert delays == ["0.01 s", "0.02 s", "0.04 s", "0.08 s", "0.16 s"]
+
+    supervised(body)
+
+
+def test_deaths_that_are_long_ago_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(restarts, "WINDOW", 0.0)
+
+    async def body(run: Run) -> None:
+        await run.start("import sys; sys.exit(1)")
+        await until(lambda: run.counts["daemon one"] == MOST + 2)
+        assert run.supervisor.dead() == []
+
+    supervised(body)
+
+
+@pytest.mark.parametrize("code", [0, 2])
+def test_what_would_end_in_the_same_way_again_is_not_restarted(code: int) -> None:
+    async def body(run: Run) -> None:
+        await run.start(f"import sys; sys.exit({code})")
+        await until(lambda: bool(run.ended))
+        assert [child.how_it_ended() for child in run.supervisor.dead()] == [f"ended by itself with exit code {code}"]
+        assert run.counts.total() == 0
+
+    supervised(body)
+
+
+def test_a_simulator_is_a_vehicle_and_a_vehicle_that_crashed_does_not_start_again() -> None:
+    async def body(run: Run) -> None:
+        simulator = await run.start("import time; time.sleep(600)", SIMULATOR)
+        simulator.signal(signal.SIGKILL)
+        await until(lambda: bool(run.ended))
+        assert run.supervisor.dead() == [simulator]
+
+    supervised(body)
+
+
+def test_without_restart_whoever_dies_is_dead() -> None:
+    async def body(run: Run) -> None:
+        daemon = await run.start("import time; time.sleep(600)")
+        daemon.signal(signal.SIGKILL)
+        await until(lambda: bool(run.ended))
+        assert run.supervisor.dead() == [daemon]
+
+    supervised(body, on=False)
+
+
+def test_nothing_is_started_any_more_when_the_run_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(restarts, "FIRST", 600.0)
+    monkeypatch.setattr(restarts, "LONGEST", 600.0)
+
+    async def body(run: Run) -> None:
+        daemon = await run.start("import time; time.sleep(600)")
+        daemon.signal(signal.SIGKILL)
+        await until(lambda: daemon.replaced)
+        await run.restarts.close()
+        assert run.counts.total() == 0
+        assert run.supervisor.children == [daemon]
+
+    supervised(body)
+
+
+def test_a_daemon_that_cannot_be_started_again_is_dead_and_says_why(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    async def body(run: Run) -> None:
+        daemon = await run.start("import time; time.sleep(600)")
+
+        async def fails(process: Process, instead_of: Child | None = None) -> Child:
+            raise BlockingIOError(11, "Resource temporarily unavailable")
+
+        monkeypatch.setattr(run.supervisor, "start", fails)
+        daemon.signal(signal.SIGKILL)
+        await until(lambda: bool(run.supervisor.dead()))
+        told = "was killed by SIGKILL; it cannot be started again: Resource temporarily unavailable"
+        assert daemon.how_it_ended() == told
+
+    supervised(body)
+
+
+def test_a_daemon_that_hangs_is_killed_and_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(restarts, "PATIENCE", 0.3)
+
+    async def body(run: Run) -> None:
+        stopped, silent, well = [await run.start("import time; time.sleep(600)") for _ in range(3)]
+        watchdog = Watchdog(run.supervisor, run.journal, lambda child: child is silent)
+        stopped.signal(signal.SIGSTOP)
+        while len(run.ended) < 2:
+            watchdog.look([stopped, silent, well])
+            await asyncio.sleep(0.01)
+        await until(lambda: run.counts.total() == 2)
+        assert well.alive
+        hung = [line for line in run.told if "hangs" in line]
+        assert sorted(hung) == [
+            "daemon one: hangs: it is stopped for 0.3 s, and is killed",
+            "daemon one: hangs: it says nothing for 0.3 s, and is killed",
+        ]
+
+    supervised(body)
+
+
+def test_a_daemon_that_only_paused_is_spared(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(restarts, "PATIENCE", 600.0)
+
+    async def body(run: Run) -> None:
+        daemon = await run.start("import time; time.sleep(600)")
+        watchdog = Watchdog(run.supervisor, run.journal, lambda child: False)
+        os.kill(daemon.pid, signal.SIGSTOP)
+        await until(lambda: restarts.is_stopped(daemon.pid))
+        watchdog.look([daemon])
+        os.kill(daemon.pid, signal.SIGCONT)
+        await until(lambda: not restarts.is_stopped(daemon.pid))
+        watchdog.look([daemon])
+        monkeypatch.setattr(restarts, "PATIENCE", 0.0)
+        watchdog.look([daemon])  # it counts anew from here
+        assert daemon.alive
+        assert run.told == []
+
+    supervised(body)
