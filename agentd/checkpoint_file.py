@@ -86,31 +86,27 @@ def open_database(path: Path, agent: str, synchronous: Synchronous) -> sqlite3.C
             raise CheckpointError(f"{path} belongs to the agent {owner}, not to {agent}")
     finally:
         database.close()
-    return _locked(_connected(path, synchronous, STATEMENTS))
+    return _connected(path, synchronous, STATEMENTS)
 
 
 def _connected(path: Path, synchronous: Synchronous, statements: int) -> sqlite3.Connection:
+    """A connection that holds the file for itself."""
     database = sqlite3.connect(
         path, timeout=LOCK_PATIENCE, isolation_level=None, check_same_thread=False, cached_statements=statements
     )
-    for pragma in (
-        f"page_size={PAGE}",  # a small row costs the disk little
-        "locking_mode=EXCLUSIVE",  # for one process, and without a file of shared memory
-        "journal_mode=WAL",
-        f"synchronous={synchronous}",
-        f"cache_size=-{CACHE}",
-        f"wal_autocheckpoint={LOG_PAGES}",
-        f"journal_size_limit={LOG_PAGES * PAGE}",
-    ):
-        database.execute(f"PRAGMA {pragma}").close()
-    return database
-
-
-def _locked(database: sqlite3.Connection) -> sqlite3.Connection:
-    """Take the lock, which stays."""
     try:
-        database.execute("BEGIN EXCLUSIVE").close()
-        database.execute("COMMIT").close()
+        for statement in (
+            f"PRAGMA page_size={PAGE}",
+            "PRAGMA locking_mode=EXCLUSIVE",  # for one process, and without a file of shared memory
+            "PRAGMA journal_mode=WAL",
+            f"PRAGMA synchronous={synchronous}",
+            f"PRAGMA cache_size=-{CACHE}",
+            f"PRAGMA wal_autocheckpoint={LOG_PAGES}",
+            f"PRAGMA journal_size_limit={LOG_PAGES * PAGE}",
+            "BEGIN EXCLUSIVE",
+            "COMMIT",
+        ):
+            database.execute(statement).close()
     except BaseException:
         database.close()
         raise

@@ -18,7 +18,7 @@ import msgspec
 
 from agentd.language import syntax
 from agentd.language.errors import SyntaxErrors
-from agentd.language.parser import parse_term
+from agentd.language.parser import parse_plan, parse_term
 from agentd.language.printer import source_text
 from agentd.language.signatures import DEFAULT, signature
 from agentd.language.sources import SELF, SOURCE_SELF, is_source, told_by
@@ -40,15 +40,19 @@ from agentd.language.terms import (
 
 MOST_PARTS: Final = 1_000_000
 """Terms with more parts are not kept."""
+MOST_LINES: Final = 100_000
+"""Code stands in this line at most, wherever it was written."""
 
 _ME, _EMPTY, _LIST, _VAR, _EXPRESSION, _CODE, _OPEN, _REST, _COLLECTION = range(9)
-_CODES: Final[dict[str, tuple[Any, Any]]] = {
-    "plan": (syntax.Plan, syntax.PlanTerm),
-    "trigger": (syntax.Trigger, syntax.TriggerTerm),
-    "rule": (syntax.Rule, syntax.RuleTerm),
-    "body": (syntax.Body, syntax.BodyTerm),
+_CODES: Final[dict[str, Any]] = {
+    "plan": syntax.Plan,
+    "trigger": syntax.Trigger,
+    "rule": syntax.Rule,
+    "body": syntax.Body,
 }
-"""The syntax that code as a term may hold, and how it is written as a term; the latter has it under this name."""
+"""The syntax that code as a term may hold."""
+_IN_BRACES: Final = {"trigger": syntax.TriggerTerm, "rule": syntax.RuleTerm, "body": syntax.BodyTerm}
+"""What is written as a term. A plan is not: one that is nothing but a trigger would read as that."""
 _encode: Final = msgspec.msgpack.Encoder().encode
 _decode: Final = msgspec.msgpack.Decoder(list[Any]).decode
 
@@ -78,7 +82,9 @@ def write_terms(terms: Iterable[Any]) -> tuple[bytes, bool]:
         return _encode(writer.write(terms)), writer.changeable
     except RecursionError as error:
         raise CannotKeep(str(error)) from None
-    except (UnicodeEncodeError, OverflowError, msgspec.MsgspecError) as error:
+    except CannotKeep:
+        raise
+    except (ValueError, TypeError, OverflowError, msgspec.MsgspecError) as error:  # such as half a surrogate pair
         raise CannotKeep(f"it has no bytes: {error}") from None
 
 
@@ -87,7 +93,7 @@ def read_terms(data: bytes) -> tuple[list[Any], bool]:
     reader = _Reader()
     try:
         return reader.read(_decode(data)), reader.changeable
-    except (msgspec.MsgspecError, SyntaxErrors, LookupError, TypeError, ValueError, RecursionError) as error:
+    except (msgspec.MsgspecError, LookupError, AttributeError, TypeError, ValueError, RecursionError) as error:
         raise BadBytes(f"{type(error).__name__}: {error}") from None
 
 
@@ -171,10 +177,12 @@ class _Writer:
         work.extend(reversed(items))
 
     def _open_code(self, term: Code, work: list[Any]) -> None:
-        for name, (node, whole) in _CODES.items():
+        for name, node in _CODES.items():
             if isinstance(term.syntax, node):
                 position = term.syntax.position
-                text = source_text(whole(term.syntax))
+                text = source_text(_IN_BRACES[name](term.syntax) if name in _IN_BRACES else term.syntax)
+                if _read_code(name, text, position.file, 1) != term.syntax:
+                    raise CannotKeep(f"it does not read back from its text: {text}")
                 values = term.values
                 work.append(_Whole([_CODE, name, text, position.file, position.line, term.bare, *values]))
                 work.extend(reversed(list(values.values())))
@@ -278,10 +286,7 @@ class _Reader:
 
     def _code(self, kind: str, text: str, file: str, line: int, bare: bool, *names: str) -> Code:
         values = dict(zip(names, self._take(len(names)), strict=True))
-        node = parse_term("\n" * max(0, line - 1) + text, file)  # so that it stands in the line where it was written
-        if not isinstance(node, _CODES[kind][1]):
-            raise TypeError(f"`{text}` is no {kind}")
-        return Code(getattr(node, kind), values, bare)
+        return Code(_read_code(kind, text, file, line), values, bare)
 
     def _open(self, negated: bool, named: str | None, has_literal: bool, has_namespace: bool, noted: int) -> Open:
         annots = None if noted < 0 else tuple(self._take(noted))
@@ -298,6 +303,19 @@ class _Reader:
         if kind == "map":
             return Collection(kind, dict(zip(parts[::2], parts[1::2], strict=True)))
         return Collection(kind, parts)
+
+
+def _read_code(kind: str, text: str, file: str, line: int) -> Any:
+    """The syntax of code as it is kept; it stands in the line where it was written."""
+    source = "\n" * (min(line, MOST_LINES) - 1) + text
+    try:
+        node = parse_term(source, file) if kind in _IN_BRACES else parse_plan(source, file)
+    except SyntaxErrors as errors:
+        raise ValueError(f"`{text}`: {errors.findings[0].message}") from None
+    found = getattr(node, kind) if kind in _IN_BRACES else node
+    if not isinstance(found, _CODES[kind]):
+        raise TypeError(f"`{text}` is no {kind}")
+    return found
 
 
 def _one_source(annots: tuple[Any, ...]) -> tuple[Any, ...]:
