@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 from agentd.agent_files import AgentFiles, NotAllowed
-from agentd.directory import Directory, provider
+from agentd.company import Company
 from agentd.host import Host, Part
 from agentd.language.compile import CompiledProgram, DirectiveError, compile_program, in_namespace
 from agentd.language.errors import SyntaxErrors
@@ -22,19 +22,23 @@ from agentd.language.parser import parse_file
 from agentd.language.terms import EMPTY, atom, make_list
 from agentd.memory import FILE, Memory, open_memory
 from agentd.mind.effects import StopTeam, TeamRequest
-from agentd.mind.inputs import Mail, TeamReply
+from agentd.mind.inputs import TeamReply
 from agentd.roster import Roster
+from agentd.services import Do, NotDone, Services
 from commd.bus import AlreadyRunning, Bus, BusClosed
 from commd.clock import Clock
 from commd.process import report_health
 from schemas import keys
-from schemas.mission import Mission
+from schemas.mission import RESERVED, Mission
 from schemas.names import check_name
+from schemas.records import BoardServices
 
 MOST_MADE = 50
 """So many agents made at run time may live in one daemon at once."""
 TURN = 1.0
 """Wall seconds after which it is looked whether an agent made meanwhile has ended."""
+LEAVING = 1.0
+"""Wall seconds that the directory has to let an agent go when the daemon ends; it does so later by itself."""
 ENDING = 5.0
 """Wall seconds that an agent which is killed has to leave before its killer goes on."""
 MOST_TRIES = 100
@@ -60,19 +64,23 @@ class Crew:
         self.hosts: dict[str, Host] = {}
         self.stopped: StopTeam | None = None
         """What a program said when it stopped the team."""
-        self.roster = Roster(bus, mission.agents)
+        self.roster = Roster(bus, mission.mailboxes)
         self._bus, self._clock, self._mission, self._state, self._seed = bus, clock, mission, state, seed
         self._made: dict[str, None] = {}
+        self._homes: dict[str, str] = {}
+        """The boards of the agents of this daemon."""
         self._ends: dict[str, asyncio.Event] = {}
         self._running: dict[asyncio.Task[None], str] = {}
         self._stop = asyncio.Event()
-        self._directory = Directory()
+        self._services = Services(bus)
+        self._company = Company(bus, self.roster, clock)
+        self._work: set[asyncio.Task[None]] = set()
         self._fresh = fresh
         self._writer = ThreadPoolExecutor(1, "keeping")
         """Writes the checkpoints of all agents, one after the other."""
 
-    async def add(self, part: Part) -> Host:
-        """Join the bus under an agent's name; it reasons from `run` on.
+    async def add(self, part: Part, board: str = "") -> Host:
+        """Join the bus under an agent's name; it reasons from `run` on. `board` is for one made at run time.
 
         Raises AlreadyRunning, BusClosed and CheckpointError.
         """
@@ -80,7 +88,8 @@ class Crew:
         memory = await self._memory(part.name)
         host = Host(self._bus, self._clock, part, self.roster, self.answer, token, memory)
         self.hosts[part.name] = host
-        self.roster.add(part.name)
+        self._homes[part.name] = board or self._mission.agents[part.name].board
+        self.roster.add(part.name, self._homes[part.name])
         return host
 
     async def _memory(self, name: str) -> Memory | None:
@@ -100,9 +109,13 @@ class Crew:
 
     async def run(self, stop: asyncio.Event) -> None:
         """Let the agents reason until `stop` is set or a program stops the team."""
-        await self.roster.watch()
+        boards = sorted(set(self._homes.values()))
+        await self.roster.watch(boards)
+        self._spawn(self.roster.follow(boards))
+        if any(host.part.presence for host in self.hosts.values()):
+            self._spawn(self._company.follow())
         self._bus.on_router(self._hurry)
-        for board in {self._mission.agents[name].board for name in self.hosts}:
+        for board in boards:
             self._bus.watch(keys.alive(self._bus.fleet, board, "commd", "*"), lambda _, alive: self._hurry(alive))
         for host in list(self.hosts.values()):
             self._begin(host)
@@ -116,6 +129,8 @@ class Crew:
                     task.result()
         finally:
             watch.cancel()
+            for work in self._work:
+                work.cancel()
             for host in self.hosts.values():
                 await host.part_with(forget=self.stopped is not None)
             self._writer.shutdown(wait=False)
@@ -137,6 +152,29 @@ class Crew:
             end.set()
         task = asyncio.create_task(self._live(host, end))
         self._running[task] = host.part.name
+        self._company.begin(host.part.name)
+        if host.part.presence:
+            self._company.tell(host.part.name, host.take)
+        if host.begins and host.part.name not in self._made:
+            self._spawn(self._forget_services(host.part.name))
+
+    async def _forget_services(self, name: str) -> None:
+        """An agent begins anew: what it offered and wanted in a former life does not count any more."""
+        try:
+            await self._ask(name, "leave")
+        except NotDone as why:
+            log.warning("agent=%s may still be listed with the services of a former life: %s", name, why)
+
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.create_task(work)
+        self._work.add(task)
+        task.add_done_callback(self._worked)
+
+    def _worked(self, task: asyncio.Task[None]) -> None:
+        self._work.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            context = {"message": "working for the agents", "exception": error, "task": task}
+            asyncio.get_running_loop().call_exception_handler(context)
 
     async def _live(self, host: Host, end: asyncio.Event) -> None:
         """Run one agent; when its program stops the team, all agents of this daemon end."""
@@ -150,16 +188,22 @@ class Crew:
             log.info("agent=%s stops the team", name)
             self.stopped = self.stopped or host.stopped
             self._end_all()
+        self._company.end(name)
         if name in self._made:
-            self._gone(host)
+            await self._gone(host)
 
-    def _gone(self, host: Host) -> None:
-        """An agent made at run time has ended: its name is free again."""
+    async def _gone(self, host: Host) -> None:
+        """An agent made at run time has ended: its name is free again when its board has let it go."""
         name = host.part.name
         host.close()
-        del self._made[name], self.hosts[name], self._ends[name]
         self.roster.remove(name)
-        self._directory.forget(name)
+        try:
+            async with asyncio.timeout(LEAVING if self._stop.is_set() else None):
+                await self._ask(name, "leave")
+        except (NotDone, TimeoutError) as why:
+            log.warning("agent=%s its board forgets it later: %s", name, why or "its commd does not answer")
+        self._services.done_with(name)
+        del self._made[name], self.hosts[name], self._ends[name], self._homes[name]
 
     # --- what agents ask for ---
 
@@ -183,6 +227,8 @@ class Crew:
             return TeamReply(request.id, await handler(host, *request.arguments))
         except Refused as refused:
             return TeamReply(request.id, None, refused.error, str(refused))
+        except NotDone as why:
+            return TeamReply(request.id, None, "action_failed", str(why))
         except (NotAllowed, SyntaxErrors, DirectiveError, AlreadyRunning, BusClosed) as error:
             return TeamReply(request.id, None, "unknown", str(error))
         except (OSError, UnicodeDecodeError) as error:
@@ -196,22 +242,25 @@ class Crew:
         if path:
             found = self._files(host).readable(path, host.part.program.file)
             program = await asyncio.to_thread(lambda: compile_program(parse_file(found), parse_file))
-        made = await self._make(name, program)
+        made = await self._make(host, name, program)
+        self._begin(made)
         log.info("agent=%s made=%s program=%s", host.part.name, made.part.name, path or "none")
         return made.part.name
 
     async def _clone(self, host: Host, name: str) -> str:
-        made = await self._make(name, CompiledProgram(host.part.program.file), host)
+        made = await self._make(host, name, CompiledProgram(host.part.program.file))
+        made.copy_from(host)
+        self._begin(made)
         log.info("agent=%s cloned=%s", host.part.name, made.part.name)
         return made.part.name
 
-    async def _make(self, wanted: str, program: CompiledProgram, original: Host | None = None) -> Host:
-        """Find a free name, claim it on the bus, begin."""
+    async def _make(self, maker: Host, wanted: str, program: CompiledProgram) -> Host:
+        """Find a name that is free in the fleet, let it join the board of its maker and claim it on the bus."""
         try:
             check_name(wanted)
         except ValueError as error:
             raise Refused("unknown", str(error)) from None
-        taken = {*self._mission.robots, *self._mission.boards}
+        taken = {*self._mission.robots, *self._mission.boards, *RESERVED}
         for number in range(MOST_TRIES):
             if len(self._made) >= MOST_MADE:
                 raise Refused("unknown", f"{MOST_MADE} agents made at run time are all that this daemon takes")
@@ -219,20 +268,26 @@ class Crew:
             if name in self.roster.names or name in taken or name in self._made:
                 continue
             self._made[name] = None  # before anything is waited for: nobody else gets this name or the last place
-            part = Part(name, program, None, {}, {}, self._seed + len(self.hosts))
             try:
-                made = await self.add(part)
-            except AlreadyRunning:
-                del self._made[name]
-                continue
+                if made := await self._welcome(name, program, self._homes[maker.part.name]):
+                    return made
             except BaseException:
                 del self._made[name]
                 raise
-            if original is not None:
-                made.copy_from(original)
-            self._begin(made)
-            return made
+            del self._made[name]
         raise Refused("unknown", f"{MOST_TRIES} agents are called {wanted} or {wanted}_N already")
+
+    async def _welcome(self, name: str, program: CompiledProgram, board: str) -> Host | None:
+        """Let an agent made here join a board; None if its name is taken somewhere. Raises NotDone, BusClosed."""
+        try:
+            self.roster.told(await self._services.ask(board, name, "join"))
+            return await self.add(Part(name, program, None, {}, {}, self._seed + len(self.hosts)), board)
+        except AlreadyRunning:
+            return None
+        except NotDone as why:
+            if why.answered:
+                return None
+            raise
 
     async def _kill(self, host: Host, name: str, delay: float) -> Any:
         if name not in self.roster.names:
@@ -268,29 +323,27 @@ class Crew:
         await asyncio.to_thread(self._files(host).save, path, text)
         return EMPTY
 
-    def _whole_directory(self) -> Directory:
-        """The directory, if it holds the services of all. It is not known to other daemons."""
-        elsewhere = [name for name in self.roster.names if name not in self.hosts]
-        if elsewhere:
-            message = "services are known within one agentd only, and other agents run elsewhere: " + ", ".join(
-                elsewhere
-            )
-            raise Refused("action_failed", message)
-        return self._directory
+    # --- the directory of services ---
+
+    async def _ask(self, agent: str, do: Do, service: str = "") -> BoardServices:
+        """Ask the directory of an agent's board. Raises NotDone."""
+        answer = await self._services.ask(self._homes[agent], agent, do, service)
+        self.roster.told(answer)
+        return answer
 
     async def _register(self, host: Host, service: str) -> Any:
-        for subscriber in self._whole_directory().register(host.part.name, service):
-            self.hosts[subscriber].tell(Mail("df", "tell", provider(host.part.name, service)))
+        await self._ask(host.part.name, "register", service)
         return EMPTY
 
     async def _deregister(self, host: Host, service: str) -> Any:
-        self._whole_directory().deregister(host.part.name, service)
+        await self._ask(host.part.name, "deregister", service)
         return EMPTY
 
     async def _search(self, host: Host, service: str) -> Any:
-        return make_list([atom(name) for name in self._whole_directory().search(service)])
+        answer = await self._ask(host.part.name, "search", service)
+        return make_list([atom(name) for name in answer.found])
 
     async def _subscribe(self, host: Host, service: str) -> Any:
-        for agent in self._whole_directory().subscribe(host.part.name, service):
-            host.tell(Mail("df", "tell", provider(agent, service)))
+        """Those who offer it are told by mail, from `df`, now and later."""
+        await self._ask(host.part.name, "subscribe", service)
         return EMPTY

@@ -112,6 +112,7 @@ def prepare(mission: Mission, agent: str, seed: int, decisions: int = DECISIONS)
         decisions,
         as_text,
         digest_of(program),
+        mission.agents[agent].presence,
     )
 
 

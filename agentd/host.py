@@ -78,6 +78,8 @@ class Part:
     """The robot takes a free variable in an action by its name (`values = "text"` in its manifest)."""
     digest: bytes = b""
     """Stands for the program: another one has another digest."""
+    presence: bool = False
+    """It is told who else is there: `online(Agent)[board(B)]`."""
 
 
 class Host:
@@ -121,7 +123,7 @@ class Host:
         self._wake = asyncio.Event()
         self._prints: deque[str] = deque(maxlen=LAST_PRINTS)
         self._tasks: set[asyncio.Task[None]] = set()
-        self._mailing = Mailing(bus, part.name, self._mind, self._feed, lambda: roster.names)
+        self._mailing = Mailing(bus, part.name, self._mind, self._take_mail, lambda: roster.names)
         self._keeping = self._keep_in(memory)
         self._perceiving: Perceiving | None = None
         self._acting: Acting | None = None
@@ -229,9 +231,13 @@ class Host:
         """Take over what another agent believes and how it acts (``.clone``)."""
         self._mind.copy_from(other._mind)
 
-    def tell(self, mail: Mail) -> None:
-        """Hand in a message that does not come by the bus: from the directory of services."""
-        self._mailing.tell(mail)
+    def take(self, item: Input) -> None:
+        """Feed the mind something that does not come by the agent's own mail or robot: who is there."""
+        self._feed(item)
+
+    def _take_mail(self, mail: Mail) -> None:
+        self._roster.met(mail.sender)
+        self._feed(mail)
 
     def _feed(self, item: Input) -> None:
         self._mind.feed(item)

@@ -80,9 +80,10 @@ class Presence:
                 self._lost = {agent: why for agent, why in self._lost.items() if agent not in self._tokens}
 
     def forget(self, agent: str) -> None:
-        """An agent has ended for good: it is neither there nor lost."""
-        for known in (self._tokens, self._absent_since, self._expected, self._lost):
-            known.pop(agent, None)
+        """An agent that is absent has ended for good: it is not lost either."""
+        if agent not in self._tokens:
+            for known in (self._absent_since, self._expected, self._lost):
+                known.pop(agent, None)
 
     def lost(self, wall: float) -> dict[str, str]:
         """The agents that were there and are no more, each with the reason in words."""
@@ -127,6 +128,10 @@ class Presence:
     def there(self) -> set[str]:
         """The agents that are there."""
         return set(self._tokens)
+
+    def seems_there(self, agent: str) -> bool:
+        """Whether an agent is there, or was when one looked last and is not lost yet."""
+        return agent not in self._lost and (agent in self._tokens or agent in self._absent_since)
 
     def known(self) -> set[str]:
         """The agents that are there, or were."""

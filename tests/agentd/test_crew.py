@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import signal
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from agentd.agent_files import MOST_SAVED, AgentFiles, NotAllowed, state_folder
 from agentd.crew import MOST_MADE
 from agentd.directory import Directory
 from tests.agentd.test_daemon import mission
+from tests.support.buses import session
 from tests.support.processes import running
 
 ONE = "mission: one\nagents:\n  a: {program: a.asl}\ndone: 'a: never'\n"
@@ -156,12 +158,52 @@ def test_services_are_found_within_one_daemon(tmp_path: Path, endpoint: str) -> 
     assert prints(path, endpoint) == ["[a] bake", "[a] [a][baker]", "[a] [][]", "[a] end"]
 
 
-def test_a_directory_that_does_not_see_all_agents_says_so(tmp_path: Path, endpoint: str) -> None:
-    asks = '!go. +!go <- .df_search(cook, L); .print("not here").\n'
-    asks += '-!go[error(E), error_msg(M)] <- .print(E, " ", M); .print("end").\n'
-    path = mission(tmp_path, TWO, a=asks, b="")
-    told = prints(path, endpoint, "a")
-    assert told[0] == "[a] action_failed services are known within one agentd only, and other agents run elsewhere: b"
+def test_services_of_another_daemon_are_found_and_told_of(tmp_path: Path, endpoint: str) -> None:
+    a = """\
+!go.
++!go <- .df_subscribe(cook); .wait(provider(b, cook)[source(df)]); .df_search(cook, L); .print(L);
+   .send(b, tell, enough); .wait(stopped[source(b)]); .df_search(cook, L2); .print(L2); .print("end").
+"""
+    b = "!go. +!go <- .df_register(cook). +enough[source(S)] <- .df_deregister(cook); .send(S, tell, stopped).\n"
+    path = mission(tmp_path, TWO, a=a, b=b)
+    with (
+        running("commd", "serve", path, "--router", endpoint),
+        running("agentd", "serve", path, "a", "--router", endpoint) as first,
+        running("agentd", "serve", path, "b", "--router", endpoint),
+    ):
+        first.says("[a] end")
+        assert [line for line in first.lines if line.startswith("[")] == ["[a] [b]", "[a] []", "[a] end"]
+
+
+def test_a_directory_that_does_not_answer_fails_the_plan_with_the_reason(tmp_path: Path, endpoint: str) -> None:
+    asks = "!go(1). !go(2). +!go(1) <- .df_search(cook, L). +!go(2) <- .create_agent(kid).\n"
+    asks += '-!go(N)[error(E), error_msg(M)] <- .print(N, " ", E, " ", M).\n'
+    path = mission(tmp_path, ONE.replace("done:", f"router: {{endpoint: {endpoint}, external: true}}\ndone:"), a=asks)
+
+    async def body() -> None:
+        async with session(endpoint, "router", "zenohd", router=True):
+            with running("agentd", "serve", path) as agent:
+                for number in (1, 2):
+                    text = f"[a] {number} action_failed the directory of board local does not answer: "
+                    await asyncio.to_thread(agent.says, text + "its commd is not there")
+
+    asyncio.run(asyncio.wait_for(body(), 120))
+
+
+def test_an_agent_that_begins_anew_offers_nothing_of_its_former_life(tmp_path: Path, endpoint: str) -> None:
+    path = mission(tmp_path, TWO, a="!go. +!go <- .df_register(cook).\n", b="")
+    path_b = "!go. +!go : true <- .df_search(cook, L); .print(L); .wait(300); !go.\n"
+    (tmp_path / "b.asl").write_text(path_b)
+    with (
+        running("commd", "serve", path, "--router", endpoint),
+        running("agentd", "serve", path, "b", "--router", endpoint) as watcher,
+    ):
+        with running("agentd", "serve", path, "a", "--router", endpoint):
+            watcher.says("[b] [a]")
+        (tmp_path / "a.asl").write_text("")
+        watcher.lines.clear()
+        with running("agentd", "serve", path, "a", "--fresh", "--router", endpoint):
+            watcher.says("[b] []")
 
 
 def test_agents_of_two_daemons_see_the_agents_that_each_other_make(tmp_path: Path, endpoint: str) -> None:
