@@ -84,8 +84,10 @@ class Mailroom:
 
     async def run(self) -> None:
         """Carry mail on, for ever. Whom this board hosts by then is known."""
-        while not await self._lines_moved():
+        moved = await self._lines_moved()
+        while not moved:
             await asyncio.sleep(RETRY_MOST)
+            moved = await self._lines_moved()
         self._peers.watch(self._lanes.arrived)
         self._lanes.begin()
         self._bus.serve(keys.mailboxes(self._bus.fleet, self._bus.name), Mailboxes, self._list)

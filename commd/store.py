@@ -187,20 +187,20 @@ class Store:
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
             if _code(error) in CORRUPT:
+                self._db.close()
                 self._begin_anew(str(error))
         except (sqlite3.Error, OSError) as another:
             log.error("mail_store_failing file=%s why=%s", self.path, another)
 
     def _begin_anew(self, why: str) -> None:
-        self._db.close()
         self.set_aside.append(_set_aside(self.path, why).name)
         self._db = _connect(self.path, self.synchronous)
         migrate(self._db)
         self._generation += 1
 
     def _open(self) -> None:
-        self._db = _connect(self.path, self.synchronous)
         try:
+            self._db = _connect(self.path, self.synchronous)
             _check(self._db)
             migrate(self._db)
         except sqlite3.Error as error:
@@ -274,15 +274,19 @@ class _alone:
 
 def _connect(path: Path, synchronous: str) -> sqlite3.Connection:
     db = sqlite3.connect(path, isolation_level=None, check_same_thread=False, timeout=1.0)
-    db.execute(f"PRAGMA cache_size = -{CACHE_KIB}")
-    db.execute(f"PRAGMA synchronous = {synchronous}")
-    db.execute(f"PRAGMA journal_size_limit = {WAL_BYTES}")
+    try:
+        db.execute("PRAGMA journal_mode = WAL")
+        db.execute(f"PRAGMA cache_size = -{CACHE_KIB}")
+        db.execute(f"PRAGMA synchronous = {synchronous}")
+        db.execute(f"PRAGMA journal_size_limit = {WAL_BYTES}")
+    except sqlite3.Error:
+        db.close()
+        raise
     return db
 
 
 def _check(db: sqlite3.Connection) -> None:
     """Raise DatabaseError (corrupt) unless the whole file can be read and is in order."""
-    db.execute("PRAGMA journal_mode = WAL")
     (found,) = db.execute("PRAGMA quick_check(1)").fetchone()
     if found != "ok":
         error = sqlite3.DatabaseError(found)

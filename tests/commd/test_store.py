@@ -1,0 +1,351 @@
+"""The file of the mail: what is said to be on disk is there, whatever happens to the process, the disk or the file."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shutil
+import sqlite3
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import suppress
+from pathlib import Path
+from sqlite3 import Connection
+from typing import Any
+
+import pytest
+
+from commd import facts, mail_schema
+from commd.store import QUEUE, Store, StoreFailed, open_store
+from schemas.findings import Findings
+from tests.support.buses import until
+
+
+def in_store(path: Path, body: Callable[[Store], Coroutine[Any, Any, None]], synchronous: Any = "full") -> None:
+    """Run `body(store)` on the file at `path`, bounded."""
+
+    async def everything() -> None:
+        async with asyncio.timeout(30), open_store(path, synchronous) as store:
+            await body(store)
+
+    asyncio.run(everything())
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "fleet" / "pi1.mail"
+
+
+def keep(name: str, value: bytes = b"x") -> Callable[[Connection], None]:
+    return lambda db: facts.keep(db, "test", name, value)
+
+
+def kept(db: Connection) -> dict[str, bytes]:
+    return facts.kept(db, "test")
+
+
+def test_what_was_written_is_there_when_the_process_was_killed_at_once(path: Path) -> None:
+    program = """if True:
+        import asyncio, os, sys
+        from pathlib import Path
+        from commd import facts
+        from commd.store import open_store
+        async def main():
+            async with open_store(Path(sys.argv[1])) as store:
+                await store.write(lambda db: facts.keep(db, "test", "a", b"1"))
+                os.kill(os.getpid(), 9)
+        asyncio.run(main())
+    """
+    assert subprocess.run([sys.executable, "-c", program, str(path)], timeout=30).returncode == -9
+
+    async def body(store: Store) -> None:
+        assert await store.read(kept) == {"a": b"1"}
+
+    in_store(path, body)
+
+
+@pytest.mark.parametrize(("synchronous", "number"), [("full", 2), ("normal", 1)])
+def test_the_file_is_written_as_the_mission_says(path: Path, synchronous: str, number: int) -> None:
+    async def body(store: Store) -> None:
+        assert await store.write(lambda db: db.execute("PRAGMA synchronous").fetchone()) == (number,)
+        assert await store.write(lambda db: db.execute("PRAGMA journal_mode").fetchone()) == ("wal",)
+
+    in_store(path, body, synchronous)
+
+
+def test_what_waits_at_the_same_time_shares_a_commit(path: Path) -> None:
+    async def body(store: Store) -> None:
+        await asyncio.gather(*(store.write(keep(f"n{number:03}")) for number in range(200)))
+        assert len(await store.read(kept)) == 200
+        assert store.counters["commits"] <= 3
+
+    in_store(path, body)
+
+
+def test_a_transaction_that_fails_undoes_nothing_but_itself(path: Path) -> None:
+    def fails(db: Connection) -> None:
+        keep("bad")(db)
+        raise ValueError("a defect")
+
+    async def body(store: Store) -> None:
+        outcomes = await asyncio.gather(
+            store.write(keep("before")), store.write(fails), store.write(keep("after")), return_exceptions=True
+        )
+        assert [str(one) for one in outcomes] == ["None", "a defect", "None"]
+        assert list(await store.read(kept)) == ["after", "before"]
+        with pytest.raises(sqlite3.OperationalError, match="no such table"):
+            await store.write(lambda db: db.execute("SELECT * FROM nowhere"))
+        assert not store.note, "a defect is nothing that is wrong with the disk"
+
+    in_store(path, body)
+
+
+def test_the_event_loop_goes_on_while_the_disk_is_slow(path: Path) -> None:
+    async def body(store: Store) -> None:
+        slow = threading.Event()
+        writing = asyncio.create_task(store.write(lambda db: slow.wait(20)))
+        reading = asyncio.create_task(store.read(lambda db: slow.wait(20)))
+        await asyncio.sleep(0.05)
+        slow.set()  # if the loop had to wait for the disk nobody would come here
+        assert await writing
+        assert await reading
+
+    in_store(path, body)
+
+
+def test_more_transactions_than_may_wait_are_turned_away_at_once(path: Path) -> None:
+    async def body(store: Store) -> None:
+        slow, began = threading.Event(), threading.Event()
+
+        def hang(db: Connection) -> None:
+            began.set()
+            slow.wait(20)
+
+        first = asyncio.create_task(store.write(hang))
+        await until(began.is_set, "the disk hangs")
+        waiting = [asyncio.create_task(store.write(keep("a"))) for _ in range(QUEUE)]
+        await asyncio.sleep(0)
+        with pytest.raises(StoreFailed, match="busy: 1000 transactions wait for the disk"):
+            await store.write(keep("b"))
+        slow.set()
+        await asyncio.gather(first, *waiting)
+
+    in_store(path, body)
+
+
+def test_a_disk_that_hangs_keeps_nobody_waiting_for_ever(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("commd.store.PATIENCE", 0.1)
+
+    async def body(store: Store) -> None:
+        slow = threading.Event()
+        with pytest.raises(StoreFailed, match="has not answered"):
+            await store.write(lambda db: slow.wait(20))
+        slow.set()
+
+    in_store(path, body)
+
+
+def test_a_full_disk_keeps_nothing_says_so_once_and_goes_on_when_there_is_room(
+    path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def body(store: Store) -> None:
+        await store.write(keep("before"))
+        (pages,) = await store.write(lambda db: db.execute("PRAGMA page_count").fetchone())
+        await store.write(lambda db: db.execute(f"PRAGMA max_page_count = {pages + 2}").fetchone())
+        for _ in range(3):
+            with pytest.raises(StoreFailed, match=r"^the disk is full$"):
+                await store.write(keep("big", bytes(100_000)))
+        assert store.counters["db_errors"] == 3
+        assert store.note == f"no mail is taken: the disk is full ({path})"
+        assert caplog.text.count("mail_store_failing") == 1
+        await store.write(lambda db: db.execute("PRAGMA max_page_count = 1000000").fetchone())
+        await store.write(keep("big", bytes(100_000)))
+        assert list(await store.read(kept)) == ["before", "big"]
+        assert store.note == ""
+        assert caplog.text.count("mail_store_well") == 1
+
+    in_store(path, body)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 1 MB."""
+    folder = tmp_path / "small"
+    folder.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "none", str(folder)], capture_output=True)
+    if mounted.returncode:
+        pytest.skip(f"a small file system needs root: {mounted.stderr.decode().strip()}")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_file_system_that_is_full_keeps_nothing_until_there_is_room(small_disk: Path) -> None:
+    async def body(store: Store) -> None:
+        await store.write(keep("before"))
+        room = shutil.disk_usage(small_disk).free
+        (small_disk / "filler").write_bytes(bytes(room))
+        with pytest.raises(StoreFailed, match=r"full|disk I/O error"):
+            await store.write(keep("big", bytes(100_000)))
+        (small_disk / "filler").unlink()
+        await store.write(keep("big", bytes(100_000)))
+        assert list(await store.read(kept)) == ["before", "big"]
+
+    in_store(small_disk / "pi1.mail", body)
+
+
+def test_a_corrupt_file_is_set_aside_and_a_new_one_begins(path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path.parent.mkdir()
+    for number in (1, 2):
+        path.write_bytes(os.urandom(8192))
+
+        async def body(store: Store) -> None:
+            assert store.set_aside == [f"pi1.mail.corrupt-{number}"]  # noqa: B023 (it runs before the next round)
+            assert await store.read(kept) == {}
+            await store.write(keep("new"))
+            assert list(await store.read(kept)) == ["new"]
+
+        in_store(path, body)
+        aside = path.with_name(f"pi1.mail.corrupt-{number}")
+        assert aside.stat().st_size == 8192
+        assert f"set_aside={aside}: its mail is lost, a new file begins" in caplog.text
+
+
+def test_a_file_with_a_damaged_page_is_found_at_the_start(path: Path) -> None:
+    async def fill(store: Store) -> None:
+        for number in range(50):
+            await store.write(keep(f"n{number}", bytes(3000)))
+
+    in_store(path, fill)
+    content = bytearray(path.read_bytes())
+    content[20_000:24_000] = os.urandom(4_000)
+    path.write_bytes(content)
+
+    async def body(store: Store) -> None:
+        assert store.set_aside == ["pi1.mail.corrupt-1"]
+
+    in_store(path, body)
+
+
+def test_a_file_that_is_damaged_while_it_is_used_is_set_aside_too(path: Path) -> None:
+    async def body(store: Store) -> None:
+        for number in range(200):
+            await store.write(keep(f"n{number:03}", bytes(3000)))
+        await store.write(keep("last"))
+        checkpointed = sqlite3.connect(path)
+        checkpointed.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        checkpointed.close()
+        with path.open("r+b") as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(4096)
+            file.write(os.urandom(size - 4096))
+
+        async def read() -> dict[str, bytes]:
+            return await store.read(kept)
+
+        with pytest.raises(StoreFailed, match=r"malformed|not a database"):
+            await read()
+        await until(lambda: store.set_aside == ["pi1.mail.corrupt-1"], "the writer sets it aside")
+        with suppress(StoreFailed):
+            await store.write(keep("lost"))  # may be of the commit that finds the damage
+        await store.write(keep("new"))
+        assert "new" in await read()
+        assert "n000" not in await read()
+
+    in_store(path, body)
+
+
+def test_a_file_of_an_older_version_becomes_one_of_this_version(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def first(store: Store) -> None:
+        await store.write(keep("old"))
+
+    in_store(path, first)
+    steps = (
+        *mail_schema.MIGRATIONS,
+        "ALTER TABLE facts ADD COLUMN note TEXT; UPDATE facts SET note = 'from before';",
+        "CREATE TABLE further(a); INSERT INTO further VALUES(7);",
+    )
+    monkeypatch.setattr(mail_schema, "MIGRATIONS", steps)
+
+    async def second(store: Store) -> None:
+        rows = await store.read(lambda db: db.execute("SELECT name, note FROM facts WHERE kind = 'test'").fetchall())
+        assert rows == [("old", "from before")]
+        assert await store.read(lambda db: db.execute("SELECT a FROM further").fetchall()) == [(7,)]
+        assert await store.read(lambda db: db.execute("PRAGMA user_version").fetchone()) == (len(steps),)
+
+    in_store(path, second)
+    in_store(path, second)  # and not once more
+
+
+def test_a_step_of_a_migration_that_fails_leaves_the_file_as_it_was(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def first(store: Store) -> None:
+        await store.write(keep("old"))
+
+    in_store(path, first)
+    monkeypatch.setattr(
+        mail_schema, "MIGRATIONS", (*mail_schema.MIGRATIONS, "CREATE TABLE further(a); INSERT INTO nowhere VALUES(1);")
+    )
+    with pytest.raises(Findings, match="no such table: nowhere"):
+        in_store(path, first)
+    monkeypatch.undo()
+
+    async def second(store: Store) -> None:
+        assert list(await store.read(kept)) == ["old"]
+        assert (
+            await store.read(lambda db: db.execute("SELECT name FROM sqlite_master WHERE name = 'further'").fetchall())
+            == []
+        )
+
+    in_store(path, second)
+
+
+def test_a_file_of_a_newer_version_is_refused_in_words_and_left_alone(path: Path) -> None:
+    path.parent.mkdir()
+    newer = sqlite3.connect(path)
+    newer.execute("PRAGMA user_version = 99")
+    newer.execute("CREATE TABLE future(a)")
+    newer.commit()
+    newer.close()
+    known = len(mail_schema.MIGRATIONS)
+    words = f"cannot keep mail in this file: it is of version 99, this commd knows versions up to {known}"
+    with pytest.raises(Findings) as refused:
+        in_store(path, pytest.fail)  # type: ignore[arg-type]
+    assert str(refused.value) == f"{path}: error: {words}"
+    assert not list(path.parent.glob("*.corrupt-*"))
+    assert sqlite3.connect(path).execute("SELECT name FROM sqlite_master").fetchall() == [("future",)]
+
+
+def test_a_file_belongs_to_one_process(path: Path) -> None:
+    async def body(_: Store) -> None:
+        with pytest.raises(Findings, match=r"another commd keeps its mail in this file: give each its own --state"):
+            async with open_store(path):
+                pytest.fail("two have it")
+
+    in_store(path, body)
+    in_store(path, lambda store: store.write(keep("a")))
+
+
+def test_where_no_file_can_be_made_the_start_says_so(tmp_path: Path) -> None:
+    (tmp_path / "fleet").write_text("a file where the folder should be")
+    with pytest.raises(Findings, match=r"cannot keep mail in this file: .*File exists"):
+        in_store(tmp_path / "fleet" / "pi1.mail", pytest.fail)  # type: ignore[arg-type]
+
+
+def test_a_closed_file_takes_nothing_and_says_so(path: Path) -> None:
+    kept_store: list[Store] = []
+
+    async def body(store: Store) -> None:
+        kept_store.append(store)
+
+    async def everything() -> None:
+        async with open_store(path) as store:
+            await body(store)
+        with pytest.raises(StoreFailed, match="closed"):
+            await store.write(keep("a"))
+        with pytest.raises(StoreFailed, match="closed"):
+            await store.read(kept)
+
+    asyncio.run(everything())
