@@ -243,12 +243,12 @@ def report(courses: list[Course]) -> list[str]:
     """Return the section of the report."""
     good = sum(course.good for course in courses)
     troubles = sum((course.troubles for course in courses), Counter[str]())
-    kills, aimed = troubles["kills"] + troubles["aimed kills"], troubles["aimed kills"]
+    kills, aimed, cuts = troubles["kills"] + troubles["aimed kills"], troubles["aimed kills"], troubles["cuts"]
     return [
         f"`missions/search_and_rescue.yaml`, the daemons of three boards on one machine, {len(courses)} seeded runs "
-        f"with {kills} daemons killed (-9), {aimed} of them just when a rescuer was to drop its buoy, and "
-        f"{troubles['cuts']} cuts of links between boards, of {CUT[0]:g} to {CUT[1]:g} s: **in {good} of {len(courses)} the mission was "
-        "done and each victim had exactly one buoy, within 5 m**.",
+        f"with {kills} daemons killed (-9), {aimed} of them just when a rescuer was to drop its buoy, and {cuts} cuts "
+        f"of links between boards, of {CUT[0]:g} to {CUT[1]:g} s: **in {good} of {len(courses)} the mission was done "
+        "and each victim had exactly one buoy, within 5 m**.",
         "",
         "| run | wall s | kills | aimed at a drop | cuts | referee | end |",
         "|---|---|---|---|---|---|---|",
