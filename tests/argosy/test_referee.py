@@ -1,0 +1,108 @@
+"""The referee of a search and rescue: what fell where, and what it makes of that."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from argosy.__main__ import main
+from argosy.referee import drops_of, judge
+from argosy.surroundings import servo_log, victims
+from bridged.simulation.servo_log import ServoMove
+from bridged.simulation.world import Victim
+from schemas.mission import World, load_mission
+from schemas.shipped import shipped
+
+MISSION = shipped("missions", "search_and_rescue.yaml")
+ONE, OTHER = Victim(1, -27.6030, -48.5180), Victim(2, -27.6032, -48.5180)
+METRE = 1 / 111_319.5
+"""Degrees of latitude."""
+
+
+def move(pulse: int, lat: float = ONE.lat, lon: float = ONE.lon, *, home: float = 100.0, output: int = 9) -> ServoMove:
+    """An output moved in the air, or at home on the ground."""
+    away = home > 5
+    return ServoMove(1.0, 1, output, pulse, lat, lon, 10.0 if away else 0.0, home, away)
+
+
+def fell(*moves: ServoMove) -> int:
+    return len(drops_of("uav2", moves))
+
+
+def test_a_buoy_falls_when_the_latch_opens() -> None:
+    assert fell(move(1900)) == 1
+    assert fell(move(1100)) == 0
+    assert fell(move(1900, output=10)) == 0
+
+
+def test_an_open_latch_drops_nothing_more() -> None:
+    assert fell(move(1900), move(1950), move(1800)) == 1
+
+
+def test_a_latch_that_is_closed_in_the_air_has_no_other_buoy() -> None:
+    assert fell(move(1900), move(1100), move(1900)) == 1
+
+
+def test_another_buoy_is_taken_at_home_on_the_ground() -> None:
+    assert fell(move(1900), move(1100, home=0.0), move(1900)) == 2
+
+
+def test_each_victim_with_one_buoy_passes() -> None:
+    verdict = judge([ONE, OTHER], drops_of("a", [move(1900)]) + drops_of("b", [move(1900, OTHER.lat)]))
+    assert verdict.good
+    assert str(verdict).endswith("PASSED: 2 of 2 victims got exactly one buoy")
+
+
+def test_a_victim_without_a_buoy_fails() -> None:
+    verdict = judge([ONE, OTHER], drops_of("a", [move(1900)]))
+    assert str(verdict).endswith("FAILED: 1 of 2 victims got exactly one buoy, 1 none")
+
+
+def test_a_victim_with_two_buoys_fails() -> None:
+    verdict = judge([ONE], drops_of("a", [move(1900)]) + drops_of("b", [move(1900)]))
+    assert str(verdict).endswith("FAILED: 0 of 1 victims got exactly one buoy, 1 more than one")
+
+
+@pytest.mark.parametrize(("metres", "good"), [(4.9, True), (5.1, False)])
+def test_a_buoy_helps_within_five_metres_and_is_astray_beyond(metres: float, good: bool) -> None:
+    verdict = judge([ONE], drops_of("a", [move(1900, ONE.lat + metres * METRE)]))
+    assert verdict.good == good
+    assert len(verdict.astray) == (not good)
+
+
+@pytest.fixture
+def flown(tmp_path: Path) -> Callable[[int], Path]:
+    """Return what writes the logs of a run in which that many of the mission's victims got a buoy."""
+
+    def write(count: int) -> Path:
+        world = load_mission(MISSION).world
+        assert isinstance(world, World)
+        moves: list[ServoMove] = []
+        for victim in victims(world)[:count]:
+            moves += [move(1900, victim.lat, victim.lon), move(1100, home=0.0)]
+        for robot, its in (("uav1", []), ("uav2", moves), ("uav3", [])):
+            servo_log(tmp_path, robot).write_bytes(b"".join(msgspec.json.encode(one) + b"\n" for one in its))
+        return tmp_path
+
+    return write
+
+
+@pytest.mark.parametrize(("count", "code", "said"), [(8, 0, "PASSED: 8 of 8"), (7, 1, "FAILED: 7 of 8")])
+def test_a_run_is_judged_by_the_world_of_its_mission_and_the_logs_of_its_copters(
+    flown: Callable[[int], Path], capsys: pytest.CaptureFixture[str], count: int, code: int, said: str
+) -> None:
+    assert main(["referee", str(MISSION), str(flown(count))]) == code
+    assert said in capsys.readouterr().out
+
+
+def test_a_run_without_logs_is_not_judged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["referee", str(MISSION), str(tmp_path)]) == 2
+    assert "uav1.servo.jsonl" in capsys.readouterr().err
+
+
+def test_a_mission_without_a_world_is_not_judged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["referee", str(shipped("missions", "single_uav.yaml")), str(tmp_path)]) == 2
+    assert "has no `world`" in capsys.readouterr().err
