@@ -7,18 +7,18 @@ into the mail as soon as it is on disk. Datagrams are untrusted: each is counted
 from __future__ import annotations
 
 import asyncio
-import hashlib
 import logging
 import re
 import socket
 import time
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from typing import Protocol
 
 from msgspec.structs import replace
 
+from commd.comm_node import RATE, Allowance, Node
 from schemas import mission
 from schemas.datagram import BadDatagram, read_message, write_message
 from schemas.endpoints import host_and_port
@@ -30,16 +30,13 @@ log = logging.getLogger("gateway")
 
 MAX_DATAGRAM = 1024
 """Bytes that an old Comm node reads of a datagram; the rest it would cut off."""
+MAX_HEARD = 4096
+"""Bytes of a datagram that are looked at; nodes that keep to what their peers read send no longer ones."""
 EVERYBODY = "null"
 """The receiver of a broadcast: Jason writes none as this."""
 QUEUE = 1000
 """Datagrams that may wait to be taken into the mail; further ones are dropped and counted."""
 BATCH = 64
-RATE, BURST = 200.0, 400.0
-"""Datagrams a second of one node, and at once; further ones are dropped and counted."""
-REPEATED_WITHIN = 60.0
-"""Seconds within which an equal datagram is a repetition; not longer, for Jason counts its ids anew with each start."""
-REMEMBERED = 10_000
 PACE = 0.002
 """Seconds between two datagrams to one node: old nodes read one at a time and lose what does not fit their buffer."""
 SEEK_EVERY = 10.0
@@ -67,37 +64,6 @@ class Post(Protocol):
         ...
 
 
-class Node:
-    """An agent behind an old Comm node."""
-
-    def __init__(self, name: str, address: str) -> None:
-        self.name, self.address = name, address
-        self.at: tuple[str, int] | None = None
-        """IP address and port, once its host is found."""
-        self.missed = False
-        """It has been said that its host is not found."""
-        self._allowance, self._since = BURST, 0.0
-        self._heard: OrderedDict[bytes, float] = OrderedDict()
-
-    def may_speak(self, now: float) -> bool:
-        """Whether another datagram of this node is within its rate."""
-        self._allowance = min(BURST, self._allowance + (now - self._since) * RATE)
-        self._since = now
-        if self._allowance < 1:
-            return False
-        self._allowance -= 1
-        return True
-
-    def repeats(self, payload: bytes, now: float) -> bool:
-        """Whether it has sent this very datagram, id and all, a short time ago."""
-        heard, digest = self._heard, hashlib.blake2b(payload, digest_size=16).digest()
-        while heard and (len(heard) > REMEMBERED or now - next(iter(heard.values())) > REPEATED_WITHIN):
-            heard.popitem(last=False)
-        known = digest in heard
-        heard.setdefault(digest, now)
-        return known
-
-
 class Gateway(asyncio.DatagramProtocol):
     """Speaks to the nodes of the mission, or to none. Make it with `open_gateway`."""
 
@@ -107,8 +73,10 @@ class Gateway(asyncio.DatagramProtocol):
         """gateway_in, gateway_out, gateway_malformed, gateway_strangers, gateway_repeated, gateway_dropped,
         gateway_refused, gateway_unsendable, gateway_errors: datagrams so far."""
         self._now = now
+        self._hosts: dict[str, Allowance] = {}
+        """The hosts that are heard."""
         self._waiting: asyncio.Queue[Message] = asyncio.Queue(QUEUE)
-        self._strangers: set[tuple[str, str]] = set()
+        self._strangers: set[str] = set()
         self._transport: asyncio.DatagramTransport | None = None
         self._family = socket.AF_UNSPEC
 
@@ -156,19 +124,25 @@ class Gateway(asyncio.DatagramProtocol):
     def datagram_received(self, data: bytes, addr: tuple[str, int] | tuple[str, int, int, int]) -> None:
         """Queue what a node says."""
         self.counters["gateway_in"] += 1
-        source = f"{addr[0]}:{addr[1]}"
+        host, now = addr[0], self._now()
+        allowance = self._hosts.get(host)
+        if allowance is None:
+            self._refuse(host, f"datagrams from {host}: no node of the mission is there")
+            return
+        if not allowance.take(now):
+            self._count("dropped", f"source={host}: more than {RATE * allowance.nodes:g} datagrams a second")
+            return
         try:
+            if len(data) > MAX_HEARD:
+                raise BadDatagram(f"expected at most {MAX_HEARD} bytes")
             message = read_message(data.rstrip(b"\0").decode())
         except (BadDatagram, UnicodeDecodeError) as bad:
-            self._count("malformed", f"source={source} {len(data)} bytes: {bad}")
+            self._count("malformed", f"source={host}:{addr[1]} {len(data)} bytes: {bad}")
             return
         node = self.nodes.get(message.sender)
-        if node is None or node.at is None or node.at[0] != addr[0]:
-            self._refuse(message.sender, addr[0])
-            return
-        now = self._now()
-        if not node.may_speak(now):
-            self._count("dropped", f"sender={node.name}: more than {RATE:g} datagrams a second")
+        if node is None or node.at is None or node.at[0] != host:
+            why = "it is no node of the mission" if node is None else f"its node is at {node.address}"
+            self._refuse(f"{message.sender} {host}", f"sender={message.sender} from {host}: {why}")
         elif self._waiting.full():
             self._count("dropped", f"sender={node.name}: {QUEUE} datagrams wait")
         elif node.repeats(data, now):
@@ -241,15 +215,12 @@ class Gateway(asyncio.DatagramProtocol):
         if node.at is not None and self._transport is not None:
             self._send(node, notice)
 
-    def _refuse(self, sender: str, host: str) -> None:
+    def _refuse(self, source: str, why: str) -> None:
         """Count what does not come from a node of the mission, and tell once of each source."""
         self.counters["gateway_strangers"] += 1
-        if (sender, host) in self._strangers or len(self._strangers) >= TOLD_SOURCES:
-            return
-        self._strangers.add((sender, host))
-        node = self.nodes.get(sender)
-        why = "it is no node of the mission" if node is None else f"its node is at {node.address}"
-        log.warning("refused sender=%s from %s: %s", _shown(sender), host, why)
+        if source not in self._strangers and len(self._strangers) < TOLD_SOURCES:
+            self._strangers.add(source)
+            log.warning("refused %s", _shown(why))
 
     def _count(self, what: str, why: str) -> None:
         counter = f"gateway_{what}"
@@ -271,6 +242,10 @@ class Gateway(asyncio.DatagramProtocol):
                     log.log(level, "node %s at %s is not found: %s", node.name, node.address, error)
                 else:
                     node.at = (str(found[0][4][0]), port)
+                    if node.at[0] in self._hosts:
+                        self._hosts[node.at[0]].nodes += 1
+                    else:
+                        self._hosts[node.at[0]] = Allowance()
 
 
 def _addressed(message: Message, names: Iterable[str]) -> list[Message]:

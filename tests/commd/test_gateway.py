@@ -10,9 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from commd import comm_node
 from commd import gateway as module
-from commd.gateway import Gateway, Node, open_gateway
+from commd.comm_node import Allowance, Node
+from commd.gateway import Gateway, open_gateway
 from schemas.findings import Findings
 from schemas.mission import Mission, read_mission
 from schemas.records import Message
@@ -175,7 +179,7 @@ def test_only_nodes_of_the_mission_are_heard_and_each_stranger_is_told_once(
         assert field.post.taken[0].content == Atom("truth")
         told = [record.getMessage() for record in caplog.records if record.getMessage().startswith("refused")]
         assert told == [
-            f"refused sender=old1 from 127.0.0.2: its node is at {field.one.address}",
+            "refused datagrams from 127.0.0.2: no node of the mission is there",
             "refused sender=spy from 127.0.0.1: it is no node of the mission",
         ]
 
@@ -194,6 +198,7 @@ BAD = [
     b"<mid1,old1,tell,uav," + b"[" * 400 + b">",
     b"<mid1,old1,tell,uav,X+1>",
     b"\x1b[2J\x00" * 100,
+    b"<mid1,old1,tell,uav,[" + b"1," * 4000 + b"1]>",
 ]
 
 
@@ -236,16 +241,42 @@ def test_a_node_that_starts_again_and_says_the_same_later_is_heard() -> None:
 
 
 def test_a_node_that_repeats_itself_for_ever_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.gateway.REMEMBERED", 100)
+    monkeypatch.setattr("commd.comm_node.REMEMBERED", 100)
     node = Node("old1", "127.0.0.1:1")
     assert not any(node.repeats(b"%d" % number, 1.0) for number in range(1000))
     assert len(node._heard) <= 101
 
 
-def test_a_node_that_floods_is_held_to_its_rate_and_the_excess_is_counted() -> None:
-    node = Node("old1", "127.0.0.1:1")
-    assert sum(node.may_speak(10.0) for _ in range(1000)) == module.BURST
-    assert sum(node.may_speak(11.0) for _ in range(1000)) == module.RATE
+def test_a_host_that_floods_is_held_to_the_rate_of_its_nodes() -> None:
+    allowance = Allowance()
+    assert sum(allowance.take(10.0) for _ in range(1000)) == comm_node.BURST
+    assert sum(allowance.take(11.0) for _ in range(1000)) == comm_node.RATE
+    allowance.nodes = 2
+    assert sum(allowance.take(12.0) for _ in range(1000)) == 2 * comm_node.RATE
+
+
+def test_what_exceeds_the_rate_is_dropped_unread_and_counted(
+    free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("commd.comm_node.BURST", 2.0)
+    monkeypatch.setattr("commd.comm_node.RATE", 0.0)
+
+    async def body(field: Field) -> None:
+        for number in range(10):
+            field.say(f"<m{number},old1,tell,uav,{number}>")
+        await field.counted("in", 10)
+        assert field.gateway.counters["gateway_dropped"] == 8
+        assert field.gateway.health().drops == 8
+
+    in_the_field(free_port(), body)
+
+
+@given(st.one_of(st.binary(max_size=300), st.text(alphabet="<>,->mid1old1teluav()[]{}'\"\\\0 \n|~:.", max_size=300)))
+def test_no_datagram_whatever_raises(said: bytes | str) -> None:
+    gateway = Gateway({"old1": "127.0.0.1:9"})
+    gateway._hosts["127.0.0.1"], gateway.nodes["old1"].at = Allowance(), ("127.0.0.1", 9)
+    gateway.datagram_received(said if isinstance(said, bytes) else said.encode(), ("127.0.0.1", 9))
+    assert gateway.counters["gateway_in"] == 1
 
 
 def test_what_waits_for_the_mail_is_bounded_and_the_excess_counted(
