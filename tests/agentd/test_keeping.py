@@ -1,0 +1,208 @@
+"""When an agent is kept: mail and actions wait for the disk, the mind does not."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from agentd.keeping import Keeping
+from commd.bus import Bus, Query
+from schemas import keys
+from schemas.records import Mail, Message, Receipt
+from schemas.terms import Structure
+from tests.agentd.hosts import host_on
+from tests.agentd.test_mailing import a_desk, numbered
+from tests.support.buses import FLEET, Connect, on_a_bus, served, until
+
+HEARS = "+!kqml_received(S, tell, N, _) <- +got(N); .print(got(N)).\n"
+
+
+async def hand_over(asker: Bus, *messages: Message) -> Receipt:
+    async for reply in asker.query(keys.inbox(FLEET, "b"), Mail(messages=messages), Receipt, 15):
+        assert reply.record is not None, reply.error
+        return reply.record
+    raise AssertionError("nobody serves the inbox")
+
+
+def test_a_message_is_acknowledged_when_what_came_of_it_is_on_disk(endpoint: str, tmp_path: Path) -> None:
+    async def body(connect: Connect) -> None:
+        asker = await connect("board", "commd")
+        agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
+        await served(asker, keys.inbox(FLEET, "b"))
+        await until(lambda: bool(agent.disk.savings), "the agent is kept once")
+        agent.disk.open.clear()
+        answer = asyncio.create_task(hand_over(asker, numbered(1), numbered(2)))
+        await until(lambda: agent.prints == ["got(1)", "got(2)"], "the mind has both")
+        await asyncio.sleep(0.2)
+        assert not answer.done()
+        agent.disk.open.set()
+        assert await answer == Receipt(taken=2)
+        await agent.die()
+        again = await host_on(await connect("b"), "b", HEARS, tmp_path)
+        await served(asker, keys.inbox(FLEET, "b"))
+        assert await hand_over(asker, numbered(1), numbered(2)) == Receipt(taken=2)
+        assert await hand_over(asker, numbered(3)) == Receipt(taken=1)
+        assert again.prints == ["got(3)"]
+        assert {"got(1)[source(self)]", "got(2)[source(self)]"} < set(again.beliefs)
+        await again.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_what_was_not_on_disk_at_a_death_comes_again_and_counts_once(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agentd.keeping.LAST_PATIENCE", 0.1)
+
+    async def body(connect: Connect) -> None:
+        asker = await connect("board", "commd")
+        agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
+        await served(asker, keys.inbox(FLEET, "b"))
+        assert await hand_over(asker, numbered(1)) == Receipt(taken=1)
+        agent.disk.full = "no space left"
+        answer = asyncio.create_task(hand_over(asker, numbered(2)))
+        await until(lambda: agent.prints == ["got(1)", "got(2)"], "the mind has both")
+        await agent.die()
+        again = await host_on(await connect("b"), "b", HEARS, tmp_path)
+        await served(asker, keys.inbox(FLEET, "b"))
+        assert await hand_over(asker, numbered(1), numbered(2)) == Receipt(taken=2)
+        assert again.prints == ["got(2)"]
+        answer.cancel()
+        await again.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_full_disk_is_told_holds_up_mail_and_not_the_mind_and_goes_on_when_there_is_room(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agentd.inbox.PATIENCE", 0.5)
+    program = HEARS + "+!say(N) <- .send(c, tell, N); .print(said(N)).\n"
+
+    async def body(connect: Connect) -> None:
+        desk_bus = await connect("board", "commd")
+        taken: list[object] = []
+
+        async def serve(query: Query[Mail]) -> None:
+            assert query.record is not None
+            taken.extend(one.content for one in query.record.messages)
+            query.reply(Receipt(taken=len(query.record.messages)))
+
+        desk_bus.serve(keys.outbox(FLEET, "b"), Mail, serve)
+        agent = await host_on(await connect("b"), "b", program, tmp_path, others=("c",))
+        await served(desk_bus, keys.inbox(FLEET, "b"))
+        await until(lambda: bool(agent.disk.savings), "the agent is kept once")
+        agent.disk.full = "database or disk is full"
+        told = await hand_over(desk_bus, numbered(1))
+        assert (told.taken, list(told.later)) == (0, [0])
+        goal = Message(
+            header=numbered(2).header,
+            id="g",
+            sender="a",
+            performative="achieve",
+            receiver="b",
+            content=Structure("say", (7,)),
+        )
+        await hand_over(desk_bus, numbered(1), goal)
+        await until(lambda: "said(7)" in agent.prints, "the mind goes on")
+        assert "b cannot be kept, and its mail waits: database or disk is full" in agent.host.health().notes[0]
+        await asyncio.sleep(0.3)
+        assert taken == []
+        agent.disk.full = ""
+        await until(lambda: taken == [7], "the message leaves when it is kept", 30)
+        assert await hand_over(desk_bus, numbered(1), goal) == Receipt(taken=2)
+        assert agent.host.health().notes == ()
+        assert agent.prints == ["got(1)", "said(7)"]
+        await agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_saves_that_nobody_waits_for_are_few_and_those_of_mail_hold_many_messages(
+    endpoint: str, tmp_path: Path
+) -> None:
+    program = "!count(0). +!count(N) : N < 60 <- -+n(N); .wait(20); !count(N+1). +!count(_) <- .print(done).\n"
+    program += "+!kqml_received(_, tell, N, _) <- .send(c, tell, N).\n"
+
+    async def body(connect: Connect) -> None:
+        asker = await connect("board", "commd")
+        agent = await host_on(await connect("b"), "b", program, tmp_path, others=("c",))
+        await until(lambda: agent.prints == ["done"], "it has counted")
+        assert 2 <= len(agent.disk.savings) <= 12
+        before = len(agent.disk.savings)
+        await served(asker, keys.inbox(FLEET, "b"))
+        assert await hand_over(asker, *map(numbered, range(1, 301))) == Receipt(taken=300)
+        assert len(agent.disk.savings) - before < 30
+        assert sum(len(saving.outgoing) for saving in agent.disk.savings) == 300
+        await agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_an_atomic_plan_is_kept_whole(endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("agentd.keeping.BUSY_PATIENCE", 0.0)
+    monkeypatch.setattr("agentd.keeping.OTHERS_EVERY", 0.0)
+    monkeypatch.setattr("agentd.host.SLICE", 1)
+    program = "n(0). m(0). !go.\n@a[atomic] +!go : n(N) & N < 300 <- -+n(N+1); -+m(N+1); !!go. +!go <- .print(done).\n"
+
+    async def body(connect: Connect) -> None:
+        seen: list[set[str]] = []
+        begin = Keeping._begin
+
+        def look(keeping: Keeping) -> None:
+            seen.append({belief.partition("(")[2] for belief in agent.beliefs if belief[:2] in ("n(", "m(")})
+            begin(keeping)
+
+        monkeypatch.setattr(Keeping, "_begin", look)
+        agent = await host_on(await connect("b"), "b", program, tmp_path)
+        await until(lambda: agent.prints == ["done"], "it is done")
+        await agent.end()
+        assert len(seen) > 5
+        assert all(len(values) == 1 for values in seen)
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_message_that_cannot_be_sent_fails_the_plan_that_sends_it(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agentd.outbox.MOST_FOR_ONE", 3)
+    program = """\
+!go.
++!go <- for (.range(I, 1, 5)) { !t(I) }; .print(end).
++!t(1) <- .range(I, 1, 20) & true; !long("0123456789012345678901234567890123456789", 15, L); .send(b, tell, text(L)).
++!t(2) <- !deep(150, D); .send(b, tell, D).
++!t(3) <- .send(c, tell, hello).
++!t(4) <- .broadcast(tell, 1); .broadcast(tell, 2); .broadcast(tell, 3); .print(three); .broadcast(tell, 4).
++!t(5) <- !long("0123456789012345678901234567890123456789", 15, L); .send(b, askOne, text(L), A, 1000); .print(A).
+-!t(N)[error(E), error_msg(M)] <- .print(N, " ", E, " ", M).
++!long(T, 0, T).
++!long(T, N, L) <- .concat(T, T, TT); !long(TT, N-1, L).
++!deep(0, x).
++!deep(N, f(D)) <- !deep(N-1, D).
+"""
+
+    async def body(connect: Connect) -> None:
+        agent = await host_on(await connect("a"), "a", program, tmp_path, others=("b", "d"))
+        await until(lambda: "end" in agent.prints, "all are tried")
+        assert agent.prints == [
+            agent.prints[0],
+            "2 not_sendable the message cannot be sent: nested deeper than 100",
+            "3 receiver_not_found there is no agent 'c' to send to",
+            "three",
+            "4 mailbox_full the message cannot be sent: 3 messages to 'b' wait to leave already",
+            agent.prints[5],
+            "end",
+        ]
+        too_large = "message_too_large the message cannot be sent: 13"
+        assert agent.prints[0].startswith(f"1 {too_large}")
+        assert agent.prints[5].startswith(f"5 {too_large}")
+        desk = await a_desk(connect)
+        agent.host.hurry()
+        await until(lambda: len(desk.taken) == 6, "what was taken leaves")
+        assert desk.told("b") == desk.told("d") == [1, 2, 3]
+        await agent.end()
+
+    on_a_bus(endpoint, body)
