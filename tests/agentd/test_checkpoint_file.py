@@ -1,0 +1,441 @@
+"""The file that an agent survives in: all or nothing at each save, whatever happens to process, disk and file."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agentd import checkpoint_file
+from agentd.checkpoint import ActionInFlight, Checkpoint, CheckpointError, Outgoing, Saving, remove
+from agentd.mind.inputs import GoalAdded
+from agentd.mind.kept_state import MindChanges
+from tests.agentd.kept_minds import Life, state_of
+from tests.agentd.minds import term
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "fleet" / "scout" / "mind.sqlite"
+
+
+def belief(number: int, data: bytes = b"x") -> Saving:
+    return Saving(mind=MindChanges(beliefs=[(number, data)]))
+
+
+FULL = Saving(
+    mind=MindChanges(
+        beliefs=[(2, b"two"), (-1, b"last"), (1, b"one")],
+        predicates=[(0, b"p")],
+        plans=[(-1, b"first"), (1, b"end")],
+        pending=[((1, 3), 1, b"own"), ((0, 7), 2, b"others")],
+        values={"counts": b"c"},
+    ),
+    absorbed={("ann", "n1"): 5, ("ann", "n2"): 2},
+    outgoing=[Outgoing(1, "ann", 1, b"m1"), Outgoing(2, "cid", 1, b"m2")],
+    next_seq={"ann": 2, "cid": 2},
+    numbering="mine",
+    actions={"scout:b:1": ActionInFlight("goto", b"p")},
+    lives=3,
+    extra={"program": b"digest"},
+)
+
+
+def test_nothing_is_stored_before_the_first_save(path: Path) -> None:
+    checkpoint = Checkpoint.open(path, "scout")
+    assert checkpoint.read() is None
+    checkpoint.close()
+    again = Checkpoint.open(path, "scout")
+    assert again.read() is None
+    assert again.notes == []
+
+
+def test_everything_that_was_saved_is_read_in_the_next_life(path: Path) -> None:
+    checkpoint = Checkpoint.open(path, "scout")
+    checkpoint.save(FULL)
+    checkpoint.close()
+    stored = Checkpoint.open(path, "scout").read()
+    assert stored is not None
+    assert stored.mind.beliefs == [(-1, b"last"), (1, b"one"), (2, b"two")]
+    assert stored.mind.predicates == [(0, b"p")]
+    assert stored.mind.plans == [(-1, b"first"), (1, b"end")]
+    assert stored.mind.pending == [((0, 7), 2, b"others"), ((1, 3), 1, b"own")]
+    assert stored.mind.values == {"counts": b"c"}
+    assert stored.absorbed == FULL.absorbed
+    assert stored.outgoing == tuple(FULL.outgoing)
+    assert stored.next_seq == FULL.next_seq
+    assert stored.numbering == "mine"
+    assert stored.actions == FULL.actions
+    assert stored.lives == 3
+    assert stored.extra == {"program": b"digest"}
+
+
+def test_a_save_changes_what_it_names_and_leaves_the_rest(path: Path) -> None:
+    checkpoint = Checkpoint.open(path, "scout")
+    checkpoint.save(FULL)
+    changes = MindChanges(
+        beliefs=[(3, b"three")], beliefs_gone=[1, 99], plans_gone=[1], pending_gone=[(0, 7)], values={"counts": b"d"}
+    )
+    checkpoint.save(Saving(mind=changes, absorbed={("ann", "n1"): 6}, delivered=[1], ended=["scout:b:1"]))
+    stored = checkpoint.read()
+    assert stored is not None
+    assert stored.mind.beliefs == [(-1, b"last"), (2, b"two"), (3, b"three")]
+    assert stored.mind.plans == [(-1, b"first")]
+    assert stored.mind.pending == [((1, 3), 1, b"own")]
+    assert stored.mind.values == {"counts": b"d"}
+    assert stored.absorbed == {("ann", "n1"): 6, ("ann", "n2"): 2}
+    assert [one.number for one in stored.outgoing] == [2]
+    assert stored.actions == {}
+    assert (stored.numbering, stored.lives) == ("mine", 3)
+
+
+def test_the_last_number_taken_never_falls(path: Path) -> None:
+    checkpoint = Checkpoint.open(path, "scout")
+    for seq in (5, 3):
+        checkpoint.save(Saving(absorbed={("ann", "n"): seq}))
+    stored = checkpoint.read()
+    assert stored is not None
+    assert stored.absorbed == {("ann", "n"): 5}
+
+
+def test_of_each_sender_the_last_eight_numberings_that_were_used_are_remembered(path: Path) -> None:
+    checkpoint = Checkpoint.open(path, "scout")
+    for number in range(12):
+        checkpoint.save(Saving(absorbed={("ann", f"n{number}"): 1, ("cid", "n"): number, ("ann", "n0"): number}))
+    stored = checkpoint.read()
+    assert stored is not None
+    assert set(stored.absorbed) == {("cid", "n"), ("ann", "n0"), *[("ann", f"n{n}") for n in range(5, 12)]}
+
+
+@given(st.lists(st.tuples(st.sampled_from("+-!"), st.integers(-4, 4)), max_size=12), st.integers(0, 12))
+@settings(deadline=None, max_examples=25)
+def test_whatever_is_saved_in_turn_a_file_copied_at_any_moment_holds_a_state_that_was(
+    tmp_path_factory: pytest.TempPathFactory, steps: list[tuple[str, int]], cut: int
+) -> None:
+    folder = tmp_path_factory.mktemp("checkpoint")
+    checkpoint = Checkpoint.open(folder / "mind.sqlite", "scout", "NORMAL")
+    wanted, copied = dict[int, bytes](), None
+    for place, (kind, number) in enumerate(steps):
+        if place == cut:
+            copied = _copy(folder), dict(wanted)
+        gone = [number] if kind == "-" else []
+        data = f"{kind}{place}".encode()
+        checkpoint.save(Saving(mind=MindChanges(beliefs=[] if gone else [(number, data)], beliefs_gone=gone)))
+        wanted.pop(number, None)
+        if not gone:
+            wanted[number] = data
+    copied = copied or (_copy(folder), dict(wanted))
+    for where, state in (copied, (_copy(folder, "end"), wanted)):
+        again = Checkpoint.open(where, "scout")
+        stored = again.read()
+        assert again.notes == []
+        assert ({} if stored is None else dict(stored.mind.beliefs)) == state
+        again.close()
+    checkpoint.close()
+
+
+def _copy(folder: Path, name: str = "copy") -> Path:
+    """What a process that is killed now leaves behind."""
+    (folder / name).mkdir()
+    for file in folder.glob("mind.sqlite*"):
+        shutil.copy(file, folder / name / file.name)
+    return folder / name / "mind.sqlite"
+
+
+_SAVER = """
+import sys
+from pathlib import Path
+from agentd.checkpoint import Checkpoint, Outgoing, Saving
+from agentd.mind.kept_state import MindChanges
+checkpoint = Checkpoint.open(Path(sys.argv[1]), "scout")
+stored = checkpoint.read()
+number = 0 if stored is None else stored.next_seq["ann"]
+while True:
+    number += 1
+    rows = [(n, str(number).encode()) for n in range(40)]
+    message = Outgoing(number, "ann", number, b"x" * 3000)
+    saving = Saving(mind=MindChanges(beliefs=rows), outgoing=[message], delivered=[number - 20], soft=number % 3 == 0)
+    saving.next_seq, saving.absorbed = {"ann": number}, {("ann", "n"): number}
+    checkpoint.save(saving)
+    print(number, flush=True)
+"""
+
+
+def test_a_process_killed_at_any_moment_leaves_a_whole_save_and_none_that_it_had_announced_is_missing(
+    path: Path,
+) -> None:
+    for lines in (1, 7, 30):
+        process = subprocess.Popen([sys.executable, "-c", _SAVER, str(path)], stdout=subprocess.PIPE, text=True)
+        try:
+            assert process.stdout is not None
+            for _ in range(lines):
+                last = int(process.stdout.readline())
+        finally:
+            process.send_signal(signal.SIGKILL)
+            rest, _ = process.communicate(timeout=30)
+        last = int(rest.split()[-1]) if rest.endswith("\n") and rest.split() else last
+        checkpoint = Checkpoint.open(path, "scout")
+        stored = checkpoint.read()
+        checkpoint.close()
+        assert checkpoint.notes == []
+        assert stored is not None
+        number = stored.next_seq["ann"]
+        assert number >= last
+        assert stored.absorbed == {("ann", "n"): number}
+        assert {data for _, data in stored.mind.beliefs} == {str(number).encode()}
+        assert [one.number for one in stored.outgoing] == list(range(max(1, number - 19), number + 1))
+
+
+def test_a_save_that_fails_half_way_writes_nothing_and_can_be_saved_again(path: Path) -> None:
+    checkpoint = Checkpoint.open(path, "scout")
+    checkpoint.save(FULL)
+    saving = Saving(mind=MindChanges(beliefs=[(5, b"five")]), actions={"id": ActionInFlight("go", None)})  # type: ignore[arg-type]
+    with pytest.raises(CheckpointError, match=r"mind\.sqlite cannot be written: NOT NULL"):
+        checkpoint.save(saving)
+    stored = checkpoint.read()
+    assert stored is not None
+    assert (5, b"five") not in stored.mind.beliefs
+    saving.actions = {}
+    checkpoint.save(saving)
+    stored = checkpoint.read()
+    assert stored is not None
+    assert (5, b"five") in stored.mind.beliefs
+
+
+def test_a_full_disk_is_told_nothing_is_lost_and_the_same_save_succeeds_when_there_is_room(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    checkpoint = Checkpoint.open(path, "scout")
+    checkpoint.save(FULL)
+    assert checkpoint._database is not None
+    (pages,) = checkpoint._database.execute("PRAGMA page_count").fetchone()
+    checkpoint._database.execute(f"PRAGMA max_page_count={pages + 4}")
+    large = Saving(outgoing=[Outgoing(9, "ann", 9, b"x" * 100_000)], absorbed={("ann", "n1"): 9})
+    for _ in range(3):
+        with pytest.raises(CheckpointError, match="full"):
+            checkpoint.save(large)
+    checkpoint.save(Saving(absorbed={("ann", "n2"): 3}))
+    checkpoint._database.execute("PRAGMA max_page_count=1073741823")
+    checkpoint.save(large)
+    stored = checkpoint.read()
+    assert stored is not None
+    assert stored.absorbed == {("ann", "n1"): 9, ("ann", "n2"): 3}
+    assert [one.number for one in stored.outgoing] == [1, 2, 9]
+
+
+_LIMITED = """
+import resource, signal, sys
+from pathlib import Path
+from agentd.checkpoint import Checkpoint, CheckpointError, Outgoing, Saving
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+checkpoint = Checkpoint.open(Path(sys.argv[1]), "scout")
+checkpoint.save(Saving(lives=1))
+limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, limits[1]))
+saving = Saving(outgoing=[Outgoing(1, "ann", 1, b"x" * 200_000)])
+for _ in range(3):
+    try:
+        checkpoint.save(saving)
+    except CheckpointError as error:
+        print("refused", error)
+checkpoint.save(Saving(lives=2))
+resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+checkpoint.save(saving)
+stored = checkpoint.read()
+print(stored.lives, len(stored.outgoing))
+"""
+
+
+def test_a_write_that_the_system_refuses_is_told_and_succeeds_later(path: Path) -> None:
+    run = subprocess.run([sys.executable, "-c", _LIMITED, str(path)], capture_output=True, text=True, timeout=60)
+    lines = run.stdout.splitlines()
+    assert run.stderr == ""
+    assert [line[:7] for line in lines[:3]] == ["refused"] * 3
+    assert lines[3:] == ["2 1"]
+
+
+@pytest.mark.parametrize("damage", ["garbage", "empty head", "middle", "cut", "log"])
+def test_a_corrupt_file_is_set_aside_and_told_and_a_new_one_made(path: Path, damage: str) -> None:
+    checkpoint = Checkpoint.open(path, "scout")
+    checkpoint.save(Saving(mind=MindChanges(beliefs=[(n, bytes(200)) for n in range(500)])))
+    checkpoint.close()
+    data = bytearray(path.read_bytes())
+    match damage:
+        case "garbage":
+            path.write_bytes(os.urandom(5000))
+        case "empty head":
+            path.write_bytes(bytes(100) + data[100:])
+        case "middle":
+            data[20 * 1024 : 40 * 1024] = b"\xa5" * (20 * 1024)
+            path.write_bytes(data)
+        case "cut":
+            path.write_bytes(data[: len(data) // 2])
+        case "log":
+            path.write_bytes(b"no database" * 1000)
+            path.with_name("mind.sqlite-wal").write_bytes(os.urandom(3000))
+    before = path.read_bytes()
+    again = Checkpoint.open(path, "scout")
+    assert again.read() is None
+    (note,) = again.notes
+    assert "mind.sqlite.corrupt-1" in note
+    assert "scout begins anew" in note
+    again.save(FULL)
+    assert again.read() is not None
+    assert path.with_name("mind.sqlite.corrupt-1").read_bytes() == before
+
+
+def test_each_corrupt_file_is_set_aside_under_a_name_of_its_own(path: Path) -> None:
+    path.parent.mkdir(parents=True)
+    for number in (1, 2, 3):
+        path.write_bytes(b"garbage" * 300)
+        checkpoint = Checkpoint.open(path, "scout")
+        checkpoint.close()
+        assert f"corrupt-{number}:" in checkpoint.notes[0]
+    assert len(list(path.parent.glob("*.corrupt-?"))) == 3
+
+
+def test_an_empty_file_is_as_none(path: Path) -> None:
+    path.parent.mkdir(parents=True)
+    path.touch()
+    checkpoint = Checkpoint.open(path, "scout")
+    assert checkpoint.notes == []
+    checkpoint.save(FULL)
+
+
+def test_a_database_of_something_else_is_set_aside(path: Path) -> None:
+    path.parent.mkdir(parents=True)
+    other = sqlite3.connect(path)
+    other.execute("CREATE TABLE belief (x)")
+    other.commit()
+    other.close()
+    assert "a database of something else" in Checkpoint.open(path, "scout").notes[0]
+
+
+def test_a_file_of_a_newer_version_is_refused_and_left_alone(path: Path) -> None:
+    checkpoint = Checkpoint.open(path, "scout")
+    checkpoint.save(FULL)
+    checkpoint.close()
+    database = sqlite3.connect(path)
+    database.execute("PRAGMA user_version=99")
+    database.close()
+    before = path.read_bytes()
+    with pytest.raises(CheckpointError, match=r"newer Argosy \(its version is 99, this one knows up to 1\)"):
+        Checkpoint.open(path, "scout")
+    assert path.read_bytes() == before
+    remove(path)
+    assert Checkpoint.open(path, "scout").read() is None
+
+
+def test_a_file_of_another_agent_is_refused(path: Path) -> None:
+    Checkpoint.open(path, "scout").close()
+    with pytest.raises(CheckpointError, match="belongs to the agent scout, not to rescuer"):
+        Checkpoint.open(path, "rescuer")
+
+
+def test_a_file_that_is_in_use_is_refused(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checkpoint_file, "LOCK_PATIENCE", 0.05)
+    checkpoint = Checkpoint.open(path, "scout")
+    with pytest.raises(CheckpointError, match="another process has it open"):
+        Checkpoint.open(path, "scout")
+    checkpoint.save(FULL)
+    checkpoint.close()
+    assert Checkpoint.open(path, "scout").read() is not None
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+    (tmp_path / "fleet").touch()
+    with pytest.raises(CheckpointError, match=r"mind\.sqlite cannot be opened"):
+        Checkpoint.open(tmp_path / "fleet" / "scout" / "mind.sqlite", "scout")
+
+
+def test_an_older_file_is_brought_to_the_present_version_once(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    checkpoint = Checkpoint.open(path, "scout")
+    checkpoint.save(FULL)
+    checkpoint.close()
+    script = "ALTER TABLE belief ADD COLUMN note TEXT DEFAULT 'none'; UPDATE belief SET note = 'migrated'"
+    monkeypatch.setattr(checkpoint_file, "MIGRATIONS", (*checkpoint_file.MIGRATIONS, script))
+    for _ in range(2):
+        again = Checkpoint.open(path, "scout")
+        assert again._database is not None
+        assert again._database.execute("SELECT DISTINCT note FROM belief").fetchall() == [("migrated",)]
+        assert again._database.execute("PRAGMA user_version").fetchone() == (2,)
+        again.close()
+    assert again.notes == []
+
+
+def test_a_migration_that_fails_leaves_the_file_as_it_was(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    checkpoint = Checkpoint.open(path, "scout")
+    checkpoint.save(FULL)
+    checkpoint.close()
+    with monkeypatch.context() as patched:
+        patched.setattr(checkpoint_file, "MIGRATIONS", (*checkpoint_file.MIGRATIONS, "DELETE FROM belief; NONSENSE"))
+        with pytest.raises(CheckpointError, match="NONSENSE"):
+            Checkpoint.open(path, "scout")
+    stored = Checkpoint.open(path, "scout").read()
+    assert stored is not None
+    assert len(stored.mind.beliefs) == 3
+
+
+def test_a_forgotten_file_is_gone_with_all_that_belongs_to_it(path: Path) -> None:
+    checkpoint = Checkpoint.open(path, "scout")
+    checkpoint.save(FULL)
+    checkpoint.forget()
+    assert list(path.parent.iterdir()) == []
+    assert Checkpoint.open(path, "scout").read() is None
+
+
+def test_saves_may_come_from_another_thread_than_the_one_that_opened(path: Path) -> None:
+    checkpoint = Checkpoint.open(path, "scout")
+    failures: list[BaseException] = []
+
+    def work(start: int) -> None:
+        try:
+            for number in range(start, start + 50):
+                checkpoint.save(belief(number))
+        except BaseException as error:
+            failures.append(error)
+
+    threads = [threading.Thread(target=work, args=(start,)) for start in (0, 100)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+    stored = checkpoint.read()
+    assert failures == []
+    assert stored is not None
+    assert len(stored.mind.beliefs) == 100
+
+
+@pytest.mark.parametrize(("soft", "level"), [(True, 1), (False, 2)])
+def test_a_soft_save_does_not_wait_for_the_disk_and_the_next_one_does(path: Path, soft: bool, level: int) -> None:
+    checkpoint = Checkpoint.open(path, "scout", "FULL")
+    for _ in range(2):
+        checkpoint.save(Saving(soft=not soft, lives=1))
+        checkpoint.save(Saving(soft=soft, lives=1))
+        assert checkpoint._database is not None
+        assert checkpoint._database.execute("PRAGMA synchronous").fetchone() == (level,)
+
+
+def test_a_mind_goes_through_the_file_and_comes_back_the_same(path: Path) -> None:
+    source = "p(1). p(X) :- q(X). !start. +!start <- +q(2). +!g(X) <- +got(X); .wait(10000); +never. +!put(X) <- +X."
+    checkpoint = Checkpoint.open(path, "bob")
+    life = Life(source).settle()
+    for n in range(5):
+        checkpoint.save(Saving(mind=life.keeper.changes()))
+        life.feed(GoalAdded(term(f"g({n})")), GoalAdded(term(f"put(at({n})[source(ann)])")))
+    checkpoint.save(Saving(mind=life.keeper.changes()))
+    checkpoint.close()
+    stored = Checkpoint.open(path, "bob").read()
+    assert stored is not None
+    again = Life(source, stored.mind)
+    assert state_of(again.mind) == state_of(life.mind)
+    assert [str(one) for one in again.keeper.pending_own] == [f"+!g({n})[source(self)]" for n in range(5)]
