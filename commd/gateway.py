@@ -19,6 +19,7 @@ from typing import Protocol
 from msgspec.structs import replace
 
 from commd.comm_node import RATE, Allowance, Node
+from commd.store import StoreFailed
 from schemas import mission
 from schemas.datagram import BadDatagram, read_message, write_message
 from schemas.endpoints import host_and_port
@@ -39,6 +40,8 @@ QUEUE = 1000
 BATCH = 64
 PACE = 0.002
 """Seconds between two datagrams to one node: old nodes read one at a time and lose what does not fit their buffer."""
+DISK_RETRY = 1.0
+"""Seconds between two attempts while the disk takes nothing."""
 SEEK_EVERY = 10.0
 """Seconds between two looks for a node whose host has no address yet."""
 TOLD_SOURCES = 1000
@@ -163,14 +166,22 @@ class Gateway(asyncio.DatagramProtocol):
             while len(said) < BATCH and not self._waiting.empty():
                 said.append(self._waiting.get_nowait())
             batch = [one for message in said for one in _addressed(message, post.names)]
-            try:
-                receipt = await post.take(batch)
-            except Exception as error:  # one batch's defect must not end what all others live by
-                log.exception("defect in argosy: %d messages of nodes are lost", len(batch))
-                receipt = Receipt(refused=dict.fromkeys(range(len(batch)), f"{type(error).__name__}: {error}"))
+            receipt = await self._hand_over(batch, post)
             for place, reason in (receipt.refused | receipt.later).items():
                 self.counters["gateway_refused"] += 1
                 self._tell_undelivered(batch[place], reason)
+
+    async def _hand_over(self, batch: list[Message], post: Post) -> Receipt:
+        """Give a batch to the mail, again and again while its disk takes nothing: what comes meanwhile waits."""
+        while True:
+            try:
+                return await post.take(batch)
+            except StoreFailed as failed:
+                log.debug("not_taken messages=%d why=%s", len(batch), failed)
+            except Exception as error:  # one batch's defect must not end what all others live by
+                log.exception("defect in argosy: %d messages of nodes are lost", len(batch))
+                return Receipt(refused=dict.fromkeys(range(len(batch)), f"{type(error).__name__}: {error}"))
+            await asyncio.sleep(DISK_RETRY)
 
     async def deliver(self, batch: tuple[Message, ...]) -> Receipt | None:
         """Send a batch to the node of its receiver; what has left counts as taken. None while its host is not found."""

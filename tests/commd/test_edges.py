@@ -84,6 +84,34 @@ def test_two_programs_exchange_mail_and_what_one_sends_waits_for_the_other_acros
     bounded(body())
 
 
+def test_a_program_stays_a_member_while_its_commd_is_killed_and_comes_back(
+    endpoint: str, tmp_path: Path, free_port: Callable[[], int]
+) -> None:
+    mission = tmp_path / "mixed.yaml"
+    mission.write_text(MIXED.format(listen=f"127.0.0.1:{free_port()}", node="127.0.0.1:9"))
+
+    async def body() -> None:
+        async with contextlib.AsyncExitStack() as stack:
+            with commd(mission, tmp_path, endpoint) as first:
+                await asyncio.to_thread(first.says, "router board=local")
+                planner = await stack.enter_async_context(join("planner", mission=mission, router=endpoint))
+                viewer = await stack.enter_async_context(join("viewer", mission=mission, router=endpoint))
+                await planner.send("viewer", "tell", 1)
+                reading = viewer.messages()
+                assert (await asyncio.wait_for(anext(reading), 30)).content == 1  # in hand when commd dies
+                first.kill()
+            sending = asyncio.create_task(planner.send("viewer", "tell", 2, patience=60))
+            with commd(mission, tmp_path, endpoint) as second:
+                await asyncio.to_thread(second.says, "router board=local")
+                await sending
+                assert (await asyncio.wait_for(anext(reading), 30)).content == 2
+                await planner.send("viewer", "tell", 3)
+                assert (await asyncio.wait_for(anext(reading), 30)).content == 3
+                await stack.aclose()
+
+    bounded(body())
+
+
 def test_a_program_that_was_away_gets_each_message_once_and_a_full_mailbox_is_said(
     endpoint: str, tmp_path: Path, free_port: Callable[[], int]
 ) -> None:

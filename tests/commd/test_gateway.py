@@ -17,6 +17,7 @@ from commd import comm_node
 from commd import gateway as module
 from commd.comm_node import Allowance, Node
 from commd.gateway import Gateway, open_gateway
+from commd.store import StoreFailed
 from schemas.findings import Findings
 from schemas.mission import Mission, read_mission
 from schemas.records import Message
@@ -322,6 +323,30 @@ def test_a_mail_that_fails_is_told_to_the_node_and_ends_nothing(
         assert field.one.heard[0].endswith('undelivered(uav,tell,a,"RuntimeError: closed")>')
         field.say("<mid2,old1,tell,uav,b>")
         await until(lambda: len(field.post.taken) == 1, "the next one is taken")
+
+    in_the_field(free_port(), body)
+
+
+def test_what_a_full_disk_does_not_take_waits_until_it_does(
+    free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("commd.gateway.DISK_RETRY", 0.05)
+
+    async def body(field: Field) -> None:
+        take, failures = field.post.take, 3
+
+        async def fails_for_a_while(messages: Any) -> Any:
+            nonlocal failures
+            failures -= 1
+            if failures >= 0:
+                raise StoreFailed("disk is full")
+            return await take(messages)
+
+        monkeypatch.setattr(field.post, "take", fails_for_a_while)
+        field.say("<mid1,old1,tell,uav,a>")
+        await until(lambda: len(field.post.taken) == 1, "it is taken in the end")
+        assert field.one.heard == []
+        assert failures == -1
 
     in_the_field(free_port(), body)
 
