@@ -20,6 +20,8 @@ PATIENCE = 2.0
 """Wall seconds that the directory has at the start; later it is asked again."""
 AGAIN = 0.1
 ASK_EVERY = 30.0
+ASK_AGAIN = 1.0
+"""Wall seconds until a directory that did not answer is asked again: its token may be here before what it serves."""
 ASK_TIMEOUT = 5.0
 log = logging.getLogger("roster")
 
@@ -61,12 +63,13 @@ class Roster:
 
     async def follow(self, boards: Collection[str]) -> None:
         """Ask the directories of these boards again, when one is back and now and then, for ever."""
+        pause = ASK_EVERY
         while True:
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._ask.wait(), ASK_EVERY)
+                await asyncio.wait_for(self._ask.wait(), pause)
             self._ask.clear()
-            for board in boards:
-                await self._refresh(board)
+            answered = [await self._refresh(board) for board in boards]
+            pause = ASK_EVERY if all(answered) else ASK_AGAIN
 
     def add(self, name: str, board: str) -> None:
         """An agent of this daemon has begun."""

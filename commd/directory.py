@@ -31,6 +31,8 @@ from schemas.terms import Atom, Structure, Term
 ASK_EVERY = 30.0
 """Wall seconds between two looks at what the other boards know: a change that was put may have been lost."""
 ASK_TIMEOUT = 5.0
+ASK_AGAIN = 0.1
+"""Wall seconds until a board that did not answer is asked again, doubling."""
 GONE_FOR_GOOD = 60.0
 """Wall seconds without a token after which an agent that joined at run time has left: its daemon was killed. One that
 is started again within that time keeps its mail."""
@@ -170,13 +172,14 @@ class Directory:
     # --- what agents ask ---
 
     async def _answer(self, query: Query[ServiceRequest]) -> None:
-        if query.error or not query.concrete:
-            query.reply_error(query.error or "expected one board in the key")
+        if query.error or (query.record is not None and not query.concrete):
+            query.reply_error(query.error or "expected a concrete key: a request is for one board")
             return
         if query.record is None:
-            query.reply(self._said())
-            for said in self.services.others.values():
-                query.reply(said)
+            key = keys.services(self._bus.fleet, self._board)
+            query.reply(self._said(), key)
+            for said in self.services.others.values() if query.concrete else ():
+                query.reply(said, key)
             return
         try:
             query.reply(await self._fulfil(query.record))
@@ -312,15 +315,25 @@ class Directory:
             self._spawn(self._ask(board))
 
     async def _ask(self, board: str) -> None:
-        """Ask a board for what it knows of itself."""
+        """Ask a board for what it knows of itself: its token may be here before what it serves."""
+        pause = ASK_AGAIN
+        while not await self._asked(board) and self._boards.get(board) and pause < ASK_EVERY:
+            await asyncio.sleep(pause)
+            pause *= 2
+
+    async def _asked(self, board: str) -> bool:
+        """Ask once. Returns whether there was an answer."""
+        answered = False
         try:
             key = keys.services(self._bus.fleet, board)
             async with aclosing(self._bus.query(key, None, BoardServices, ASK_TIMEOUT)) as replies:
                 async for reply in replies:
                     if reply.record is not None and reply.record.board == board:
+                        answered = True
                         await self._hear(reply.record)
         except BusClosed as closed:
             log.debug("not_asked board=%s why=%s", board, closed)
+        return answered
 
     def _agent_token(self, key: str, alive: bool) -> None:
         """An agent came or went; only those count that joined here."""

@@ -213,6 +213,22 @@ def test_a_program_beside_us_asks_once_and_hears_of_all_boards_also_of_those_awa
     run(body())
 
 
+def test_whoever_asks_all_boards_at_once_hears_each_of_itself(fleet: Fleet) -> None:
+    async def body() -> None:
+        async with fleet.board("pi1") as pi1, fleet.board("pi2"), fleet.agent("a", "pi1") as a:
+            await until(lambda: "pi2" in pi1.services.others, "the boards see each other")
+            everybody = keys.services(FLEET, "*")
+            async with aclosing(a.bus.query(everybody, None, BoardServices, 10)) as replies:
+                assert sorted([reply.record.board async for reply in replies if reply.record]) == ["pi1", "pi2"]
+            request = ServiceRequest(agent="a", do="register", service="cook")
+            async with aclosing(a.bus.query(everybody, request, BoardServices, 10)) as replies:
+                assert {reply.error async for reply in replies} == {
+                    "expected a concrete key: a request is for one board"
+                }
+
+    run(body())
+
+
 def test_what_cannot_be_done_is_answered_with_the_reason(fleet: Fleet) -> None:
     async def body() -> None:
         async with fleet.board("pi1"), fleet.agent("a", "pi1") as a:

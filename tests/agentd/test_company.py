@@ -1,0 +1,193 @@
+"""Beliefs about who is there: real minds, real routers on several boards."""
+
+from __future__ import annotations
+
+import asyncio
+from argparse import Namespace
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import AsyncExitStack, asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agentd.crew import Crew
+from agentd.daemon import prepare
+from agentd.mind.inputs import SignalRaised
+from commd.clock import Clock
+from commd.daemon import serve as serve_commd
+from commd.presence import ROUTER_GRACE
+from schemas import keys
+from schemas.mission import Mission, load_mission
+from tests.support.buses import session, until
+
+MISSION = """\
+mission: test
+fleet: test
+boards:
+  pi1: {}
+  pi2: {}
+agents:
+  a: {program: a.asl, board: pi1, presence: true}
+  b: {program: b.asl, board: pi2, presence: true}
+  quiet: {program: quiet.asl, board: pi1}
+clients:
+  console: {board: pi1}
+"""
+
+
+class Boards:
+    """Two boards in one process: pi1 listens, pi2 dials."""
+
+    def __init__(self, folder: Path, port: Callable[[], int]) -> None:
+        self.folder = folder
+        (folder / "m.yaml").write_text(MISSION)
+        for name in ("a", "b", "quiet"):
+            (folder / f"{name}.asl").write_text("+online(X)[board(B)] <- +came(X, B). -online(X) <- +went(X).\n")
+        self.mission: Mission = load_mission(folder / "m.yaml")
+        self.link = f"tcp/127.0.0.1:{port()}"
+        self.endpoints = {board: f"tcp/127.0.0.1:{port()}" for board in ("pi1", "pi2")}
+
+    @asynccontextmanager
+    async def commd(self, board: str) -> AsyncIterator[None]:
+        """The comm daemon of a board, in this process."""
+        listen, connect = ([self.link], []) if board == "pi1" else ([], [self.link])
+        args = Namespace(
+            board=board, router=self.endpoints[board], listen=listen, connect=connect, state=self.folder / "state"
+        )
+        stop = asyncio.Event()
+        task = asyncio.create_task(serve_commd(self.mission, args, stop))
+        try:
+            yield
+        finally:
+            stop.set()
+            await task
+
+    @asynccontextmanager
+    async def agents(self, board: str, *names: str) -> AsyncIterator[Crew]:
+        """A daemon of agents, in this process."""
+        async with session(self.endpoints[board], names[0]) as bus:
+            crew = Crew(bus, Clock(), self.mission, self.folder / "agents", 0)
+            for name in names:
+                await crew.add(prepare(self.mission, name, 0))
+            stop = asyncio.Event()
+            task = asyncio.create_task(crew.run(stop))
+            try:
+                yield crew
+            finally:
+                stop.set()
+                await task
+
+
+@pytest.fixture
+def boards(tmp_path: Path, free_port: Callable[[], int]) -> Boards:
+    return Boards(tmp_path, free_port)
+
+
+def run(body: Coroutine[Any, Any, None], seconds: float = 120) -> None:
+    asyncio.run(asyncio.wait_for(body, seconds))
+
+
+def beliefs(crew: Crew, agent: str) -> list[str]:
+    """What an agent believes of who is there, and has noted of it."""
+    return [belief for belief in crew.hosts[agent].view().beliefs if not belief.startswith("kqml")]
+
+
+async def believes(crew: Crew, agent: str, *expected: str) -> None:
+    await until(lambda: set(beliefs(crew, agent)) >= set(expected), f"{agent} believes {expected}")
+
+
+HERE, CAME = "online(b)[board(pi2),source(percept)]", "came(b,pi2)[source(self)]"
+
+
+def test_an_agent_believes_who_is_there_and_where_and_learns_who_comes_and_goes(boards: Boards) -> None:
+    async def body() -> None:
+        async with boards.commd("pi1"), boards.commd("pi2"), boards.agents("pi1", "a", "quiet") as first:
+            await believes(first, "a", "online(quiet)[board(pi1),source(percept)]", "came(quiet,pi1)[source(self)]")
+            async with boards.agents("pi2", "b") as second:
+                await believes(first, "a", HERE, CAME)
+                await believes(second, "b", "online(a)[board(pi1),source(percept)]", "came(a,pi1)[source(self)]")
+            await believes(first, "a", "went(b)[source(self)]")
+            assert HERE not in beliefs(first, "a")
+            assert beliefs(first, "quiet") == [], "it has not asked for it"
+
+    run(body())
+
+
+def test_a_client_is_company_as_well_and_who_is_nobodys_agent_is_not(boards: Boards) -> None:
+    async def body() -> None:
+        async with (
+            boards.commd("pi1"),
+            boards.agents("pi1", "a") as crew,
+            session(boards.endpoints["pi1"], "stranger") as stranger,
+            session(boards.endpoints["pi1"], "console", "client") as console,
+        ):
+            await stranger.claim("stranger")
+            await console.claim("console")
+            await believes(crew, "a", "online(console)[board(pi1),source(percept)]")
+            assert not any("stranger" in belief for belief in beliefs(crew, "a"))
+
+    run(body())
+
+
+def test_an_agent_made_at_run_time_is_online_on_the_other_board_until_it_ends(boards: Boards) -> None:
+    (boards.folder / "b.asl").write_text("+go <- .create_agent(kid). +stop <- .kill_agent(kid).\n")
+
+    async def body() -> None:
+        async with (
+            boards.commd("pi1"),
+            boards.commd("pi2"),
+            boards.agents("pi1", "a") as first,
+            boards.agents("pi2", "b") as second,
+        ):
+            await believes(first, "a", HERE)
+            second.hosts["b"].take(SignalRaised.named("go"))
+            await believes(first, "a", "online(kid)[board(pi2),source(percept)]")
+            assert "kid" in first.roster.names
+            second.hosts["b"].take(SignalRaised.named("stop"))
+            await believes(first, "a", "went(kid)[source(self)]")
+            await until(lambda: "kid" not in first.roster.names, "kid is forgotten")
+
+    run(body())
+
+
+@pytest.mark.parametrize("board", ["pi1", "pi2"])
+def test_a_router_that_restarts_takes_no_agent_with_it(boards: Boards, board: str) -> None:
+    """Ours (pi1), and that of the other board (pi2)."""
+    other = {"pi1": "pi2", "pi2": "pi1"}[board]
+
+    async def body() -> None:
+        async with AsyncExitStack() as agents, boards.commd(other):
+            async with boards.commd(board):
+                first = await agents.enter_async_context(boards.agents("pi1", "a"))
+                second = await agents.enter_async_context(boards.agents("pi2", "b"))
+                await believes(first, "a", HERE, CAME)
+            async with boards.commd(board), session(boards.endpoints["pi1"], "observer") as observer:
+                while not await observer.tokens(keys.alive("test", "b", "agentd", "*")):
+                    await asyncio.sleep(0.05)
+                await asyncio.sleep(ROUTER_GRACE + 0.5)  # by then a loss would have counted
+                assert HERE in beliefs(first, "a")
+                assert not any(belief.startswith("went") for belief in beliefs(first, "a"))
+                second.hosts["b"].close()
+                await believes(first, "a", "went(b)[source(self)]")
+
+    run(body())
+
+
+def test_without_a_router_for_long_only_those_of_the_same_daemon_are_there(
+    boards: Boards, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("commd.presence.BUS_GRACE", 1.0)
+
+    async def body() -> None:
+        async with AsyncExitStack() as agents, boards.commd("pi2"):
+            async with boards.commd("pi1"):
+                first = await agents.enter_async_context(boards.agents("pi1", "a", "quiet"))
+                await agents.enter_async_context(boards.agents("pi2", "b"))
+                await believes(first, "a", HERE)
+            await believes(first, "a", "went(b)[source(self)]")
+            assert "online(quiet)[board(pi1),source(percept)]" in beliefs(first, "a")
+            async with boards.commd("pi1"):
+                await believes(first, "a", HERE)
+
+    run(body())
