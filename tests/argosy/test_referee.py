@@ -14,9 +14,9 @@ from argosy.surroundings import servo_log, victims
 from bridged.simulation.servo_log import ServoMove
 from bridged.simulation.world import Victim
 from schemas.mission import World, load_mission
-from schemas.shipped import shipped
 
-MISSION = shipped("missions", "search_and_rescue.yaml")
+MISSIONS = Path(__file__).parents[2] / "missions"
+MISSION = MISSIONS / "search_and_rescue.yaml"
 ONE, OTHER = Victim(1, -27.6030, -48.5180), Victim(2, -27.6032, -48.5180)
 METRE = 1 / 111_319.5
 """Degrees of latitude."""
@@ -104,5 +104,5 @@ def test_a_run_without_logs_is_not_judged(tmp_path: Path, capsys: pytest.Capture
 
 
 def test_a_mission_without_a_world_is_not_judged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["referee", str(shipped("missions", "single_uav.yaml")), str(tmp_path)]) == 2
+    assert main(["referee", str(MISSIONS / "single_uav.yaml"), str(tmp_path)]) == 2
     assert "has no `world`" in capsys.readouterr().err

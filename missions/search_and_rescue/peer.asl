@@ -1,0 +1,2 @@
+/* Another rescuer, for the tests: its bid is what it is told. */
+
