@@ -197,9 +197,10 @@ async def join(
 ) -> AsyncIterator[Client]:
     """Be a member of the team while the block runs, by a mission file or by fleet, board and router.
 
-    A name that the mission does not know joins for as long as the block runs; with `stays` its mailbox remains, and
-    mail waits for its return. `numbers` is a file in which the numbers of the messages that are done with are kept
-    across lives. Raises NotJoined, AlreadyRunning if somebody has the name, and Findings for a bad mission.
+    A name that the mission does not know joins for as long as the block runs; with `stays`, or if the block fails, its
+    mailbox remains, and mail waits for its return. `numbers` is a file in which the numbers of the messages that are
+    done with are kept across lives. Raises NotJoined, AlreadyRunning if somebody has the name, and Findings for a bad
+    mission.
     """
     check_name(name)
     declared = load_mission(mission) if isinstance(mission, str | Path) else mission

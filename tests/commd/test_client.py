@@ -307,11 +307,15 @@ def test_a_program_joins_and_leaves_the_directory_and_asks_it(endpoint: str) -> 
             assert await me.search("camera") == ("scout",)
         async with join("planner", fleet=FLEET, router=endpoint, stays=True):
             pass
+        with pytest.raises(ZeroDivisionError):
+            async with join("planner", fleet=FLEET, router=endpoint):
+                raise ZeroDivisionError
         assert [(one.agent, one.do, one.service) for one in commd.asked] == [
             ("planner", "join", ""),
             ("planner", "register", "plan"),
             ("planner", "search", "camera"),
             ("planner", "leave", ""),
+            ("planner", "join", ""),
             ("planner", "join", ""),
         ]
 
