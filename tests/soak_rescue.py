@@ -1,10 +1,11 @@
-"""Search and rescue while daemons are killed (-9) and links between boards are cut: does each victim get one buoy?
+"""Search and rescue while daemons are killed (-9) or stopped and links are cut: does each victim get one buoy?
 
     python -m tests.soak_rescue [--runs 20] [--first 1] [--keep FOLDER]
 
 Each run has a world and troubles of its own, by its number. Any daemon of any board may be killed, at any time and, by
-aim, just when a rescuer is to drop its buoy; any link between two boards may be cut. `argosy run` starts daemons again
-as the mission says. The referee judges by the simulators' logs alone. Writes its section of docs/soak.md.
+aim, just when a rescuer is to drop its buoy, or stopped for a while; any link between two boards may be cut.
+`argosy run` starts daemons again as the mission says. The referee judges by the simulators' logs alone. Writes its
+section of docs/soak.md.
 """
 
 from __future__ import annotations
@@ -35,10 +36,12 @@ PATIENCE = 540.0
 """Wall seconds of one run; the mission's own timeout comes first."""
 PAUSE = (3.0, 10.0)
 """Wall seconds between two troubles."""
-CUT = (1.0, 20.0)
+CUT = (1.0, 40.0)
 """Wall seconds for which a link is cut."""
-CUT_SHARE = 0.3
-"""Of the troubles, those that are cuts."""
+FREEZE = (1.0, 8.0)
+"""Wall seconds for which a daemon is stopped."""
+SHARES = {"kill": 0.55, "cut": 0.3, "freeze": 0.15}
+"""Of the troubles."""
 AIMED_SHARE = 0.35
 """Of the arrivals over a victim, those after which a daemon is killed."""
 AIM = 0.6
@@ -123,10 +126,13 @@ class Troubles:
         """Trouble the run until cancelled."""
         while True:
             await asyncio.sleep(self._dice.uniform(*PAUSE))
-            if self._dice.random() < CUT_SHARE:
-                await self._cut()
-            else:
-                self._kill(self._dice.choice(sorted(self._pids)), "random")
+            match self._dice.choices(list(SHARES), list(SHARES.values()))[0]:
+                case "cut":
+                    await self._cut()
+                case "freeze":
+                    await self._freeze(self._dice.choice(sorted(self._pids)))
+                case _:
+                    self._kill(self._dice.choice(sorted(self._pids)), "random")
 
     def _kill(self, name: str, how: str) -> None:
         with suppress(ProcessLookupError):
@@ -144,6 +150,17 @@ class Troubles:
         finally:
             for link in links:
                 link.mend()
+
+    async def _freeze(self, name: str) -> None:
+        pid, seconds = self._pids[name], self._dice.uniform(*FREEZE)
+        self._note("freezes", f"freeze {name} for {seconds:.0f} s")
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGSTOP)
+        try:
+            await asyncio.sleep(seconds)
+        finally:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGCONT)
 
     def _note(self, kind: str, text: str) -> None:
         self._course.troubles[kind] += 1
@@ -244,21 +261,24 @@ def report(courses: list[Course]) -> list[str]:
     good = sum(course.good for course in courses)
     troubles = sum((course.troubles for course in courses), Counter[str]())
     kills, aimed, cuts = troubles["kills"] + troubles["aimed kills"], troubles["aimed kills"], troubles["cuts"]
+    freezes = f"{troubles['freezes']} daemons stopped for {FREEZE[0]:g} to {FREEZE[1]:g} s"
     return [
         f"`missions/search_and_rescue.yaml`, the daemons of three boards on one machine, {len(courses)} seeded runs "
-        f"with {kills} daemons killed (-9), {aimed} of them just when a rescuer was to drop its buoy, and {cuts} cuts "
-        f"of links between boards, of {CUT[0]:g} to {CUT[1]:g} s: **in {good} of {len(courses)} the mission was done "
-        "and each victim had exactly one buoy, within 5 m**.",
+        f"with {kills} daemons killed (-9), {aimed} of them just when a rescuer was to drop its buoy, {freezes}, and "
+        f"{cuts} cuts of links between boards, of {CUT[0]:g} to {CUT[1]:g} s: **in {good} of {len(courses)} the "
+        "mission was done and each victim had exactly one buoy, within 5 m**.",
         "",
-        "| run | wall s | kills | aimed at a drop | cuts | referee | end |",
-        "|---|---|---|---|---|---|---|",
-        *(
-            f"| {one.number} | {one.seconds:.0f} | {one.troubles['kills']} | {one.troubles['aimed kills']} "
-            f"| {one.troubles['cuts']} | {str(one.verdict).splitlines()[-1] if one.verdict else 'not judged'} "
-            f"| {'done' if one.code == 0 else one.why} |"
-            for one in courses
-        ),
+        "| run | wall s | kills | aimed at a drop | freezes | cuts | referee | end |",
+        "|---|---|---|---|---|---|---|---|",
+        *map(_row, courses),
     ]
+
+
+def _row(course: Course) -> str:
+    happened = " | ".join(str(course.troubles[what]) for what in ("kills", "aimed kills", "freezes", "cuts"))
+    judged = str(course.verdict).splitlines()[-1] if course.verdict is not None else "not judged"
+    end = "done" if course.code == 0 else course.why
+    return f"| {course.number} | {course.seconds:.0f} | {happened} | {judged} | {end} |"
 
 
 if __name__ == "__main__":
