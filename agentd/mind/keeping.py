@@ -193,18 +193,18 @@ class Keeper:
 
     def _restore(self, mind: Any, program: CompiledProgram, stored: StoredMind) -> None:
         """Give a mind its program and all that was kept, without events."""
-        values = {name: terms_from_bytes(data) for name, data in stored.values.items()}
+        values = self._read_values(stored)
         functions = values.get("functions", [])
         register_functions(mind, program.functions)
         register_functions(mind, zip(functions[::3], map(int, functions[1::3]), functions[2::3], strict=True))
         mind.compiler.namespaced |= program.namespaced or bool(values.get("namespaced"))
-        self._beliefs.restore_order(stored)
-        self._plans.restore(program, stored, self._left)
-        self._beliefs.restore(mind, program, stored, self._left)
+        self._beliefs.restore_order(stored, self._left)
+        self._plans.restore(program, stored, values.get("program_plans", []), self._left)
+        self._beliefs.restore(mind, program, stored, values.get("rules_removed", []), self._left)
         properties = values.get("namespaces", [])
         for namespace, key, value in zip(properties[::3], properties[1::3], properties[2::3], strict=True):
             mind.namespaces.setdefault(namespace, {})[key] = value
-        lives, mind.message_count, mind.action_count = map(int, values["counts"])
+        lives, mind.message_count, mind.action_count = map(int, values.get("counts", (0, 0, 0)))
         self.lives = lives + 1
         mind.random.seed(f"{mind.random.getrandbits(64)} {self.lives}")
         pending = list(self._read_pending(stored))
@@ -213,6 +213,15 @@ class Keeper:
         self._pending = {key: (None, None, None) for key, _, _ in stored.pending}
         self._values = dict(stored.values)
         warn(mind, program)
+
+    def _read_values(self, stored: StoredMind) -> dict[str, list[Any]]:
+        found = {}
+        for name, data in stored.values.items():
+            try:
+                found[name] = terms_from_bytes(data)
+            except BadBytes as why:
+                self._left(f"the {name} of the mind", why)
+        return found
 
     def _read_pending(self, stored: StoredMind) -> Iterable[Pending]:
         for key, origin, data in stored.pending:

@@ -197,18 +197,24 @@ class KeptBeliefs(BeliefBase):
 
     # --- restoring ---
 
-    def restore_order(self, stored: StoredMind) -> None:
+    def restore_order(self, stored: StoredMind, tell: Tell) -> None:
         """Mention the predicates in the order in which they were mentioned: before anything else does."""
-        for _, data in stored.predicates:
-            functor, arity, sign, namespace = terms_from_bytes(data)
-            self.predicate(signature(functor, int(arity), sign == "~", namespace))
+        for number, data in stored.predicates:
+            try:
+                functor, arity, sign, namespace = terms_from_bytes(data)
+            except BadBytes as why:
+                tell(f"the place of a predicate (row {number})", why)
+            else:
+                self.predicate(signature(functor, int(arity), sign == "~", namespace))
         self._mentioned = len(self._predicates)
 
-    def restore(self, mind: Any, program: Any, stored: StoredMind, tell: Tell) -> None:
-        """Believe what was believed, without events. Rules that the program has now and had not come last."""
+    def restore(self, mind: Any, program: Any, stored: StoredMind, removed: list[str], tell: Tell) -> None:
+        """Believe what was believed, without events. Rules that the program has now and had not come last.
+
+        ``removed`` is what `values` has told about the program's rules.
+        """
         self.begin(program)
-        removed = stored.values.get("rules_removed")
-        self._rules_removed = [] if removed is None else terms_from_bytes(removed)
+        self._rules_removed = removed
         own: dict[str, list[syntax.Rule]] = {}
         for item in program.beliefs:
             if isinstance(item, syntax.Rule):

@@ -78,13 +78,15 @@ class KeptPlans:
                 changed += [written, make_list(sources)]
         return {"program_plans": terms_to_bytes(changed)} if changed else {}
 
-    def restore(self, program: Any, stored: StoredMind, tell: Tell) -> None:
-        """Give a mind the plans of its program, without those that were removed, and those that were added."""
+    def restore(self, program: Any, stored: StoredMind, changed: list[Any], tell: Tell) -> None:
+        """Give a mind the plans of its program, without those that were removed, and those that were added.
+
+        ``changed`` is what `values` has told about the program's.
+        """
         library = self._library
         library.extend(list(program.plans))
         self.begin()
-        terms = terms_from_bytes(stored.values.get("program_plans", terms_to_bytes([])))
-        for written, sources in zip(terms[::2], map(proper, terms[1::2]), strict=True):
+        for written, sources in zip(changed[::2], map(proper, changed[1::2]), strict=True):
             plan = next((p for p in library if self._own[p] == written and p.sources == _FROM_SELF), None)
             if plan is None:
                 continue  # the program has this plan no longer

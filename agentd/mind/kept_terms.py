@@ -44,6 +44,7 @@ MOST_LINES: Final = 100_000
 """Code stands in this line at most, wherever it was written."""
 
 _ME, _EMPTY, _LIST, _VAR, _EXPRESSION, _CODE, _OPEN, _REST, _COLLECTION = range(9)
+_MYSELF: Final = [_ME]
 _CODES: Final[dict[str, Any]] = {
     "plan": syntax.Plan,
     "trigger": syntax.Trigger,
@@ -108,6 +109,7 @@ class _Writer:
     def write(self, terms: Iterable[Any]) -> list[Any]:
         out = self._out
         work: list[Any] = list(terms)
+        """What is to be written, the next last; a tuple of a token for the end of a term whose parts come before it."""
         work.reverse()
         until_check, left = FIRST_NODES, MOST_PARTS
         while work:
@@ -115,10 +117,17 @@ class _Writer:
             kind = type(term)
             if kind is float or kind is str:
                 out.append(term)
-            elif kind is _Whole:
-                out.append(term.token)
-            elif term is SOURCE_SELF:
-                out.append([_ME])
+            elif kind is Literal:
+                if term is SOURCE_SELF:
+                    out.append(_MYSELF)
+                elif term.args or term.annots:
+                    work.append((_literal_token(term),))
+                    work += term.annots[::-1]
+                    work += term.args[::-1]
+                else:
+                    out.append(_literal_token(term))
+            elif kind is tuple:
+                out.append(term[0])
             else:
                 self._open(term, work)
             until_check -= 1
@@ -126,44 +135,37 @@ class _Writer:
                 left -= FIRST_NODES
                 if left <= 0:
                     raise CannotKeep(f"it has more than {MOST_PARTS} parts")
-                further(1, [t for t in work if type(t) is not _Whole], "kept")
+                further(1, work, "kept")
                 until_check = FIRST_NODES
         return out
 
     def _open(self, term: Any, work: list[Any]) -> None:
-        """Put the parts of a term on the work that lies ahead, and after them what makes it whole."""
-        term = deref(term)
+        """Put the parts of a term on the work that lies ahead, and before them what makes it whole."""
         match term:
-            case Literal(args=args, annots=annots):
-                token = _literal_token(term)
-                if not (args or annots):
-                    self._out.append(token)
-                    return
-                work.append(_Whole(token))
-                work.extend(reversed(annots))
-                work.extend(reversed(args))
+            case Var():
+                term = deref(term)
+                if type(term) is Var:
+                    number = self._variables.setdefault(term, len(self._variables))
+                    self._out.append([_VAR, number, term.name])
+                else:
+                    work.append(term)
             case List():
                 self._open_list(term, work)
-            case Var():
-                number = self._variables.setdefault(term, len(self._variables))
-                self._out.append([_VAR, number, term.name])
             case Expression(operator=operator, operands=operands):
-                work.append(_Whole([_EXPRESSION, operator, len(operands)]))
+                work.append(([_EXPRESSION, operator, len(operands)],))
                 work.extend(reversed(operands))
             case Code():
                 self._open_code(term, work)
             case Open():
                 self._open_open(term, work)
             case Rest(tail=tail):
-                work.append(_Whole([_REST]))
+                work.append(([_REST],))
                 work.append(tail)
             case Collection(kind=kind, content=content):
                 self.changeable = True
                 parts = [x for pair in content.items() for x in pair] if kind == "map" else list(content)
-                work.append(_Whole([_COLLECTION, kind, len(parts)]))
+                work.append(([_COLLECTION, kind, len(parts)],))
                 work.extend(reversed(parts))
-            case float() | str():
-                self._out.append(term)
             case _:
                 raise CannotKeep(f"a {type(term).__name__} is no term")
 
@@ -172,7 +174,7 @@ class _Writer:
             self._out.append([_EMPTY])
             return
         items, tail = split(term)
-        work.append(_Whole([_LIST, len(items)]))
+        work.append(([_LIST, len(items)],))
         work.append(tail)
         work.extend(reversed(items))
 
@@ -184,7 +186,7 @@ class _Writer:
                 if _read_code(name, text, position.file, 1) != term.syntax:
                     raise CannotKeep(f"it does not read back from its text: {text}")
                 values = term.values
-                work.append(_Whole([_CODE, name, text, position.file, position.line, term.bare, *values]))
+                work.append(([_CODE, name, text, position.file, position.line, term.bare, *values],))
                 work.extend(reversed(list(values.values())))
                 return
         raise CannotKeep(f"a {type(term.syntax).__name__} is no code")
@@ -198,17 +200,8 @@ class _Writer:
         if has_namespace:
             parts.append(term.namespace)
         annots = -1 if term.annots is None else len(term.annots)
-        work.append(_Whole([_OPEN, term.negated, named, has_literal, has_namespace, annots]))
+        work.append(([_OPEN, term.negated, named, has_literal, has_namespace, annots],))
         work.extend(reversed([*parts, *(term.annots or ())]))
-
-
-class _Whole:
-    """Stands in the work for the end of a term whose parts come first."""
-
-    __slots__ = ("token",)
-
-    def __init__(self, token: list[Any]) -> None:
-        self.token = token
 
 
 def _literal_token(term: Literal) -> list[Any]:
