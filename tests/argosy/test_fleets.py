@@ -1,0 +1,190 @@
+"""Fleets of several boards under `argosy run`: the real daemons, killed and started again."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import psutil
+import pytest
+
+from argosy.__main__ import main
+from tests.argosy.conftest import Running, Start
+
+RING = """\
+mission: ring
+boards: {pi1: {}, pi2: {address: 10.0.0.12}}
+agents:
+  one: {program: talk.asl, board: pi1, beliefs: ["next(two)"]}
+  two: {program: talk.asl, board: pi2, beliefs: ["next(one)"]}
+done: ["one: heard(20)", "two: heard(20)"]
+timeout: 2min
+"""
+TALK = """\
+!say(1).
++restarted(_) : said(N) <- !say(N + 1).
++restarted(_) <- !say(1).
++!say(N) : N <= 20 & next(Other)
+  <- .send(Other, tell, heard(N)); -+said(N); .wait(300); !say(N + 1).
++!say(_).
++heard(N) <- .print("heard ", N).
+"""
+"""Each tells the other twenty things, and goes on where it was."""
+LONG = TALK.replace("20", "100000")
+
+
+@pytest.fixture
+def ring(tmp_path: Path) -> Path:
+    """Return a mission of two agents on two boards that tell each other things."""
+    (tmp_path / "talk.asl").write_text(TALK)
+    path = tmp_path / "ring.yaml"
+    path.write_text(RING)
+    return path
+
+
+def pid(running: Running, name: str) -> int:
+    """Return the process id that the run has told last for a process."""
+    return int(re.findall(rf" {re.escape(name)}: (?:re)?started, pid (\d+)", running.stdout)[-1])
+
+
+def kill(running: Running, name: str, number: signal.Signals = signal.SIGKILL) -> None:
+    """Send a signal to a process of a run by its name."""
+    psutil.Process(pid(running, name)).send_signal(number)
+
+
+def ended(running: Running, seconds: float = 180) -> tuple[int, str]:
+    """Wait for the end. Returns exit code and stdout; nothing may be left running."""
+    code = running.wait(seconds)
+    assert running.left_running() == []
+    return code, running.stdout
+
+
+def test_a_fleet_of_two_boards_has_a_router_each_and_mail_goes_between_them(start: Start, ring: Path) -> None:
+    running = start(ring, real_daemons=True)
+    running.until("argosy: done")
+    routers = [line for line in running.family if "commd serve" in line and " --board " in line]
+    endpoints = [re.findall(r"--(?:router|listen) (\S+)", line) for line in routers]
+    running.process.send_signal(signal.SIGINT)  # there is no need to measure idle use
+    code, out = ended(running)
+    assert code == 0, out
+    assert [name for name in ("commd pi1", "commd pi2", "agentd pi1", "agentd pi2") if f"{name}: up" not in out] == []
+    assert len({endpoint for pair in endpoints for endpoint in pair}) == 4
+    assert all(f"{agent}: heard 20" in out for agent in ("one", "two"))
+
+
+def test_without_restart_a_dead_daemon_of_any_board_ends_the_run_and_is_named(start: Start, ring: Path) -> None:
+    running = start(ring, real_daemons=True)
+    running.until("one: heard 2")
+    kill(running, "agentd pi2")
+    code, _ = ended(running)
+    assert code == 1
+    assert "error: failed: agentd pi2 was killed by SIGKILL" in running.stderr
+
+
+def test_daemons_of_any_board_that_are_killed_are_started_again_and_no_message_is_lost(
+    start: Start, ring: Path
+) -> None:
+    running = start(ring, "--restart", real_daemons=True)
+    running.until("one: heard 2")
+    for name in ("agentd pi2", "commd pi2", "commd pi1", "agentd pi1"):
+        kill(running, name)
+        running.until(f"{name}: up again", 120)
+    running.until("argosy: done", 120)
+    running.process.send_signal(signal.SIGINT)
+    code, out = ended(running)
+    assert code == 0, out
+    assert "restarts   agentd pi2 1, commd pi2 1, commd pi1 1, agentd pi1 1" in out
+    for agent in ("one", "two"):
+        heard = [int(number) for number in re.findall(rf" {agent}: heard (\d+)", out)]
+        assert sorted(set(heard)) == list(range(1, 21)), (agent, heard)
+
+
+def test_a_daemon_that_is_killed_too_often_ends_the_run_which_says_why(start: Start, ring: Path) -> None:
+    ring.write_text(RING.replace("timeout: 2min", "timeout: 10min\nrestart: on-failure"))
+    ring.with_name("talk.asl").write_text(LONG)
+    running = start(ring, real_daemons=True)
+    running.until("one: heard 2")
+    for count in range(1, 7):
+        kill(running, "commd pi2")
+        if count <= 5:
+            running.until(f"restart {count} in this run", 60)
+    code, out = ended(running)
+    assert code == 1
+    told = "commd pi2 was killed by SIGKILL; it was restarted 5 times within 60 s, and is not any more"
+    assert f"error: failed: {told}" in running.stderr
+    assert "restarts   commd pi2 5" in out
+
+
+def test_the_mail_of_a_fleet_is_shown_and_a_board_that_does_not_answer_is_named(
+    start: Start, ring: Path, endpoint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ring.write_text(RING.replace("timeout: 2min", "timeout: 10min\nrestart: on-failure"))
+    ring.with_name("talk.asl").write_text(LONG)
+    running = start(ring, real_daemons=True)
+    running.until("one: heard 2")
+    assert main(["mail", str(ring), "--router", endpoint]) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert [line.partition(":")[0] for line in shown if not line.startswith(" ")] == ["pi1", "pi2"]
+    kill(running, "agentd pi2", signal.SIGSTOP)
+
+    def waits() -> bool:
+        main(["mail", str(ring), "--router", endpoint, "--board", "pi2", "--json"])
+        (board,) = json.loads(capsys.readouterr().out)["boards"]
+        return any(queue["box"] == "inbox" and queue["receiver"] == "two" for queue in board.get("queues", ()))
+
+    until(waits)
+    kill(running, "commd pi2", signal.SIGSTOP)
+    until(lambda: main(["mail", str(ring), "--router", endpoint]) == 1)
+    assert "error: pi2: its commd does not answer" in capsys.readouterr().err
+    running.process.send_signal(signal.SIGTERM)
+    ended(running)
+
+
+def until(condition: Callable[[], bool], times: int = 60) -> None:
+    """Ask until something holds, so often at most."""
+    assert any(condition() for _ in range(times))
+
+
+FLIGHT = """\
+!flown.
++restarted(_)[source(self)] <- !flown.
++!flown <- .wait(bridge(up)); .wait(state(_, true, _)); !up; !there; return_to_launch; +landed.
+-!flown[error_msg(Why)] <- .print("again, for ", Why); .wait(1000); !flown.
++!up : state("GUIDED", true, true) & altitude(A) & A > 4.
++!up : state(_, _, true) <- set_mode("GUIDED"); takeoff(10).
++!up <- set_mode("GUIDED"); arm_motors(true); takeoff(10).
++!there : been.
++!there <- goto(-27.603683, -48.518052, 20); +been.
+"""
+
+
+@pytest.mark.parametrize("victim", ["commd", "bridged uav1", "agentd uav"])
+def test_a_flight_goes_on_when_a_daemon_dies_in_the_air_and_is_started_again(
+    start: Start, single_uav: Path, victim: str
+) -> None:
+    text = re.sub(r"program: .*", "program: flight.asl", single_uav.read_text())
+    text = re.sub(r"(?m)^failed: .*", "", text)
+    single_uav.write_text(re.sub(r"(?m)^done: .*", 'done: "uav: landed"', text))
+    single_uav.with_name("flight.asl").write_text(FLIGHT)
+    running = start(single_uav, "--speed", "5", "--restart", real_daemons=True)
+    running.until("uav: goto(-27.603683,-48.518052,20)", 120)
+    kill(running, victim)
+    running.until(f"{victim}: up again", 120)
+    running.until("argosy: done", 120)
+    running.process.send_signal(signal.SIGINT)
+    code, out = ended(running)
+    assert code == 0, out
+    assert f"restarts   {victim} 1" in out
+    assert re.search(r"uav1 +RTL, disarmed", out)
+
+
+def test_a_simulator_that_dies_ends_the_run_also_with_restart(start: Start, single_uav: Path) -> None:
+    running = start(single_uav, "--speed", "5", "--restart", real_daemons=True)
+    running.until("uav1: armed", 120)
+    kill(running, "simulator uav1")
+    code, _ = ended(running)
+    assert code == 1
+    assert "error: failed: simulator uav1 was killed by SIGKILL" in running.stderr
