@@ -141,18 +141,20 @@ def _set_last(db: Connection, tally: Tally, key: tuple[str, str, str], number: i
     )
 
 
-def front(db: Connection, line: str, after: int) -> list[Waiting]:
-    """Return the next batch of a line: what stands behind place `after`."""
+def front(db: Connection, line: str, after: int) -> tuple[list[Waiting], bool]:
+    """Return the next batch of a line, what stands behind place `after`, and whether more stands behind the batch."""
     found: list[Waiting] = []
     size = 0
     rows = db.execute(
         """SELECT place, sender, receiver, numbering, number, expires, message FROM mail
            WHERE line = ? AND place > ? ORDER BY place LIMIT ?""",
-        (line, after, BATCH),
+        (line, after, BATCH + 1),
     )
+    more = False
     for place, sender, receiver, numbering, number, expires, message in rows:
         size += len(message)
-        if found and size > BATCH_BYTES:
+        if len(found) == BATCH or (found and size > BATCH_BYTES):
+            more = True
             break
         found.append(
             Waiting(
@@ -166,7 +168,7 @@ def front(db: Connection, line: str, after: int) -> list[Waiting]:
             )
         )
     rows.close()
-    return found
+    return found, more
 
 
 def move(db: Connection, tally: Tally, line: str, home: bool) -> None:
@@ -174,11 +176,6 @@ def move(db: Connection, tally: Tally, line: str, home: bool) -> None:
     to = "receiver" if home else "sender || '>' || receiver"
     db.execute(f"UPDATE mail SET line = {to} WHERE line = ?", (line,))  # noqa: S608 (one of the two texts above)
     tally.count(db)
-
-
-def is_full(batch: Sequence[Waiting]) -> bool:
-    """Whether more may stand behind a batch."""
-    return len(batch) == BATCH or sum(len(one.message) for one in batch) > BATCH_BYTES // 2
 
 
 def remove(db: Connection, tally: Tally, places: Sequence[int]) -> list[tuple[int, str, bytes]]:

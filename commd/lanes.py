@@ -23,7 +23,7 @@ from schemas.records import Receipt
 
 log = logging.getLogger("mail")
 
-RETRY_FIRST, RETRY_MOST = 0.2, 5.0
+RETRY_FIRST, RETRY_MOST = 0.05, 5.0
 """Wall seconds between two attempts, doubling."""
 COURIERS, PROBES = 32, 4
 """Batches on their way at the same time: to peers that answer, and to those that did not."""
@@ -100,17 +100,19 @@ class Lanes:
 
     async def run(self) -> None:
         """Empty the lines, for ever."""
-        async with asyncio.TaskGroup() as couriers:
-            for _ in range(COURIERS):
-                couriers.create_task(self._work(False))
-            for _ in range(PROBES):
-                couriers.create_task(self._work(True))
+        couriers = [self._work(probing=False) for _ in range(COURIERS)]
+        await asyncio.gather(*couriers, *(self._work(probing=True) for _ in range(PROBES)))
 
     def begin(self) -> None:
         """Take up what waits from the former life of this daemon."""
         self.before = self._tally.next - 1
+        self.look()
+
+    def look(self) -> None:
+        """Take up any line that is not empty and that nobody empties."""
         for line in list(self._tally.lines):
-            self.more(line)
+            if line not in self._lanes:
+                self.more(line)
 
     def more(self, line: str) -> None:
         """There is something new in a line."""
@@ -174,7 +176,7 @@ class Lanes:
     async def _advance(self, lane: Lane, known: float) -> None:
         """Take one batch of a line to its peer and settle what became of it."""
         lane.more = False
-        batch = await self._store.read(partial(boxes.front, line=lane.line, after=lane.after))
+        batch, more = await self._store.read(partial(boxes.front, line=lane.line, after=lane.after))
         if not batch:
             await self._finish(lane, known)
             return
@@ -199,7 +201,7 @@ class Lanes:
             self._later(lane, NoAnswer(next(iter(answer.later.values())), certain=True))
             return
         lane.after, lane.pause, lane.hung, lane.state = last, RETRY_FIRST, False, ""
-        if lane.more or boxes.is_full(batch):
+        if more or lane.more:
             self._queue(lane)
         else:
             await self._finish(lane, lane.sent)

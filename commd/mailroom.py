@@ -39,6 +39,8 @@ UNKNOWN = "unknown"
 """Why a message is given up that may have arrived: its time is over, and its receiver's side does not say."""
 SWEEP_EVERY = 0.25
 """Wall seconds between two looks for messages whose time is over."""
+LOOK_EVERY = 20
+"""Sweeps between two looks for lines that nobody empties: there should be none."""
 DOUBT = 60.0
 """Seconds beyond its time for which a message is kept that may have arrived, until its receiver's side says so."""
 SWEEP = 500
@@ -82,6 +84,20 @@ class Mailroom:
         """All who can be sent to, there or away."""
         return self.directory.names()
 
+    @property
+    def waiting(self) -> int:
+        """How many messages are in the file."""
+        return self._tally.messages.total()
+
+    @property
+    def counters_now(self) -> Counter[str]:
+        """What became of messages so far, from their coming to their going."""
+        return self.counters + self._lanes.counters + self.store.counters
+
+    def state_of(self, sender: str, receiver: str) -> str:
+        """Say what the mail of a pair waits for; empty if it is on its way or none waits."""
+        return self._lanes.state(self._line(sender, receiver) or "")
+
     async def run(self) -> None:
         """Carry mail on, for ever. Whom this board hosts by then is known."""
         moved = await self._lines_moved()
@@ -91,9 +107,7 @@ class Mailroom:
         self._peers.watch(self._lanes.arrived)
         self._lanes.begin()
         self._bus.serve(keys.mailboxes(self._bus.fleet, self._bus.name), Mailboxes, self._list)
-        async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self._lanes.run())
-            tasks.create_task(self._sweep())
+        await asyncio.gather(self._lanes.run(), self._sweep())
 
     # Who lives here
 
@@ -253,9 +267,12 @@ class Mailroom:
 
     async def _sweep(self) -> None:
         """Give up what has waited longer than it may, and write down the time meanwhile, for ever."""
-        saved = self._clock.now()
+        saved, rounds = self._clock.now(), 0
         while True:
             await asyncio.sleep(SWEEP_EVERY)
+            rounds += 1
+            if rounds % LOOK_EVERY == 0:
+                self._lanes.look()
             if not self._tally.expiring:
                 continue
             try:
@@ -303,8 +320,8 @@ class Mailroom:
 
     def health(self) -> Health:
         """Return the mail counters for the daemon's health."""
-        counters = self.counters + self._lanes.counters + self.store.counters
-        counters["waiting"] = sum(self._tally.messages.values())
+        counters = self.counters_now
+        counters["waiting"] = self.waiting
         counters["dead"] = self._tally.dead
         notes = [f"a corrupt mail file was set aside: {name}" for name in self.store.set_aside]
         if self.store.note:
@@ -333,12 +350,23 @@ async def open_mailroom(
         for name in directory.names():
             if directory.board_of(name) == bus.name:
                 mailroom.host(name)
-        async with asyncio.TaskGroup() as tasks:
-            running = tasks.create_task(mailroom.run())
-            try:
-                yield mailroom
-            finally:
-                running.cancel()
+        owner, running = asyncio.current_task(), asyncio.create_task(mailroom.run())
+
+        def ended(task: asyncio.Task[None]) -> None:
+            if not task.cancelled() and owner is not None:
+                owner.cancel()  # without it nothing would be carried on, and nobody told
+
+        running.add_done_callback(ended)
+        try:
+            yield mailroom
+        except asyncio.CancelledError:
+            if running.done() and (defect := running.exception()) is not None:
+                raise defect from None
+            raise
+        finally:
+            running.remove_done_callback(ended)
+            running.cancel()
+            await asyncio.gather(running, return_exceptions=True)
 
 
 def _several(texts: Iterable[str]) -> str:

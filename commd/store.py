@@ -189,6 +189,7 @@ class Store:
             if _code(error) in CORRUPT:
                 self._db.close()
                 self._begin_anew(str(error))
+            self._recount()
         except (sqlite3.Error, OSError) as another:
             log.error("mail_store_failing file=%s why=%s", self.path, another)
 

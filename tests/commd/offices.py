@@ -47,8 +47,8 @@ async def board(
     bus = await connect(name, "commd")
     clock = MailClock(now, "this boot") if now is not None else None
     directory = FixedDirectory(TWO_BOARDS if homes is None else homes)
-    token = bus.token(keys.alive(FLEET, name, "commd", bus.boot))
     async with open_mailroom(bus, directory, rules, folder, air, clock) as mailroom:
+        token = bus.token(keys.alive(FLEET, name, "commd", bus.boot))
         yield mailroom
         bus.withdraw(token)
         for agent in list(mailroom._hosted):
