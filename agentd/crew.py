@@ -25,7 +25,7 @@ from agentd.mind.effects import StopTeam, TeamRequest
 from agentd.mind.inputs import TeamReply
 from agentd.roster import Roster
 from agentd.services import Do, NotDone, Services
-from commd.bus import AlreadyRunning, Bus, BusClosed
+from commd.bus import AlreadyRunning, Bus, BusClosed, Token
 from commd.clock import Clock
 from commd.process import report_health
 from schemas import keys
@@ -79,17 +79,21 @@ class Crew:
         self._writer = ThreadPoolExecutor(1, "keeping")
         """Writes the checkpoints of all agents, one after the other."""
 
-    async def add(self, part: Part, board: str = "") -> Host:
-        """Join the bus under an agent's name; it reasons from `run` on. `board` is for one made at run time.
+    async def add(self, *parts: Part) -> None:
+        """Join the bus under the names of agents of the mission; they reason from `run` on.
 
         Raises AlreadyRunning, BusClosed and CheckpointError.
         """
-        token = await self._bus.claim(part.name)
+        tokens = await self._bus.claim_all([part.name for part in parts])
+        for part in parts:
+            await self._house(part, self._mission.agents[part.name].board, tokens[part.name])
+
+    async def _house(self, part: Part, board: str, token: Token) -> Host:
         memory = await self._memory(part.name)
         host = Host(self._bus, self._clock, part, self.roster, self.answer, token, memory)
         self.hosts[part.name] = host
-        self._homes[part.name] = board or self._mission.agents[part.name].board
-        self.roster.add(part.name, self._homes[part.name])
+        self._homes[part.name] = board
+        self.roster.add(part.name, board)
         return host
 
     async def _memory(self, name: str) -> Memory | None:
@@ -281,7 +285,8 @@ class Crew:
         """Let an agent made here join a board; None if its name is taken somewhere. Raises NotDone, BusClosed."""
         try:
             self.roster.told(await self._services.ask(board, name, "join"))
-            return await self.add(Part(name, program, None, {}, {}, self._seed + len(self.hosts)), board)
+            part = Part(name, program, None, {}, {}, self._seed + len(self.hosts))
+            return await self._house(part, board, await self._bus.claim(name))
         except AlreadyRunning:
             return None
         except NotDone as why:

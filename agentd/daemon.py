@@ -72,8 +72,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
     ) as bus:
         crew = Crew(bus, clock, mission, state_folder(args.state, mission.fleet), args.seed, fresh=args.fresh)
         try:
-            for part in parts:
-                await crew.add(part)
+            await crew.add(*parts)
         except CheckpointError as error:
             stderr().write(f"error: agentd: {error}")
             return EXIT_FAILED
