@@ -188,15 +188,14 @@ async def fly(number: int, folder: Path) -> Course:
             limit=2**20,
         )
         troubles = Troubles(course, relays)
-        with (folder / "run.log").open("w", encoding="utf-8") as log:
-            await asyncio.wait([asyncio.create_task(_watch(run, troubles, log, course))], timeout=PATIENCE)
-        if run.returncode is None:
-            run.send_signal(signal.SIGTERM)
-            with suppress(TimeoutError):
-                await asyncio.wait_for(run.wait(), 60)
+        try:
+            with (folder / "run.log").open("w", encoding="utf-8") as log:
+                await asyncio.wait_for(_watch(run, troubles, log, course), PATIENCE)
+        except TimeoutError:
             course.why = f"not done after {PATIENCE:.0f} s"
-        else:
+        finally:
             course.code = run.returncode
+            await _end(run)
     course.seconds = time.monotonic() - began
     try:
         course.verdict = judge_run(load_mission(mission), report)
@@ -204,6 +203,16 @@ async def fly(number: int, folder: Path) -> Course:
         course.why = str(error)
     (folder / "troubles.txt").write_text("\n".join(course.diary) + "\n", encoding="utf-8")
     return course
+
+
+async def _end(run: asyncio.subprocess.Process) -> None:
+    """End a run that has not ended by itself, and all that it has started."""
+    if run.returncode is None:
+        run.send_signal(signal.SIGTERM)
+        try:
+            await asyncio.wait_for(run.wait(), 60)
+        except TimeoutError:
+            run.kill()  # the kernel ends what it has started
 
 
 async def _watch(run: asyncio.subprocess.Process, troubles: Troubles, log: TextIO, course: Course) -> None:
@@ -243,6 +252,7 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, help="keep logs of the runs there")
     parser.add_argument("--no-report", action="store_true", help="do not write docs/soak.md")
     args = parser.parse_args()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that a run ends with its test
     courses = []
     for number in range(args.first, args.first + args.runs):
         with tempfile.TemporaryDirectory() as temporary:
