@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from commd import facts
 from commd.bus import Bus
 from commd.mailroom import Mailroom
 from commd.store import StoreFailed
@@ -336,8 +337,6 @@ def test_a_receiver_that_is_attached_in_the_process_is_handed_its_mail(endpoint:
 def test_what_is_taken_in_the_process_shares_a_transaction_with_what_belongs_to_it(
     endpoint: str, tmp_path: Path
 ) -> None:
-    from commd import facts
-
     def fails(db: object) -> None:
         raise ValueError("a defect")
 
