@@ -85,11 +85,11 @@ class Crew:
         Raises AlreadyRunning, BusClosed and CheckpointError.
         """
         tokens = await self._bus.claim_all([part.name for part in parts])
-        for part in parts:
-            await self._house(part, self._mission.agents[part.name].board, tokens[part.name])
+        memories = await asyncio.gather(*(self._memory(part.name) for part in parts))
+        for part, memory in zip(parts, memories, strict=True):
+            self._house(part, self._mission.agents[part.name].board, tokens[part.name], memory)
 
-    async def _house(self, part: Part, board: str, token: Token) -> Host:
-        memory = await self._memory(part.name)
+    def _house(self, part: Part, board: str, token: Token, memory: Memory | None = None) -> Host:
         host = Host(self._bus, self._clock, part, self.roster, self.answer, token, memory)
         self.hosts[part.name] = host
         self._homes[part.name] = board
@@ -286,7 +286,7 @@ class Crew:
         try:
             self.roster.told(await self._services.ask(board, name, "join"))
             part = Part(name, program, None, {}, {}, self._seed + len(self.hosts))
-            return await self._house(part, board, await self._bus.claim(name))
+            return self._house(part, board, await self._bus.claim(name))
         except AlreadyRunning:
             return None
         except NotDone as why:
