@@ -82,7 +82,7 @@ def _wanted(mission: Mission, board: str | None) -> list[str]:
 
 
 def _of_file(path: Path) -> Mailboxes:
-    from commd.mail_listing import mailboxes_of_file  # a query needs no SQLite
+    from commd.mail_file import mailboxes_of_file  # a query needs no SQLite
 
     return mailboxes_of_file(path)
 

@@ -1,0 +1,202 @@
+"""`argosy mail`: what waits on which board, from the daemons and from a board's file."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from argosy.__main__ import main
+from argosy.mail import _age, _board, _size
+from schemas import keys
+from schemas.records import DeadLetter, Header, Mailboxes, Message, Queue, Receipt
+from schemas.terms import Atom, Structure
+from tests.commd.offices import Receiver, board, message, post
+from tests.support.buses import FLEET, Connect, on_a_bus, served, until
+
+MISSION = f"""\
+mission: {FLEET}
+boards: {{pi1: {{}}, pi2: {{}}}}
+agents:
+  a: {{program: a.asl, board: pi1}}
+  b: {{program: b.asl, board: pi2}}
+"""
+
+
+@pytest.fixture
+def mission(tmp_path: Path) -> str:
+    """Return the mission of two boards, as a file."""
+    path = tmp_path / "m.yaml"
+    path.write_text(MISSION)
+    return str(path)
+
+
+async def argosy(*arguments: str) -> int:
+    """Run the command beside the daemons of this process."""
+    return await asyncio.to_thread(main, list(arguments))
+
+
+async def known(connect: Connect, *boards: str) -> None:
+    """Wait until whoever joins now can ask these boards for their mail."""
+    bus = await connect("asker")
+    for one in boards:
+        await served(bus, keys.mailboxes(FLEET, one))
+
+
+def test_what_waits_on_every_board_is_shown_with_its_age_and_its_reason(
+    endpoint: str, tmp_path: Path, mission: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    async def body(connect: Connect) -> None:
+        async with board(connect, "pi1", tmp_path) as first, board(connect, "pi2", tmp_path) as second:
+            assert await post(await connect("a"), *map(message, (1, 2, 3))) == Receipt(taken=3)
+            await until(lambda: second.waiting == 3 and first.waiting == 0, "all wait at the receiver's board")
+            await known(connect, "pi1", "pi2")
+            assert await argosy("mail", mission, "--router", endpoint) == 0
+
+    on_a_bus(endpoint, body)
+    one, two, queue = capsys.readouterr().out.splitlines()
+    assert one == f"pi1: 0 messages waiting, 0 dead letters  ({tmp_path / 'pi1.mail'}, synchronous full)"
+    assert two == f"pi2: 3 messages waiting, 0 dead letters  ({tmp_path / 'pi2.mail'}, synchronous full)"
+    assert queue.startswith("  inbox  a > b  3 messages, ")
+    assert " oldest " in queue
+
+
+def test_a_board_that_does_not_answer_is_named_and_the_others_are_shown(
+    endpoint: str, tmp_path: Path, mission: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    async def body(connect: Connect) -> None:
+        async with board(connect, "pi1", tmp_path):
+            await known(connect, "pi1")
+            assert await argosy("mail", mission, "--router", endpoint) == 1
+            assert await argosy("mail", mission, "--router", endpoint, "--board", "pi1") == 0
+            assert await argosy("mail", mission, "--router", endpoint, "--board", "pi2") == 1
+
+    on_a_bus(endpoint, body)
+    said = capsys.readouterr()
+    assert said.err == "error: pi2: its commd does not answer\n" * 2
+    assert [line.partition(":")[0] for line in said.out.splitlines()] == ["pi1", "pi1"]
+
+
+def test_dead_letters_are_counted_listed_and_told_as_json(
+    endpoint: str, tmp_path: Path, mission: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(_: Any) -> Receipt:
+        return Receipt(refused={0: "not today"})
+
+    async def body(connect: Connect) -> None:
+        async with board(connect, "pi1", tmp_path), board(connect, "pi2", tmp_path) as second:
+            Receiver(await connect("b"), "b", refuse)
+            await post(await connect("a"), message(1, content=Structure("victim", (Atom("north"), 3))))
+            await until(lambda: second.health().counters["dead"] == 1, "it is given up")
+            await known(connect, "pi1", "pi2")
+            assert await argosy("mail", mission, "--router", endpoint, "--dead", "--board", "pi2") == 0
+            assert await argosy("mail", mission, "--router", endpoint, "--json") == 0
+
+    on_a_bus(endpoint, body)
+    out = capsys.readouterr().out
+    head, dead = out.partition("{\n")[0].splitlines()[:2]
+    assert head.startswith("pi2: 0 messages waiting, 1 dead letter  (")
+    assert dead.startswith("  dead  20")
+    assert dead.endswith("UTC  a > b  tell victim(north,3): not today")
+    told = json.loads("{\n" + out.partition("{\n")[2])
+    assert [one["board"] for one in told["boards"]] == ["pi1", "pi2"]
+    assert told["boards"][1]["dead"][0]["reason"] == "not today"
+    assert told["silent"] == []
+
+
+def test_a_boards_file_is_read_without_any_daemon_and_beside_it_and_not_changed(
+    endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "pi2.mail"
+
+    async def body(connect: Connect) -> None:
+        async with board(connect, "pi1", tmp_path), board(connect, "pi2", tmp_path) as second:
+            await post(await connect("a"), *map(message, (1, 2, 3)))
+            await until(lambda: second.waiting == 3, "all wait")
+            assert await argosy("mail", "--file", str(path)) == 0
+
+    on_a_bus(endpoint, body)
+    before = {one.name: one.read_bytes() for one in tmp_path.iterdir()}
+    assert main(["mail", "--file", str(path), "--json"]) == 0
+    assert {one.name: one.read_bytes() for one in tmp_path.iterdir()} == before
+    out = capsys.readouterr().out
+    assert out.startswith(f"pi2: 3 messages waiting, 0 dead letters  ({path})\n  inbox  a > b  3 messages, ")
+    (told,) = json.loads("{\n" + out.partition("{\n")[2])["boards"]
+    assert told["queues"][0]["messages"] == 3
+
+
+def test_a_file_that_is_no_mail_is_told_and_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text, other = tmp_path / "text.mail", tmp_path / "other.mail"
+    text.write_text("this is no database, however long it is" * 100)
+    sqlite3.connect(other).close()
+    newer = tmp_path / "newer.mail"
+    with sqlite3.connect(newer) as db:
+        db.execute("CREATE TABLE mail(x)")
+        db.execute("PRAGMA user_version = 99")
+    db.close()
+    for path, why in {
+        tmp_path / "none.mail": "there is no such file",
+        text: "it cannot be read as a board's mail: file is not a database",
+        other: "it is no board's mail",
+        newer: "it is of version 99, this is version ",
+    }.items():
+        assert main(["mail", "--file", str(path)]) == 2
+        assert f"{path}: error: {why}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "problem"),
+    [
+        ([], 2, "expected a MISSION, or a board's database by --file"),
+        (["MISSION", "--board", "pi3"], 2, "no board `pi3`, did you mean `pi2`?"),
+        (["none.yaml"], 2, "none.yaml: error: cannot be read"),
+        (["MISSION"], 1, "error: no router at "),
+    ],
+)
+def test_what_keeps_the_mail_from_being_shown_is_said(
+    endpoint: str, mission: str, arguments: list[str], code: int, problem: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = [mission if argument == "MISSION" else argument for argument in arguments]
+    assert main(["mail", *told, "--router", endpoint]) == code
+    assert problem in capsys.readouterr().err
+
+
+def test_what_came_from_others_is_shown_without_what_a_terminal_would_obey() -> None:
+    letter = Message(
+        header=Header(), id="1", sender="a", performative="tell", receiver="b", content="\x1b[2J" + "x" * 100
+    )
+    boxes = Mailboxes(
+        board="pi1",
+        queues=(
+            Queue(box="outbox", sender="a", receiver="b", messages=1, bytes=90, oldest=5, state="pi2 is\naway"),
+            Queue(box="inbox", sender="longer", receiver="c", messages=12, bytes=1_234_567, oldest=3700),
+        ),
+        dead=(DeadLetter(message=letter, reason="expired\x07", stamp=0),),
+        dead_count=3,
+    )
+    lines = _board(boxes, dead=True)
+    assert lines[:4] == [
+        "pi1: 13 messages waiting, 3 dead letters",
+        "  outbox  a > b           1 message, 90 B      oldest 5.0 s  pi2 is away",
+        "  inbox   longer > c  12 messages, 1.2 MB  oldest 1 h 1 min",
+        "  2 older dead letters not shown",
+    ]
+    assert all(line.isprintable() for line in lines)
+    assert "…: expired" in lines[4]
+    assert lines[4].startswith("  dead  1970-01-01 00:00:00 UTC  a > b  tell ")
+
+
+def test_ages_and_sizes_are_told_as_people_read_them() -> None:
+    assert [_age(seconds) for seconds in (0.04, 59.94, 60, 3599, 3600, 90_061)] == [
+        "0.0 s",
+        "59.9 s",
+        "1 min 0 s",
+        "59 min 59 s",
+        "1 h 0 min",
+        "25 h 1 min",
+    ]
+    assert [_size(size) for size in (0, 999, 1000, 1_500_000)] == ["0 B", "999 B", "1.0 kB", "1.5 MB"]
