@@ -12,7 +12,7 @@ import pytest
 
 from commd.client import Client, MailboxFull, TooLarge, UnknownReceiver, join, parse, write
 from schemas import keys
-from schemas.records import Health, Message
+from schemas.records import Health, Message, Perception
 from tests.commd.old_comm import OldCommNode
 from tests.support.buses import until
 from tests.support.processes import Daemon, running
@@ -30,7 +30,7 @@ mission: far
 boards: {pi1: {}, pi2: {}}
 agents: {uav: {program: u.asl, board: pi1}}
 clients: {near: {board: pi1}, distant: {board: pi2}}
-radio: {loss: 0.3, delay: 5ms, seed: 3}
+radio: {loss: 0.3, delay: 5ms, seed: 8}  # the first transmission of either board is lost
 """
 
 
@@ -217,11 +217,68 @@ def test_mail_crosses_a_bad_radio_once_and_in_order(
                 assert [message.content for message in here] == list(range(40))
                 lost = [keys.health("far", board, "commd") for board in ("pi1", "pi2")]
                 await until(
-                    lambda: all(key in healths and healths[key].counters["radio_lost"] > 0 for key in lost),
+                    lambda: all(key in healths and healths[key].counters.get("radio_lost", 0) > 0 for key in lost),
                     "both boards have lost transmissions",
                 )
                 assert any(
                     "degraded as the mission declares: loss 0.3, delay 5ms" in one for one in healths[lost[0]].notes
                 )
+
+    bounded(body())
+
+
+APART = """
+mission: apart
+boards: {pi1: {}, pi2: {}}
+agents: {uav: {program: u.asl, board: pi1}}
+clients: {near: {board: pi1, robot: uav1}, distant: {board: pi2, robot: uav2}}
+robots:
+  uav1: {manifest: arducopter, link: "udpin:127.0.0.1:1", board: pi1, simulate: {home: [0, 0, 0]}}
+  uav2: {manifest: arducopter, link: "udpin:127.0.0.1:2", board: pi2, simulate: {home: [0, 0, 0]}}
+radio: {range: 300m}
+"""
+
+
+def test_mail_waits_while_the_robots_are_out_of_range(
+    endpoint: str, tmp_path: Path, free_port: Callable[[], int]
+) -> None:
+    mission = tmp_path / "apart.yaml"
+    mission.write_text(APART)
+    other, between = f"tcp/127.0.0.1:{free_port()}", f"tcp/127.0.0.1:{free_port()}"
+
+    async def body() -> None:
+        with (
+            commd(mission, tmp_path, endpoint, "--board", "pi1", "--listen", between) as one,
+            commd(mission, tmp_path, other, "--board", "pi2", "--connect", between) as two,
+        ):
+            for daemon in (one, two):
+                await asyncio.to_thread(daemon.says, "degraded on purpose, as the mission declares: range 300m")
+            async with (
+                join("near", mission=mission, router=endpoint) as near,
+                join("distant", mission=mission, router=other) as distant,
+            ):
+                where = Perception(name="global_pos", parameters=(0.0, 0.01))  # 1.1 km to the east
+
+                async def fly() -> None:
+                    """Be the bridge of the distant robot."""
+                    while True:
+                        distant._bus.put(keys.percept("apart", "distant", "global_pos"), where)
+                        await asyncio.sleep(0.05)
+
+                healths: dict[str, Health] = {}
+                near._bus.subscribe(keys.health("apart", "pi1", "commd"), Health, healths.__setitem__)
+                flying = asyncio.create_task(fly())
+
+                def lost() -> float:
+                    return sum(one.counters.get("radio_out_of_range", 0) for one in healths.values())
+
+                number = 0
+                while not lost():  # the air of pi1 has to hear of the position first
+                    number += 1
+                    await near.send("distant", "tell", number)
+                    await asyncio.sleep(0.1)
+                where = Perception(name="global_pos", parameters=(0.0, 0.0025))  # 278 m
+                assert [one.content for one in await take(distant, number)] == list(range(1, number + 1))
+                flying.cancel()
 
     bounded(body())
