@@ -57,9 +57,10 @@ STREAM = """\
 next(0). expected(0).
 !go.
 +!go <- !!step.
-@step[atomic] +!step : next(N) & N < COUNT & peer(P) <- -+next(N+1); .send(P, tell, m(N)); !!pause.
+@step[atomic] +!step : next(N) & N < COUNT & peer(P)
+   <- for (.range(I, N, N+9)) { .send(P, tell, m(I)) }; -+next(N+10); !!pause.
 +!step.
-+!pause <- .wait(3); !!step.
++!pause <- .wait(5); !!step.
 @hear[atomic] +m(N)[source(_)] : expected(E)
    <- -+expected(N+1); if (N \\== E) { .print("WRONG ", N, " for ", E) }; !look.
 +!look : expected(COUNT) <- .print("complete").
@@ -72,7 +73,7 @@ next(0). expected(0).
 def test_no_message_is_lost_doubled_or_out_of_order_while_daemons_are_killed(
     tmp_path: Path, endpoint: str, seed: int
 ) -> None:
-    chance, count, kills = random.Random(seed), 500, 8
+    chance, count, kills = random.Random(seed), 5000, 8
     text = ONE.format(more=', beliefs: ["peer(b)"]').replace("b.asl", 'a.asl, beliefs: ["peer(a)"]')
     with a_fleet(tmp_path, endpoint, text, a=STREAM.replace("COUNT", str(count))) as fleet:
         live = {name: fleet.start(name) for name in "ab"}
