@@ -91,10 +91,12 @@ def _free(port: int) -> bool:
     return True
 
 
-def write_mission(folder: Path, seed: int, links: list[int]) -> Path:
+def write_mission(folder: Path, seed: int, links: list[int], victims: int | None = None) -> Path:
     """Write the mission with another world and other links to its vehicles."""
     text = MISSION.read_text(encoding="utf-8")
     text = re.sub(r"seed: \d+", f"seed: {seed}", text)
+    if victims is not None:
+        text = re.sub(r"victims: \d+", f"victims: {victims}", text)
     for index, port in enumerate(links):
         text = text.replace(f"udpin:127.0.0.1:{14551 + index}", f"udpin:127.0.0.1:{port}")
     path = folder / MISSION.name
@@ -167,11 +169,11 @@ class Troubles:
         self._course.diary.append(f"{time.monotonic() - self._began:6.1f} {text}")
 
 
-async def fly(number: int, folder: Path) -> Course:
-    """Fly one run with its troubles, and let the referee judge it."""
+async def fly(number: int, folder: Path, victims: int | None = None) -> Course:
+    """Fly one run with its troubles, and let the referee judge it; with so many victims, or the mission's."""
     course = Course(number)
     routers, vehicles, between = ports(6), ports(3), ports(3)
-    mission = write_mission(folder, number, vehicles)
+    mission = write_mission(folder, number, vehicles, victims)
     first, second = routers[3], routers[4]  # where pi1 and pi2 listen for other boards, by `argosy.boards.places`
     pairs = list(zip((first, first, second), between, strict=True))
     wiring = ",".join(f"tcp/127.0.0.1:{target}=tcp/127.0.0.1:{relay}" for target, relay in pairs)
