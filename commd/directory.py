@@ -1,7 +1,7 @@
 """The directory of a board: serves `{board}/services`, follows what the other boards say, and keeps both on disk.
 
 A name that was known once stays known while its board is away. An agent that joined at run time is forgotten when it
-leaves, or when it has been gone for `GONE_FOR_GOOD` while this board was up.
+leaves, or, unless it said that it stays, when it has been gone for `GONE_FOR_GOOD` while this board was up.
 """
 
 from __future__ import annotations
@@ -162,6 +162,8 @@ class Directory:
             await asyncio.sleep(LOOK_EVERY)
             now = self._clock.wall()
             for name in [name for name, since in self._absent.items() if now - since >= GONE_FOR_GOOD]:
+                if name in self.services.own.staying:
+                    continue
                 try:
                     await self._fulfil(ServiceRequest(agent=name, do="leave"))
                 except StoreFailed:
@@ -195,7 +197,7 @@ class Directory:
             after, notices = before, list[Notice]()
             match request.do:
                 case "join":
-                    after = before.join(agent)
+                    after = before.join(agent, request.stays)
                 case "leave":
                     after = before.leave(agent)
                 case "register":

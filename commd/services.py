@@ -32,6 +32,8 @@ class Own(msgspec.Struct, frozen=True, omit_defaults=True):
     """Counts the changes that other boards see."""
     joined: tuple[str, ...] = ()
     """The agents that the mission does not name."""
+    staying: tuple[str, ...] = ()
+    """Those of them that keep their mailbox while they are away."""
     offers: dict[str, tuple[str, ...]] = {}
     """The services of each agent that offers any, in the order in which they were registered."""
     wants: dict[str, tuple[str, ...]] = {}
@@ -100,29 +102,35 @@ class Services:
 
     # --- requests of the agents here ---
 
-    def join(self, agent: str) -> Services:
-        """An agent that the mission does not name begins here; again after a restart is no problem."""
+    def join(self, agent: str, stays: bool = False) -> Services:
+        """An agent that the mission does not name begins here; again after a restart is no problem.
+
+        Raises Problem. One that `stays` is known until it leaves, however long it is away.
+        """
         try:
             check_name(agent)
         except ValueError as error:
             raise Problem(str(error)) from None
         home = self.homes().get(agent)
         if home == self.board:
-            return self
+            if agent in self.mission or stays == (agent in self.own.staying):
+                return self
+            return self._with(staying=(*self.own.staying, agent) if stays else _without(self.own.staying, agent))
         if home is not None or agent in self.reserved:
             raise Problem(f"the name `{agent}` is taken" + (f" on board {home}" if home is not None else ""))
         if len(self.own.joined) >= MOST_JOINED:
             raise Problem(f"board {self.board} takes at most {MOST_JOINED} agents besides the mission's")
-        return self._changed(joined=(*self.own.joined, agent))
+        staying = (*self.own.staying, agent) if stays else self.own.staying
+        return self._changed(joined=(*self.own.joined, agent), staying=staying)
 
     def leave(self, agent: str) -> Services:
         """An agent has ended for good, or begins anew: it offers and wants nothing any more."""
         offers = {name: services for name, services in self.own.offers.items() if name != agent}
         wants = {name: left for name, who in self.own.wants.items() if (left := _without(who, agent))}
-        joined = _without(self.own.joined, agent)
+        joined, staying = _without(self.own.joined, agent), _without(self.own.staying, agent)
         if (offers, wants, joined) == (self.own.offers, self.own.wants, self.own.joined):
             return self
-        return self._changed(offers=offers, wants=wants, joined=joined)
+        return self._changed(offers=offers, wants=wants, joined=joined, staying=staying)
 
     def register(self, agent: str, service: str) -> tuple[Services, list[Notice]]:
         """An agent offers a service; the subscribers here are told once."""
@@ -152,7 +160,7 @@ class Services:
         if agent in known:
             return self, notices
         wants = {**self.own.wants, service: (*known, agent)}
-        return replace(self, own=msgspec.structs.replace(self.own, wants=wants)), notices
+        return self._with(wants=wants), notices
 
     # --- what other boards say ---
 
@@ -189,7 +197,11 @@ class Services:
             raise Problem(f"expected the name of a service, of at most {LONGEST_SERVICE} characters")
 
     def _changed(self, **changes: object) -> Services:
-        return replace(self, own=msgspec.structs.replace(self.own, version=self.own.version + 1, **changes))
+        """Change what other boards see."""
+        return self._with(version=self.own.version + 1, **changes)
+
+    def _with(self, **changes: object) -> Services:
+        return replace(self, own=msgspec.structs.replace(self.own, **changes))
 
 
 def _without(names: tuple[str, ...], name: str) -> tuple[str, ...]:

@@ -132,6 +132,8 @@ class ServiceRequest(Record, frozen=True, kw_only=True):
     do: Literal["join", "leave", "register", "deregister", "search", "subscribe"]
     """`join` and `leave`: an agent that the mission does not name begins and ends."""
     service: str = ""
+    stays: bool = False
+    """Of `join`: it keeps its mailbox while it is away; else it has left when it has been gone for a minute."""
 
 
 class BoardServices(Record, frozen=True, kw_only=True):

@@ -77,9 +77,9 @@ class Agent:
         self.mail += query.record.messages
         query.reply(Receipt(taken=len(query.record.messages)))
 
-    async def ask(self, do: str, service: str = "", agent: str = "") -> BoardServices:
+    async def ask(self, do: str, service: str = "", agent: str = "", stays: bool = False) -> BoardServices:
         """Ask until somebody answers."""
-        request = ServiceRequest(agent=agent or self.name, do=do, service=service)  # type: ignore[arg-type]
+        request = ServiceRequest(agent=agent or self.name, do=do, service=service, stays=stays)  # type: ignore[arg-type]
         async with asyncio.timeout(20):
             while True:
                 key = keys.services(FLEET, self.board)
@@ -190,12 +190,17 @@ def test_who_joined_and_was_killed_is_forgotten_after_a_while_and_who_comes_back
 
     async def body() -> None:
         async with fleet.board("pi1") as pi1:
-            async with fleet.agent("kid", "pi1") as kid, fleet.agent("twin", "pi1") as twin:
+            async with (
+                fleet.agent("kid", "pi1") as kid,
+                fleet.agent("twin", "pi1") as twin,
+                fleet.agent("stays", "pi1") as stays,
+            ):
                 await kid.ask("join")
                 await twin.ask("join")
+                await stays.ask("join", stays=True)
             async with fleet.agent("twin", "pi1"):
                 await until(lambda: pi1.board_of("kid") is None, "kid is forgotten")
-                assert pi1.board_of("twin") == "pi1"
+                assert (pi1.board_of("twin"), pi1.board_of("stays")) == ("pi1", "pi1")
 
     run(body())
 

@@ -33,6 +33,15 @@ def test_who_joins_is_known_until_it_leaves(here: Services) -> None:
     assert (here.own.version, joined.own.version, left.own.version) == (0, 1, 2)
 
 
+def test_who_stays_does_so_until_it_joins_without_saying_so_or_leaves(here: Services) -> None:
+    staying = here.join("kid", stays=True)
+    assert staying.own.staying == ("kid",)
+    assert staying.join("kid", stays=True) is staying
+    assert staying.join("kid").own.staying == ()
+    assert here.join("kid").join("kid", stays=True).own.staying == ("kid",)
+    assert staying.leave("kid").own.staying == ()
+
+
 @pytest.mark.parametrize(
     ("name", "why"),
     [
