@@ -15,7 +15,7 @@ from agentd.language.compile import compile_program
 from agentd.language.parser import parse_program
 from agentd.memory import Memory, open_memory
 from agentd.mind.effects import TeamRequest
-from agentd.mind.inputs import TeamReply
+from agentd.mind.inputs import Mail, TeamReply
 from agentd.roster import Roster
 from commd.bus import Bus
 from commd.clock import Clock
@@ -66,10 +66,9 @@ class Hosted:
     def beliefs(self) -> tuple[str, ...]:
         return self.host.view().beliefs
 
-    def check(self) -> None:
-        """Raise what has ended it."""
-        if self._life.done():
-            self._life.result()
+    def tell(self, mail: Mail) -> None:
+        """Hand it a message that does not come by the bus."""
+        self.host._mailing.tell(mail)
 
     async def end(self) -> None:
         """Let it leave in order."""
@@ -86,7 +85,7 @@ class Hosted:
         self._life.cancel()
         self._stop.set()
         await asyncio.gather(self._life, return_exceptions=True)
-        self.disk.close()
+        await self.host.part_with(forget=False)
         self.host.close()
         self._writer.shutdown()
 

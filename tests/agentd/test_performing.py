@@ -1,0 +1,230 @@
+"""The actions of an agent that dies and comes back: written down before, joined or told truthfully after."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from agentd.language.terms import atom
+from agentd.mind.inputs import Mail
+from commd.bus import Bus, Query
+from schemas import keys
+from schemas.records import FINAL_STATES, Action, ActionStatus, Cancel, State
+from tests.agentd.hosts import Hosted, host_on
+from tests.support.buses import FLEET, Connect, on_a_bus, served, until
+
+
+class Bridge:
+    """Takes actions as a bridge does: an id begins once, whoever asks again hears what has become of it."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.begun: list[tuple[str, tuple[object, ...]]] = []
+        self.asked: list[tuple[str, int]] = []
+        self.cancelled: list[str] = []
+        self._states: dict[str, tuple[State, str]] = {}
+        self._changed = asyncio.Condition()
+        bus.serve(keys.action(FLEET, "a", "*"), Action, self._serve)
+        bus.serve(keys.cancel(FLEET, "a"), Cancel, self._cancel)
+
+    async def _serve(self, query: Query[Action]) -> None:
+        action = query.record
+        assert action is not None
+        self.asked.append((action.id, action.attempt))
+        if action.id not in self._states:
+            if action.attempt > 1:
+                self._states[action.id] = ("refused", "bridge restarted")
+            else:
+                self._states[action.id] = ("running", "")
+                self.begun.append((action.name, action.parameters))
+        if self._states[action.id][0] == "running":
+            query.reply(ActionStatus(id=action.id, state="accepted", name=action.name))
+        async with self._changed:
+            await self._changed.wait_for(lambda: self._states[action.id][0] in FINAL_STATES)
+        state, reason = self._states[action.id]
+        query.reply(
+            ActionStatus(id=action.id, state=state, result=state == "succeeded", reason=reason, name=action.name)
+        )
+
+    async def _cancel(self, query: Query[Cancel]) -> None:
+        assert query.record is not None
+        self.cancelled.append(query.record.id)
+        await self.end("cancelled", "cancelled by a", query.record.id)
+        query.reply(ActionStatus(id=query.record.id, state="cancelled"))
+
+    async def end(self, state: State, reason: str = "", only: str = "") -> None:
+        """Let what runs come to an end."""
+        async with self._changed:
+            for identity, (present, _) in self._states.items():
+                if present == "running" and only in ("", identity):
+                    self._states[identity] = (state, reason)
+            self._changed.notify_all()
+
+
+async def a_bridge(connect: Connect) -> Bridge:
+    bus = await connect("uav1", "bridged")
+    bridge = Bridge(bus)
+    await bus.claim("uav1")
+    return bridge
+
+
+async def a_life(connect: Connect, source: str, folder: Path) -> Hosted:
+    bus = await connect("a")
+    await served(bus, keys.action(FLEET, "a", "x"))
+    return await host_on(bus, "a", source, folder, robot="uav1")
+
+
+@pytest.fixture(autouse=True)
+def short_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("agentd.keeping.LAST_PATIENCE", 0.1)
+
+
+FLIES = """\
+!begin.
++!begin <- !!fly.
++!fly <- goto(1,2,3); .print(there).
+-!fly[error(E), reason(R)] <- .print(E, " ", R).
++interrupted(A, S, R) <- .print(A, " ", S, " ", R).
+"""
+
+
+def test_an_action_is_on_disk_before_the_bridge_hears_of_it(endpoint: str, tmp_path: Path) -> None:
+    async def body(connect: Connect) -> None:
+        bridge = await a_bridge(connect)
+        agent = await a_life(connect, FLIES, tmp_path)
+        await until(lambda: bridge.begun == [("goto", (1, 2, 3))], "the action begins")
+        assert [list(saving.actions) for saving in agent.disk.savings if saving.actions] == [[bridge.asked[0][0]]]
+        await bridge.end("succeeded")
+        await until(lambda: agent.prints == ["there"], "the plan goes on")
+        await until(lambda: any(saving.ended for saving in agent.disk.savings), "it is forgotten in the end")
+        await agent.end()
+        again = await a_life(connect, FLIES, tmp_path)
+        await asyncio.sleep(0.3)
+        assert (again.prints, len(bridge.asked)) == ([], 1)
+        await again.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_disk_that_is_slow_or_full_does_not_keep_a_robot_from_acting(endpoint: str, tmp_path: Path) -> None:
+    program = FLIES.replace("+!begin <- !!fly.", "+!begin. +!kqml_received(_, achieve, fly, _) <- !!fly.")
+
+    async def body(connect: Connect) -> None:
+        bridge = await a_bridge(connect)
+        agent = await a_life(connect, program, tmp_path)
+        await until(lambda: bool(agent.disk.savings), "it is kept once")
+        for problem in ("slow", "full"):
+            agent.disk.full = "no space left" if problem == "full" else ""
+            if problem == "slow":
+                agent.disk.open.clear()
+            agent.tell(Mail("b", "achieve", atom("fly")))
+            await until(lambda: len(bridge.begun) == 1, f"it acts with a disk that is {problem}")
+            await bridge.end("succeeded")
+            await until(lambda: agent.prints == ["there"], "the plan goes on")
+            agent.disk.open.set()
+            agent.disk.full = ""
+            bridge.begun.clear()
+            agent.host._prints.clear()
+        await agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_an_action_that_still_runs_is_joined_by_the_plan_that_performs_it_again(endpoint: str, tmp_path: Path) -> None:
+    async def body(connect: Connect) -> None:
+        bridge = await a_bridge(connect)
+        first = await a_life(connect, FLIES, tmp_path)
+        await until(lambda: len(bridge.begun) == 1, "the action begins")
+        await first.die()
+        second = await a_life(connect, FLIES, tmp_path)
+        await until(lambda: any(attempt == 2 for _, attempt in bridge.asked), "it is asked for again by its id")
+        await until(lambda: "goto" in str(second.host.view().intentions), "the plan performs it again")
+        await bridge.end("succeeded")
+        await until(lambda: second.prints == ["there"], "the plan goes on from there")
+        assert len(bridge.begun) == 1
+        assert len({identity for identity, _ in bridge.asked}) == 1
+        await second.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_joined_action_is_cancelled_with_the_intention_that_waits_for_it(endpoint: str, tmp_path: Path) -> None:
+    program = FLIES + "+!drop <- .wait(100); .drop_intention(fly); .print(dropped).\n+restarted(_) <- !!fly; !!drop.\n"
+
+    async def body(connect: Connect) -> None:
+        bridge = await a_bridge(connect)
+        first = await a_life(connect, program, tmp_path)
+        await until(lambda: len(bridge.begun) == 1, "the action begins")
+        await first.die()
+        second = await a_life(connect, program, tmp_path)
+        await until(lambda: second.prints == ["dropped"], "the intention is dropped")
+        await until(lambda: bridge.cancelled == [bridge.asked[0][0]], "the action is cancelled")
+        await second.end()
+
+    on_a_bus(endpoint, body)
+
+
+@pytest.mark.parametrize(
+    ("state", "reason"), [("succeeded", ""), ("failed", "agent a is lost: its token is gone"), ("timed_out", "late")]
+)
+def test_what_an_action_came_to_meanwhile_is_told_before_anything_else_goes_on(
+    endpoint: str, tmp_path: Path, state: State, reason: str
+) -> None:
+    program = FLIES + '+restarted(N) <- .print("back ", N).\n'
+
+    async def body(connect: Connect) -> None:
+        bridge = await a_bridge(connect)
+        first = await a_life(connect, program, tmp_path)
+        await until(lambda: len(bridge.begun) == 1, "the action begins")
+        await first.die()
+        await bridge.end(state, reason)
+        second = await a_life(connect, program, tmp_path)
+        await until(lambda: len(second.prints) == 2, "it is told")
+        assert second.prints == ["back 1", f"goto(1,2,3) {state} {reason}"]
+        await second.end()
+        third = await a_life(connect, program, tmp_path)
+        await until(lambda: third.prints == ["back 2"], "it is told once")
+        assert len(bridge.asked) == 2
+        await third.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_what_ends_later_and_nobody_has_joined_is_told_when_it_ends(endpoint: str, tmp_path: Path) -> None:
+    program = FLIES + '+restarted(N) <- .print("back ", N).\n'
+
+    async def body(connect: Connect) -> None:
+        bridge = await a_bridge(connect)
+        first = await a_life(connect, program, tmp_path)
+        await until(lambda: len(bridge.begun) == 1, "the action begins")
+        await first.die()
+        second = await a_life(connect, program, tmp_path)
+        await until(lambda: second.prints == ["back 1"], "it is back")
+        await bridge.end("failed", "the wind")
+        await until(lambda: second.prints == ["back 1", "goto(1,2,3) failed the wind"], "the end is told")
+        await second.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_bridge_that_knows_nothing_of_an_action_begins_nothing_and_the_agent_is_told(
+    endpoint: str, tmp_path: Path
+) -> None:
+    program = FLIES + "+restarted(_).\n"
+
+    async def body(connect: Connect) -> None:
+        bridge_bus = await connect("uav1", "bridged")
+        bridge = Bridge(bridge_bus)
+        await bridge_bus.claim("uav1")
+        first = await a_life(connect, program, tmp_path)
+        await until(lambda: len(bridge.begun) == 1, "the action begins")
+        await first.die()
+        await bridge_bus.close()
+        another = await a_bridge(connect)
+        second = await a_life(connect, program, tmp_path)
+        await until(lambda: second.prints == ["goto(1,2,3) refused bridge restarted"], "it is told")
+        assert another.begun == []
+        await second.end()
+
+    on_a_bus(endpoint, body)
