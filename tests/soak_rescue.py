@@ -34,7 +34,7 @@ from tests.support.relay import Relay
 RUNS = 20
 PATIENCE = 540.0
 """Wall seconds of one run; the mission's own timeout comes first."""
-PAUSE = (3.0, 10.0)
+PAUSE = (4.0, 12.0)
 """Wall seconds between two troubles."""
 CUT = (1.0, 40.0)
 """Wall seconds for which a link is cut."""
@@ -125,16 +125,17 @@ class Troubles:
             asyncio.get_running_loop().call_later(self._dice.uniform(0, AIM), self._kill, name, "aimed")
 
     async def go_on(self) -> None:
-        """Trouble the run until cancelled."""
-        while True:
-            await asyncio.sleep(self._dice.uniform(*PAUSE))
-            match self._dice.choices(list(SHARES), list(SHARES.values()))[0]:
-                case "cut":
-                    await self._cut()
-                case "freeze":
-                    await self._freeze(self._dice.choice(sorted(self._pids)))
-                case _:
-                    self._kill(self._dice.choice(sorted(self._pids)), "random")
+        """Trouble the run until cancelled, several troubles at a time."""
+        async with asyncio.TaskGroup() as lasting:
+            while True:
+                await asyncio.sleep(self._dice.uniform(*PAUSE))
+                match self._dice.choices(list(SHARES), list(SHARES.values()))[0]:
+                    case "cut":
+                        lasting.create_task(self._cut())
+                    case "freeze":
+                        lasting.create_task(self._freeze(self._dice.choice(sorted(self._pids))))
+                    case _:
+                        self._kill(self._dice.choice(sorted(self._pids)), "random")
 
     def _kill(self, name: str, how: str) -> None:
         with suppress(ProcessLookupError):
