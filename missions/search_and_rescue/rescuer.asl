@@ -9,10 +9,12 @@
 
 aboard :- latch(Pulse) & Pulse < 1500.                  // microseconds of the servo; 0 before it has moved at all
 gone :- latch(Pulse) & Pulse >= 1500.
+at_home :- home_pos(Lat, Lon) & global_pos(MyLat, MyLon) & metres(MyLat, MyLon, Lat, Lon, Off) & Off < 3.
 spent :- battery(_, _, Left) & Left < 40.               // enough to come home from anywhere, and no more
 
 free :- not mine(_) & aboard & charged & not armed.
 taken(V) :- held(V, R) & not .my_name(R).
+promised(V) :- held(V, R) & .my_name(R) & not rescued(V).
 open(V, Lat, Lon) :- victim(V, Lat, Lon) & not rescued(V) & not taken(V).
 
 // What it would take to rescue V: the way, longer with an emptier battery. Equal bids are told apart by the name.
@@ -34,8 +36,10 @@ bid(V, offer(Cost, Me))
 +!step : mine(V) & spent <- !give_back(V).
 +!step : mine(V) <- !rescue(V).
 +!step : armed <- return_to_launch.
++!step : not at_home <- .print("I wait to be carried home"); .wait(at_home, 60000, _).
 +!step : gone <- .print("a new buoy"); load_buoy; .wait(aboard, 10000).
 +!step : not charged <- .print("charging"); .wait(charged, 600000, _).
++!step : promised(V) <- .print("I am to go for ", V); +mine(V).       // the answer to a claim was lost
 +!step : open(_, _, _) <- -resting; !negotiate.
 +!step : search_over & not resting <- +resting.
 +!step <- .wait(open(_, _, _) | search_over & not resting, 60000, _).

@@ -59,6 +59,15 @@ victim(far, -27.6030, -48.518363).
      .wait(rescued(far), 300000);
      !assert_false(rescued(near)).
 
+@a_victim_that_the_book_has_promised_it_goes_before_a_nearer_one[test]
++!a_victim_that_the_book_has_promised_it_goes_before_a_nearer_one
+  <- !company;
+     .my_name(Me);
+     +held(far, Me);
+     !!serve;
+     .wait(rescued(far), 300000);
+     !assert_false(rescued(near)).
+
 @no_buoy_falls_without_leave[test]
 +!no_buoy_falls_without_leave
   <- !company;

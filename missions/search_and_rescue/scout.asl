@@ -66,7 +66,7 @@ open(V) :- missing(V) & not held(V, _).
 
 +!take_back(V, R) : rescuers(All) <- -cleared(V, R); -held(V, R); .send(All, untell, held(V, R)).
 
-+rescued(V)[source(R)] <- .print(R, " has rescued ", V); -cleared(V, R); -held(V, R).
++rescued(V)[source(R)] <- .print(R, " has rescued ", V); .abolish(cleared(V, _)); .abolish(held(V, _)).
 
 @given_back[atomic] +!give_back(V)[source(R)] : held(V, R) <- .print(R, " gives ", V, " back"); !take_back(V, R).
 +!give_back(_).

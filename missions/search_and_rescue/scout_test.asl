@@ -152,6 +152,18 @@ lost(1200).
      ?claim(7, Other)[source(two)];
      !assert_equals(yes, Other).
 
+@nobody_has_leave_for_a_victim_that_a_lost_one_has_rescued_after_all[test]
++!nobody_has_leave_for_a_victim_that_a_lost_one_has_rescued_after_all
+  <- !company;
+     !sighted(7);
+     ?claim(7, yes)[source(one)];
+     ?may_drop(7, yes)[source(one)];
+     .wait(1600000);
+     ?claim(7, yes)[source(two)];
+     +rescued(7)[source(one)];
+     ?may_drop(7, Leave)[source(two)];
+     !assert_equals(no, Leave).
+
 @a_victim_that_is_given_back_is_free[test]
 +!a_victim_that_is_given_back_is_free
   <- !company;

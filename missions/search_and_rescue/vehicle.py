@@ -93,6 +93,7 @@ class Vehicle(Environment):
         self.replace_percept(literal("state", self.mode, True, self.armed))
         self.replace_percept(literal("altitude", self.altitude))
         self.replace_percept(literal("global_pos", *self.place))
+        self.replace_percept(literal("home_pos", *HOME))
         self.replace_percept(literal("battery", 0, 12.6, self.battery))
         self.replace_percept(literal("latch", self.latch))
         self.replace_percept(literal("did", [literal(one.functor) for one in self.done]))
