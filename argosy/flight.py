@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-import re
 import signal
 import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack, suppress
 from itertools import pairwise
-from math import inf
 
 from argosy.aloft import age, last_line
-from argosy.boards import boards_of
 from argosy.endings import Ending, Endings
-from argosy.journal import Level
-from argosy.lines import Left, Ordered, Released, of_a_bridge, read_line
+from argosy.hearing import Hearing
 from argosy.observe import Observer
 from argosy.processes import Process, plan
-from argosy.restarts import Restarts, Watchdog
+from argosy.restarts import Restarts
 from argosy.status import Status
 from argosy.supervise import Child, Supervisor
+from argosy.watchdog import Watchdog
 from commd.bus import BusClosed, open_bus
 from commd.process import EXIT_DONE, EXIT_FAILED
 
@@ -36,14 +33,8 @@ LEAVE = 1.0
 """Wall seconds that a process without an armed vehicle has to leave."""
 LEAVE_SIMULATED, LEAVE_REAL = 3.0, 35.0
 """Wall seconds that a bridge has to see its on_shutdown confirmed; it tries three orders for 10 s each if it must."""
-HEALTHY = 3.0
-"""Wall seconds within which each daemon that is well says so again; it does once a second."""
 POLL = 0.02
 """Wall seconds between two looks at whether a process has come up."""
-
-
-_PRINTED = re.compile(r"\[([^\]\s]+)\] (.*)")
-"""How agentd writes what a program prints."""
 
 
 class StartupFailed(Exception):
@@ -56,10 +47,11 @@ class Flight:
     def __init__(self, status: Status) -> None:
         self.status = status
         self._mission, self._journal, self._picture = status.setup.mission, status.journal, status.picture
-        self._supervisor = Supervisor(self._wrote, self._ended)
+        self._hearing = Hearing(status)
+        self._supervisor = Supervisor(self._hearing.wrote, self._ended)
         status.children = self._supervisor.children
         self._endings = Endings(status, self._supervisor)
-        self._watchdog = Watchdog(self._supervisor, self._journal, self._is_silent)
+        self._watchdog = Watchdog(status)
         self._observer: Observer | None = None
         self._bus = AsyncExitStack()
         self.finished: float | None = None
@@ -86,6 +78,7 @@ class Flight:
             startup.cancel()
             await asyncio.gather(startup, return_exceptions=True)
             self._marks["mission" if "startup" in self._marks else "startup"] = self.finished = self.status.now()
+            self._hearing.ending = True
             self._journal.add("argosy", ending.text, "good" if ending.code == EXIT_DONE else "error")
             try:
                 if ending.code == EXIT_DONE:
@@ -129,7 +122,7 @@ class Flight:
                 patience=STARTUP_PATIENCE,
             )
         )
-        self._observer = self._endings.observer = observer = Observer(bus, self._picture)
+        self._observer = self._endings.observer = self._watchdog.observer = observer = Observer(bus, self._picture)
         await self._until(comm)
         await start("simulator")
         await self._until(await start("bridged"))
@@ -185,7 +178,7 @@ class Flight:
             if ending := self._endings.look():
                 return ending
             if self.status.setup.restart:
-                self._watchdog.look(self.status.children)
+                self._watchdog.look()
                 self._restarts.tell(self.status.serves)
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._wake.wait(), REFRESH)
@@ -286,39 +279,6 @@ class Flight:
         self._signal = self._signal or number
         self._wake.set()
 
-    def _wrote(self, child: Child, line: str) -> None:
-        printed = _PRINTED.fullmatch(line)
-        if printed and printed[1] in child.process.subject.split() and child.process.kind.name == "agentd":
-            self._picture.printed(printed[1], printed[2])
-            return
-        said = read_line(line)
-        told = of_a_bridge(said) if child.process.kind.name == "bridged" else None
-        if told is not None:
-            self._bridge_told(told)
-        elif said.level == "detail" and self.finished is not None:
-            self._journal.add(child.name, said.text, "output")
-        else:
-            self._journal.add(child.name, said.text, said.level)
-
-    def _bridge_told(self, told: Left | Ordered | Released) -> None:
-        """Pass on what a bridge did with a vehicle above the agents: nothing else tells when no action ran."""
-        if told.robot not in self._picture.robots:
-            return
-        match told:
-            case Left(robot, how):
-                self.status.left[robot] = told
-                level: Level = "good" if told.confirmed else "info" if how == "not armed" else "error"
-                level = "warning" if told.to_pilot else level
-                self._journal.add(robot, f"its bridge left it: {how}", level)
-            case Ordered(robot, order, True, reason):
-                self._picture.ordered(robot, order)
-                self._journal.add(robot, f"{order} confirmed: {reason or 'the vehicle does it'}", "good")
-            case Ordered(robot, order, _, reason):
-                self._picture.ordered(robot, order)
-                self._journal.add(robot, f"{order} NOT confirmed: {reason}", "error")
-            case Released(robot):
-                self._picture.released(robot)
-
     def _ended(self, child: Child) -> None:
         if child.dead:
             self._restarts.died(child)
@@ -329,16 +289,3 @@ class Flight:
             for name in subjects if kind in ("agentd", "bridged") else ():
                 (self._picture.agent_ended if kind == "agentd" else self._picture.bridge_ended)(name)
         self._wake.set()
-
-    def _is_silent(self, child: Child) -> bool:
-        """Whether a daemon says nothing on the bus although its board's commd is heard: it hangs."""
-        kind, names = child.process.kind.name, child.process.subject.split()
-        if self._observer is None or time.monotonic() - child.started < STARTUP_PATIENCE:
-            return False
-        if kind == "commd":  # of another board only its link may be cut
-            ours = child.process.board == boards_of(self._mission)[0]
-            return ours and self._observer.router_lost is not None
-        if self._observer.router_lost is not None or not self._picture.is_alive(child.process.board, "commd"):
-            return False
-        now, speed, heard = self.status.now(), self.status.setup.speed, self._picture.heard_at
-        return any(now - heard.get((name, kind), -inf) > HEALTHY * speed for name in names)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import signal
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 
 from argosy.journal import Journal
@@ -79,37 +78,3 @@ class Restarts:
         """Start nothing any more; returns when nothing is being started."""
         self._over.set()
         await asyncio.gather(*self._tasks)
-
-
-PATIENCE = 15.0
-"""Wall seconds that a daemon may be silent although its board is heard, or be stopped, until it counts as hung."""
-
-
-class Watchdog:
-    """Kills daemons that run and do nothing, so that they are started again."""
-
-    def __init__(self, supervisor: Supervisor, journal: Journal, silent: Callable[[Child], bool]) -> None:
-        """`silent` tells whether nothing is heard of a process although the way to it is open."""
-        self._supervisor, self._journal, self._silent = supervisor, journal, silent
-        self._since: dict[int, float] = {}
-
-    def look(self, children: Iterable[Child]) -> None:
-        """Look at each process, a few times a second."""
-        now = time.monotonic()
-        for child in children:
-            if not (child.alive and child.process.kind.daemon and (is_stopped(child.pid) or self._silent(child))):
-                self._since.pop(child.pid, None)
-            elif now - self._since.setdefault(child.pid, now) >= PATIENCE:
-                how = "is stopped" if is_stopped(child.pid) else "says nothing"
-                self._journal.add(child.name, f"hangs: it {how} for {PATIENCE:g} s, and is killed", "warning")
-                child.signal(signal.SIGKILL)
-                self._since.pop(child.pid)
-
-
-def is_stopped(pid: int) -> bool:
-    """Whether a process was stopped by a signal, or by a debugger."""
-    try:
-        with open(f"/proc/{pid}/stat") as file:
-            return file.read().rpartition(")")[2].split()[0] in "Tt"
-    except (OSError, IndexError):
-        return False

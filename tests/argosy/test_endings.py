@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import time
+from dataclasses import replace
 
 from argosy.endings import Ending, Endings
 from argosy.summary import summary
@@ -82,3 +84,52 @@ def test_a_run_that_is_not_done_tells_its_last_errors_and_warnings_once_and_with
     assert re.findall(r"problem (\d+)", told) == [str(number) for number in range(2, 12)]
     assert told.count("all is lost") == 1
     assert "last words" not in summary(recording.status, Ending(0, "done"), [("startup", 1.0)])
+
+
+class Silent:
+    """An observer that hears nothing of one agent, and has lost its router."""
+
+    def __init__(self, router_lost: float | None, *silent: str) -> None:
+        self.router_lost, self.silent = router_lost, set(silent)
+
+
+def ending_of(observer: Silent, restart: bool) -> Ending | None:
+    """Return how a run ends in which an observer hears this."""
+    recording = in_flight()
+    recording.status.setup = replace(recording.status.setup, restart=restart)
+    endings = Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None))
+    endings.observer = observer  # type: ignore[assignment]
+    return endings.look()
+
+
+def test_an_agent_that_is_silent_ends_the_run_unless_the_dead_are_started_again() -> None:
+    assert ending_of(Silent(None, "uav"), restart=False) == Ending(1, "failed: uav has not shown its mind for 5 s")
+    assert ending_of(Silent(None, "uav"), restart=True) is None
+
+
+def test_a_lost_router_ends_the_run_later_where_the_dead_are_started_again() -> None:
+    text = "failed: the router at tcp/127.0.0.1:7447 has not answered for {} s"
+    lost = time.monotonic() - 20
+    assert ending_of(Silent(lost), restart=False) == Ending(1, text.format(10))
+    assert ending_of(Silent(lost), restart=True) is None
+    assert ending_of(Silent(lost - 40), restart=True) == Ending(1, text.format(45))
+
+
+def test_what_an_agent_said_before_its_death_is_not_done() -> None:
+    recording = in_flight()
+    recording.mind(done=True)
+    assert look(recording) == Ending(0, "done")
+    recording.picture.agent_ended("uav")
+    assert look(recording) is None
+    recording.mind(done=True)
+    assert look(recording) == Ending(0, "done")
+
+
+def test_what_ran_on_a_bridge_that_died_has_ended_and_restarts_are_summed_up() -> None:
+    recording = in_flight()
+    recording.picture.bridge_ended("uav1")
+    assert recording.picture.open_actions() == []
+    recording.status.restarts.update({"bridged uav1": 2, "agentd uav": 1})
+    told = summary(recording.status, Ending(0, "done"), [("startup", 1.0)])
+    assert "failed: its bridge died" in told
+    assert "  restarts   bridged uav1 2, agentd uav 1\n" in told

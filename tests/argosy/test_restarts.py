@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import signal
 import sys
 from collections import Counter
@@ -16,7 +15,7 @@ import pytest
 from argosy import restarts
 from argosy.journal import Journal
 from argosy.processes import Kind, Process
-from argosy.restarts import MOST, Restarts, Watchdog
+from argosy.restarts import MOST, Restarts
 from argosy.supervise import Child, Supervisor
 
 DAEMON = Kind("daemon", lambda setup: [], lambda setup, subject: [])
@@ -195,46 +194,5 @@ def test_a_daemon_that_cannot_be_started_again_is_dead_and_says_why(
         await until(lambda: bool(run.supervisor.dead()))
         told = "was killed by SIGKILL; it cannot be started again: Resource temporarily unavailable"
         assert daemon.how_it_ended() == told
-
-    supervised(body)
-
-
-def test_a_daemon_that_hangs_is_killed_and_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(restarts, "PATIENCE", 0.3)
-
-    async def body(run: Run) -> None:
-        stopped, silent, well = [await run.start("import time; time.sleep(600)") for _ in range(3)]
-        watchdog = Watchdog(run.supervisor, run.journal, lambda child: child is silent)
-        stopped.signal(signal.SIGSTOP)
-        while len(run.ended) < 2:
-            watchdog.look([stopped, silent, well])
-            await asyncio.sleep(0.01)
-        await until(lambda: run.counts.total() == 2)
-        assert well.alive
-        hung = [line for line in run.told if "hangs" in line]
-        assert sorted(hung) == [
-            "daemon one: hangs: it is stopped for 0.3 s, and is killed",
-            "daemon one: hangs: it says nothing for 0.3 s, and is killed",
-        ]
-
-    supervised(body)
-
-
-def test_a_daemon_that_only_paused_is_spared(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(restarts, "PATIENCE", 600.0)
-
-    async def body(run: Run) -> None:
-        daemon = await run.start("import time; time.sleep(600)")
-        watchdog = Watchdog(run.supervisor, run.journal, lambda child: False)
-        os.kill(daemon.pid, signal.SIGSTOP)
-        await until(lambda: restarts.is_stopped(daemon.pid))
-        watchdog.look([daemon])
-        os.kill(daemon.pid, signal.SIGCONT)
-        await until(lambda: not restarts.is_stopped(daemon.pid))
-        watchdog.look([daemon])
-        monkeypatch.setattr(restarts, "PATIENCE", 0.0)
-        watchdog.look([daemon])  # it counts anew from here
-        assert daemon.alive
-        assert run.told == []
 
     supervised(body)
