@@ -16,7 +16,7 @@ from schemas.terms import Atom, Structure, Term
 M = TypeVar("M", bound="ReadMessage | Message")
 
 LARGEST = 1024 * 1024
-"""Bytes of the largest message, encoded as MessagePack."""
+"""Bytes of the largest message, as it travels."""
 SLACK = 4_096
 """Bytes that a notice may have besides the content of the largest message."""
 OFFICE = "mail"

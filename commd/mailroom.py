@@ -28,6 +28,7 @@ from commd.peers import Deliver, Directory, Peers
 from commd.radio import Air
 from commd.store import Store, StoreFailed, open_store
 from schemas import keys
+from schemas.codec import codec
 from schemas.mission import MailRules
 from schemas.names import check_name
 from schemas.records import Health, Mail, Mailboxes, Message, Receipt
@@ -220,7 +221,13 @@ class Mailroom:
             kept = letter(message, line, None if ttl is None else now + ttl)
         except ValueError as bad:
             return str(bad)
-        return TOO_LARGE if len(kept.message) > LARGEST + slack else kept
+        if len(kept.message) > LARGEST + slack and self._travels_as(message) > LARGEST + slack:
+            return TOO_LARGE
+        return kept
+
+    def _travels_as(self, message: Message) -> int:
+        """Return the bytes of a message on the bus: JSON writes many numbers shorter than MessagePack does."""
+        return len(codec(Message).encode(message, self._bus.wire))
 
     async def _write(
         self, letters: Sequence[Letter | str], now: float, also: Callable[[Connection], None] | None = None

@@ -5,7 +5,6 @@ Files are untrusted: only plain YAML of bounded size and depth, no tags that bui
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Callable, Iterable
 from typing import Any, TypeVar, get_args
@@ -162,6 +161,8 @@ def _explain(
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return `, did you mean `x`?` for a near miss, and what there is otherwise."""
+    import difflib  # a file without mistakes is read without it
+
     names = sorted(known)
     if near := difflib.get_close_matches(word, names, 1, 0.6):
         return f", did you mean `{near[0]}`?"

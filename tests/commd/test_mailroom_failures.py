@@ -54,8 +54,11 @@ def test_a_message_of_more_than_a_megabyte_is_refused_and_one_of_a_megabyte_arri
             fits = message(1, content="x" * (LARGEST - 200))
             too_large = message(2, content="x" * LARGEST)
             assert await post(sender, fits, too_large, message(3)) == Receipt(taken=2, refused={1: "message_too_large"})
-            await until(lambda: len(receiver.got) == 2, "the others arrive")
+            numbers = message(4, content=[1.5] * 200_000)  # 800 kB of JSON, 1.8 MB of MessagePack
+            assert await post(sender, numbers) == Receipt(taken=1)
+            await until(lambda: len(receiver.got) == 3, "the others arrive")
             assert receiver.got[0] == fits
+            assert receiver.got[2] == numbers
             assert first.counters["turned_away"] == 1
 
     on_a_bus(endpoint, body)
