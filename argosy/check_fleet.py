@@ -8,7 +8,6 @@ from dataclasses import replace
 from agentd.analysis.mentions import Survey
 from agentd.compose import restart_goal
 from agentd.language.syntax import ListTerm, Structure
-from argosy.boards import boards_of
 from argosy.links import address_of, peer_of
 from argosy.simulators import machine_of, vehicle_of
 from bridged.drivers.mavlink.address import LinkAddressError
@@ -51,8 +50,8 @@ def check_boards(mission: Mission) -> list[Finding]:
         except (LinkAddressError, ValueError) as error:
             text = f"simulated on `{machine_of(robot)}`: {error}"
             findings.append(mission.positions.finding(("robots", name, "link"), text))
-    if mission.radio is not None and len(boards_of(mission)) == 1:
-        text = "radio: mail between agents of one board goes by no radio, and there is one board"
+    if mission.radio is not None and len({*mission.mailboxes.values()}) <= 1:
+        text = "radio: has no effect: all agents and clients live on one board"
         findings.append(mission.positions.finding(("radio",), text, at_key=True))
     return [replace(finding, severity="warning") for finding in findings]
 

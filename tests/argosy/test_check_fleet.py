@@ -125,7 +125,7 @@ def test_a_radio_between_agents_of_one_board_is_told_to_do_nothing(
     (tmp_path / "a.asl").write_text("!begin.\n+!begin <- +enough.\n")
     path = tmp_path / "m.yaml"
     path.write_text("mission: m\nagents: {a: {program: a.asl}}\ndone: 'a: enough'\nradio: {range: 300m}\n")
-    told = "radio: mail between agents of one board goes by no radio, and there is one board"
+    told = "radio: has no effect: all agents and clients live on one board"
     assert said(path, capsys) == [f"m.yaml:4:1: warning: {told}"]
 
 
