@@ -28,7 +28,7 @@ def list_mailboxes(db: Connection, now: float, state: Callable[[str], str]) -> M
             receiver=receiver,
             messages=count,
             bytes=size,
-            oldest=round(now - posted, 1),
+            oldest=max(0.0, round(now - posted, 1)),
             state=state(line),
         )
         for line, sender, receiver, count, size, posted in rows

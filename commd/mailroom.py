@@ -10,7 +10,7 @@ import asyncio
 import logging
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Collection, Iterable, Sequence
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
 from sqlite3 import Connection
@@ -353,6 +353,8 @@ async def open_mailroom(
 
     async with open_store(folder / f"{bus.name}.mail", rules.synchronous, tally.count) as store:
         await store.read(clock.load)
+        with suppress(StoreFailed):  # what is told of a message's age may be less than the truth then
+            await store.write(clock.save)
         mailroom = Mailroom(bus, store, tally, clock, directory, rules, air)
         for name in directory.names():
             if directory.board_of(name) == bus.name:
@@ -374,6 +376,8 @@ async def open_mailroom(
             running.remove_done_callback(ended)
             running.cancel()
             await asyncio.gather(running, return_exceptions=True)
+            with suppress(StoreFailed):
+                await store.write(clock.save)
 
 
 def _several(texts: Iterable[str]) -> str:

@@ -332,6 +332,21 @@ def test_what_waits_is_listed_with_its_age_and_what_it_waits_for(endpoint: str, 
     on_a_bus(endpoint, body)
 
 
+def test_the_age_of_what_waits_goes_on_over_a_restart(endpoint: str, tmp_path: Path) -> None:
+    async def body(connect: Connect) -> None:
+        now, sender = Time(), await connect("a")
+        async with board(connect, "pi1", tmp_path, now=now):
+            now.seconds += 100
+            await post(sender, message(1))
+            now.seconds += 5
+        now.seconds += 20
+        async with board(connect, "pi1", tmp_path, now=now):
+            await served(sender, keys.mailboxes(FLEET, "pi1"))
+            assert [queue.oldest for queue in (await listed(sender, "pi1")).queues] == [25.0]
+
+    on_a_bus(endpoint, body)
+
+
 def test_dead_letters_are_kept_up_to_a_bound_the_newest_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(boxes, "DEAD", 3)
     db, tally = memory()
