@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import os
 import pty
@@ -12,11 +13,15 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 from rich.console import Console
 
 from argosy.live import Screen
+from argosy.processes import Kind, Process
+from argosy.supervise import Child
 from schemas.records import ActionStatus
 from tests.argosy.conftest import DOUBLES
 from tests.argosy.recorded import Recording, flight
@@ -151,3 +156,17 @@ def test_in_a_real_terminal_the_view_is_drawn_and_the_summary_stays(single_uav: 
     assert "● bridged uav1" in text
     assert "single-uav: done" in rest
     assert "single-uav: done" not in text
+
+
+def test_the_view_shows_what_was_restarted_and_what_is_to_be() -> None:
+    recording = in_flight()
+    kind = Kind("agentd", lambda setup: [], lambda setup, subject: [])
+    for name, replaced in (("uav", False), ("other", True)):
+        process = Process(kind, "uav", (), label=name)
+        child = Child(process, cast("asyncio.subprocess.Process", SimpleNamespace(pid=4711, returncode=-9)))
+        child.replaced, child.died = replaced, 1.0 if replaced else None
+        recording.status.children.append(child)
+    recording.status.restarts["agentd uav"] = 3
+    text = "\n".join(screen(recording, height=40))
+    assert re.search(r"○ agentd uav +pid 4711 +coming up, restarted 3 times", text)
+    assert re.search(r"○ agentd other +pid 4711 +died, is started again", text)
