@@ -198,6 +198,13 @@ def test_a_belief_that_is_but_a_percept_any_more_is_kept_no_longer() -> None:
     assert beliefs(life.next(), "at/1") == []
 
 
+def test_a_belief_that_lost_its_own_source_and_then_its_percept_between_two_saves_is_kept_no_longer() -> None:
+    life = begun("+!add(B) <- +B. +!del(B) <- -B.")
+    life.feed(GoalAdded(term("add(at(1))")), PerceptAdded(term("at(1)"))).save()
+    life.feed(GoalAdded(term("del(at(1)[source(self)])")), PerceptRemoved(term("at(1)"))).save()
+    assert beliefs(life.next(), "at/1") == []
+
+
 def test_a_belief_with_free_variables_is_asked_as_before() -> None:
     life = begun("likes(X, X). !go. +!go <- +hates(ann, Y). +!ask <- ?likes(A, 3); ?hates(W, Z); .print(A, W).")
     assert life.next().feed(GoalAdded(term("ask"))).prints == ["3ann"]
