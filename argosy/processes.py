@@ -14,7 +14,6 @@ from pathlib import Path
 from argosy import simulators
 from argosy.boards import Place, boards_of
 from argosy.links import together
-from argosy.surroundings import servo_log
 from schemas.mission import Mission
 
 ALL = "all"
@@ -93,9 +92,7 @@ class Kind:
 
 def _simulator(setup: Setup, robot: str) -> list[str]:
     router = setup.place(_board_of_robots(setup, robot)).router
-    copter = simulators.vehicle_of(setup.mission.robots[robot]) == "copter"
-    log = ["--servo-log", str(servo_log(setup.logs, robot))] if copter and setup.logs is not None else []
-    return [*simulators.command(setup.mission, robot, router), *log, *_speed(setup)]
+    return [*simulators.command(setup.mission, robot, router, logs=setup.logs), *_speed(setup)]
 
 
 def _bridge(setup: Setup, robots: str) -> list[str]:

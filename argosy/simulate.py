@@ -11,6 +11,7 @@ import signal
 import sys
 from argparse import ArgumentParser, Namespace
 from contextlib import suppress
+from pathlib import Path
 
 from argosy.check import check_mission
 from argosy.endpoint import endpoint, link_in_use
@@ -47,6 +48,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         type=endpoint,
         metavar="ENDPOINT",
         help="where simulated robots on Zenoh find their board's router (default: the board's address)",
+    )
+    parser.add_argument(
+        "--report", type=Path, metavar="DIR", help="write what the outputs of simulated copters do there, for a referee"
     )
 
 
@@ -87,7 +91,7 @@ def _processes(mission: Mission, args: Namespace) -> list[Process]:
             apart = host if machine != robot.board else None
             if (link := address_of(robot)) is not None:
                 _check_free(peer_of(link, apart))
-            argv = command(mission, name, args.router or _router(mission, address, apart), apart)
+            argv = command(mission, name, args.router or _router(mission, address, apart), apart, args.report)
         except (LinkAddressError, ValueError) as error:
             findings.append(mission.positions.finding(("robots", name, "link"), f"{name}: {error}"))
             continue

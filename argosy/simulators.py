@@ -7,9 +7,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 from argosy.links import MEETING, address_of, group_of, peer_of
-from argosy.surroundings import camera_arguments, check_world
+from argosy.surroundings import camera_arguments, check_world, log_arguments
 from bridged.drivers.mavlink.address import LinkAddress
 from bridged.drivers.python.plugins import TWINS, has_plugin
 from bridged.drivers.python.vocabulary import names
@@ -66,14 +67,17 @@ def machine_of(robot: Robot) -> str:
     return (robot.simulate.board if robot.simulate is not None else None) or robot.board
 
 
-def command(mission: Mission, name: str, router: str, address: str | None = None) -> list[str]:
+def command(
+    mission: Mission, name: str, router: str, address: str | None = None, logs: Path | None = None
+) -> list[str]:
     """Return the command of a robot's simulator, but for its speed.
 
-    `address` is that of the robot's board if it is another machine. Raises LinkAddressError if the simulator could not
-    reach the bridge.
+    `address` is that of the robot's board if it is another machine, `logs` a folder for what a referee reads. Raises
+    LinkAddressError if the simulator could not reach the bridge.
     """
     vehicle = vehicle_of(mission.robots[name])
-    return ["bridged", "simulate", vehicle, *VEHICLES[vehicle](mission, name, router, address)]
+    logged = log_arguments(name, logs) if vehicle == "copter" else []
+    return ["bridged", "simulate", vehicle, *VEHICLES[vehicle](mission, name, router, address), *logged]
 
 
 def check_simulations(mission: Mission, manifests: Mapping[str, Manifest | None]) -> list[Finding]:

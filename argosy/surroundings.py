@@ -22,6 +22,11 @@ def servo_log(folder: Path, robot: str) -> Path:
     return folder / f"{robot}.servo.jsonl"
 
 
+def log_arguments(name: str, folder: Path | None) -> list[str]:
+    """Return what a copter's simulator is told of its servo log, if there is a folder for it."""
+    return ["--servo-log", str(servo_log(folder, name))] if folder is not None else []
+
+
 def camera_arguments(mission: Mission, name: str, router: str) -> list[str]:
     """Return what a copter's simulator is told of its camera; nothing if it has none."""
     robot, world = mission.robots[name], mission.world

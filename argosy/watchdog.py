@@ -55,7 +55,7 @@ class Watchdog:
         if lost or not status.picture.is_alive(board, "commd"):
             return False
         old = status.now() - HEALTHY * status.setup.speed
-        return any(status.picture.heard_at.get((name, kind), -inf) < old for name in child.process.subject.split())
+        return all(status.picture.heard_at.get((name, kind), -inf) < old for name in child.process.subject.split())
 
 
 def is_stopped(pid: int) -> bool:

@@ -98,6 +98,17 @@ def test_a_daemon_of_which_nothing_is_heard_although_its_board_is_heard_is_kille
     looking(body)
 
 
+def test_a_daemon_that_is_heard_for_one_of_its_agents_is_well() -> None:
+    async def body(one: Looking) -> None:
+        one.token("local", "commd")
+        one.recording.health("uav", "agentd")
+        agents = await one.start("agentd", "uav killed_by_its_program")
+        await one.looked()
+        assert agents.alive
+
+    looking(body)
+
+
 def test_nobody_is_judged_while_the_way_to_its_board_is_cut() -> None:
     async def body(one: Looking) -> None:
         agent = await one.start("agentd", "uav")
