@@ -15,7 +15,7 @@ from commd.directory import open_directory
 from commd.gateway import open_gateway
 from commd.mailroom import open_mailroom
 from commd.peers import FixedDirectory
-from commd.process import EXIT_DONE, add_router_argument, endpoint_argument, report_health, run_daemon
+from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, endpoint_argument, report_health, run_daemon
 from commd.radio import open_air
 from commd.routers import router_of
 from commd.state import state_directory
@@ -79,9 +79,13 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
             parts = (mailroom.health, directory.health, gateway.health, *((air.health,) if air is not None else ()))
             log.info("%s board=%s endpoint=%s", mode, board, endpoint)
             health = asyncio.create_task(report_health(bus, board, clock, lambda: together(parts)))
-            await stop.wait()
+            stopping = asyncio.create_task(stop.wait())
+            await asyncio.wait((health, stopping), return_when=asyncio.FIRST_COMPLETED)
+            if broken := health.done():
+                log.error("the router is broken, it is to be started again: %r", health.exception())
             health.cancel()
-    return EXIT_DONE
+            stopping.cancel()
+    return EXIT_FAILED if broken else EXIT_DONE
 
 
 def together(parts: Sequence[Callable[[], Health]]) -> Health:

@@ -7,6 +7,7 @@ import random
 import signal
 import socket
 import time
+from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
 
@@ -272,8 +273,8 @@ def test_the_robot_of_an_agent_that_dies_after_its_bridge_restarted_returns_all_
 ) -> None:
     lives: list[Presence] = []
 
-    def watching(agents: list[str]) -> Presence:
-        lives.append(Presence(agents))
+    def watching(agents: list[str], board_of: Callable[[str], str | None]) -> Presence:
+        lives.append(Presence(agents, board_of))
         return lives[-1]
 
     monkeypatch.setattr("bridged.watch.Presence", watching)

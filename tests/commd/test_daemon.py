@@ -5,16 +5,19 @@ from __future__ import annotations
 import asyncio
 import signal
 import time
+from argparse import Namespace
 from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
 
-from commd.bus import open_bus
+from commd.bus import Bus, open_bus
 from commd.clock import Clock
+from commd.daemon import serve
 from commd.process import report_health
 from schemas import keys
-from schemas.records import Health
+from schemas.mission import load_mission
+from schemas.records import Health, Record
 from tests.support.buses import FLEET, Connect, on_a_bus, subscribed, until
 from tests.support.processes import running
 from tests.support.promises import least
@@ -90,3 +93,26 @@ def test_what_is_no_endpoint_is_refused_with_what_is_one(endpoint: str) -> None:
     with running("commd", "serve", MISSION, "--router", endpoint) as commd:
         assert commd.ends() == 2
         assert commd.lines[-1].endswith(f"Expected an endpoint such as `tcp/127.0.0.1:7447`, got `{endpoint}`")
+
+
+def test_a_router_that_breaks_ends_commd_so_that_it_is_started_again(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    class Panic(BaseException):
+        """What a panic of Zenoh's is in Python."""
+
+    real = Bus.put
+
+    def put(bus: Bus, key: str, record: Record) -> None:
+        if "/health/" in key:
+            raise Panic("called `Result::unwrap()` on an `Err` value: PoisonError")
+        real(bus, key, record)
+
+    monkeypatch.setattr(Bus, "put", put)
+    args = Namespace(board=None, router=endpoint, listen=[], connect=[], state=tmp_path)
+
+    async def body() -> int:
+        return await asyncio.wait_for(serve(load_mission(MISSION), args, asyncio.Event()), 30)
+
+    assert asyncio.run(body()) == 1
+    assert "the router is broken" in caplog.text
