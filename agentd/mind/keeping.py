@@ -30,7 +30,7 @@ class Keeper:
     """Notes what changes in the one mind that it is given to: ``Mind(name, program, keeper=Keeper(stored))``.
 
     With ``stored`` the mind is restored instead of beginning with its initial beliefs and goals; no event is raised by
-    that. Then `resume` is called once, before the first `changes`.
+    that. `resume` is to be called once; until then what was pending stays kept as it is.
     """
 
     def __init__(self, stored: StoredMind | None = None) -> None:
@@ -51,6 +51,8 @@ class Keeper:
         self._fed: deque[tuple[Mail, Any]] = deque()
         self._pending: dict[PendingKey, tuple[Any, ...]] = {}
         """What is kept as pending: its origin and its event."""
+        self._waiting: set[PendingKey] = set()
+        """What was restored and not given again yet."""
         self._values: dict[str, bytes] = {}
         self._seen: tuple[int, ...] = ()
 
@@ -72,7 +74,7 @@ class Keeper:
         else:
             self._restore(mind, program, self._stored)
             self._stored = None
-        self._origins = Origins(mind)
+        self._origins = Origins(mind, max((number for queued, number in self._waiting if queued), default=0))
         for event in mind.events:
             self._origins.mark(event, Origin.NEVER)
 
@@ -81,6 +83,7 @@ class Keeper:
     def resume(self, own: bool) -> int:
         """Give the restored mind again what was pending: of others, and its own if ``own``. Returns how much."""
         mind, count = self._mind, 0
+        self._waiting = set()
         for item in sorted((*self.pending_own, *self.pending_others), key=lambda item: item.place):
             if item.origin is Origin.OWN and not own:
                 continue
@@ -157,6 +160,7 @@ class Keeper:
                 changes.pending_gone.append(key)
             else:
                 changes.pending.append((key, origin, data))
+        now.update((key, before[key]) for key in self._waiting)
         changes.pending_gone += [key for key in before if key not in now]
         self._pending = now
 
@@ -211,6 +215,8 @@ class Keeper:
         self.pending_own = tuple(item for item in pending if item.origin is Origin.OWN)
         self.pending_others = tuple(item for item in pending if item.origin is Origin.OTHERS)
         self._pending = {key: (None, None, None) for key, _, _ in stored.pending}
+        self._waiting = set(self._pending)
+        mind.intention_count = max((number for queued, number in self._waiting if not queued), default=0)
         self._values = dict(stored.values)
         warn(mind, program)
 

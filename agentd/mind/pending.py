@@ -81,7 +81,8 @@ class _Root(NamedTuple):
 class Origins:
     """Knows where the events and intentions of a mind come from. It takes the place of ``mind.take_event``."""
 
-    def __init__(self, mind: Any) -> None:
+    def __init__(self, mind: Any, places: int) -> None:
+        """``places`` in the queue were given before, in a former life."""
         self._mind, self._take = mind, mind.take_event
         self._marked: dict[int, tuple[Event, Origin]] = {}
         """Queued events whose origin their annotations do not tell, by their identity."""
@@ -90,7 +91,7 @@ class Origins:
         self._most = _MOST_NOTED
         self._queued: dict[int, tuple[Event, int]] = {}
         """The events seen in the queue, by their identity, with their places."""
-        self._places = 0
+        self._places = places
         mind.take_event = self.take_event
 
     def mark(self, event: Event, origin: Origin) -> None:

@@ -70,6 +70,19 @@ def test_a_life_that_dies_before_its_first_save_changes_nothing() -> None:
     assert others(life) == ["+!g(1)[source(ann)]"]
 
 
+def test_what_was_pending_stays_kept_until_it_is_given_again_whatever_comes_before() -> None:
+    life = begun(WAITS).feed(told("achieve", "g(1)"), told("achieve", "g(2)"))
+    life.mind.post(life.mind.plans.relevant("+", "!", term("g(3)").sig), (3.0,), told_by_ann())
+    life.save()
+    before = others(life)
+    again = Life(WAITS, life.stored).feed(told("achieve", "g(4)", sender="cid"))
+    again.save()
+    assert others(again) == [*before[:2], "+!g(4)[source(cid)]", before[2]]
+    again.keeper.resume(own=False)
+    again.settle().save()
+    assert others(again) == ["+!g(4)[source(cid)]", *before]
+
+
 def test_the_initial_goal_and_all_that_runs_in_its_intention_never_begin_again() -> None:
     life = begun("p(1). +p(X) <- .wait(9000). !start. +!start <- !inner; .print(never). +!inner <- .wait(10000).")
     assert own(life) == []
