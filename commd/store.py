@@ -48,6 +48,8 @@ DISK = CORRUPT | {
     sqlite3.SQLITE_NOMEM,
 }
 """What is wrong with the disk or the file; any other error is a defect of the transaction that met it."""
+PASSING = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_NOMEM}
+"""What passes without opening the file anew."""
 
 
 class StoreFailed(OSError):
@@ -74,10 +76,11 @@ class Store:
         """The reader has met something corrupt: the writer must look."""
         self._uncounted = True
         self._generation = 0
-        """Counts the files: a corrupt one was set aside."""
+        """Counts how often the file was opened: the reader follows."""
         self._reader = ThreadPoolExecutor(1, "mail-reader")
         self._reading: tuple[int, sqlite3.Connection] | None = None
-        self._db: sqlite3.Connection
+        self._db: sqlite3.Connection | None = None
+        """The writer's; none while the file cannot be opened."""
         self._writer = Thread(target=self._work, name="mail-writer", daemon=True)
 
     async def write(self, transaction: Transaction[T]) -> T:
@@ -116,6 +119,9 @@ class Store:
             code = _code(error)
             if code not in DISK:
                 raise
+            if code not in PASSING and self._reading is not None:
+                self._reading[1].close()
+                self._reading = None
             if code in CORRUPT:
                 with self._ready:
                     self._suspect = True
@@ -134,81 +140,105 @@ class Store:
             outcomes = self._commit([transaction for transaction, _ in group])
             with suppress(RuntimeError):  # the loop is closed: nobody waits any more
                 self._loop.call_soon_threadsafe(_settle, [future for _, future in group], outcomes)
-        self._db.close()
+        self._close()
 
     def _commit(self, group: list[Transaction[Any]]) -> list[Any]:
         """Run a group of transactions as one. Returns each one's result, or the exception instead of it."""
-        db = self._db
         try:
+            db = self._db or self._open()
             if self._suspect:
                 self._suspect = False
                 _check(db)
-            self._recount()
+            self._recount(db)
             db.execute("BEGIN IMMEDIATE")
-            outcomes = [self._run(transaction) for transaction in group]
+            outcomes = [self._run(db, transaction) for transaction in group]
             db.execute("COMMIT")
-        except sqlite3.Error as error:
+        except (sqlite3.Error, OSError, TooNew) as error:
             self._failed(error)
             return [StoreFailed(_words(error))] * len(group)
+        except Exception as error:  # the thread must outlive it: without it nobody could write any more
+            log.exception("defect in argosy: writing %s", self.path)
+            self._failed(error)
+            return [StoreFailed(f"defect in argosy: {error}")] * len(group)
         self.counters["commits"] += 1
         if self.note:
             log.warning("mail_store_well file=%s", self.path)
             self.note = ""
         return outcomes
 
-    def _run(self, transaction: Transaction[Any]) -> Any:
-        self._db.execute("SAVEPOINT one")
+    def _run(self, db: sqlite3.Connection, transaction: Transaction[Any]) -> Any:
+        db.execute("SAVEPOINT one")
         try:
-            outcome = transaction(self._db)
+            outcome = transaction(db)
         except Exception as error:
             if _code(error) in DISK:
                 raise
             outcome = error
-            self._db.execute("ROLLBACK TO one")
+            db.execute("ROLLBACK TO one")
             self._uncounted = True
-            self._recount()
-        self._db.execute("RELEASE one")
+            self._recount(db)
+        db.execute("RELEASE one")
         return outcome
 
-    def _recount(self) -> None:
+    def _recount(self, db: sqlite3.Connection) -> None:
         """Count anew what is kept in memory about the file, after something was rolled back."""
         if self._uncounted and self._count is not None:
-            self._count(self._db)
+            self._count(db)
         self._uncounted = False
 
-    def _failed(self, error: sqlite3.Error) -> None:
-        """Forget what was not committed, tell once why, and begin a new file if this one is corrupt."""
+    def _failed(self, error: Exception) -> None:
+        """Forget what was not committed, tell once why, and open the file anew if it is not just full."""
         self.counters["db_errors"] += 1
         self._uncounted = True
         if not self.note:
             log.error("mail_store_failing file=%s why=%s: no mail is taken until it is well again", self.path, error)
         self.note = f"no mail is taken: {_words(error)} ({self.path})"
         try:
-            if self._db.in_transaction:
+            if self._db is not None and self._db.in_transaction:
                 self._db.execute("ROLLBACK")
-            if _code(error) in CORRUPT:
-                self._db.close()
-                self._begin_anew(str(error))
-            self._recount()
-        except (sqlite3.Error, OSError) as another:
+            if self._db is not None and _code(error) in DISK - PASSING:
+                self._close()
+                if _code(error) in CORRUPT:
+                    self._begin_anew(str(error))
+            if self._db is not None:
+                self._recount(self._db)
+        except (sqlite3.Error, OSError, TooNew) as another:
             log.error("mail_store_failing file=%s why=%s", self.path, another)
 
-    def _begin_anew(self, why: str) -> None:
-        self.set_aside.append(_set_aside(self.path, why).name)
-        self._db = _connect(self.path, self.synchronous)
-        migrate(self._db)
-        self._generation += 1
-
-    def _open(self) -> None:
+    def _open(self) -> sqlite3.Connection:
+        """Open the file, or a new one if it is corrupt. Raises what SQLite and the file system say, and TooNew."""
         try:
-            self._db = _connect(self.path, self.synchronous)
-            _check(self._db)
-            migrate(self._db)
+            db = _connect(self.path, self.synchronous)
+            try:
+                _check(db)
+                migrate(db)
+            except BaseException:
+                db.close()
+                raise
         except sqlite3.Error as error:
             if _code(error) not in CORRUPT:
                 raise
-            self._begin_anew(str(error))
-        self._recount()
+            return self._begin_anew(str(error))
+        return self._opened(db)
+
+    def _begin_anew(self, why: str) -> sqlite3.Connection:
+        """Set the file aside and make a new one."""
+        self.set_aside.append(_set_aside(self.path, why).name)
+        db = _connect(self.path, self.synchronous)
+        migrate(db)
+        return self._opened(db)
+
+    def _opened(self, db: sqlite3.Connection) -> sqlite3.Connection:
+        self._db = db
+        self._generation += 1
+        self._uncounted = True
+        self._recount(db)
+        return db
+
+    def _close(self) -> None:
+        if self._db is not None:
+            self._db.close()
+        self._db = None
 
     async def open(self) -> None:
         """Open the file, check it and bring it to this version; a corrupt one is set aside.
@@ -322,5 +352,5 @@ def _code(error: BaseException) -> int:
     return int(getattr(error, "sqlite_errorcode", None) or 0) & 0xFF
 
 
-def _words(error: sqlite3.Error) -> str:
+def _words(error: Exception) -> str:
     return "the disk is full" if _code(error) == sqlite3.SQLITE_FULL else str(error)

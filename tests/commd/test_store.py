@@ -256,6 +256,78 @@ def test_a_file_that_is_damaged_while_it_is_used_is_set_aside_too(path: Path) ->
     in_store(path, body)
 
 
+def test_a_damaged_file_that_cannot_be_set_aside_now_is_set_aside_later(
+    path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def damaged(db: Connection) -> None:
+        error = sqlite3.DatabaseError("database disk image is malformed")
+        error.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
+        raise error
+
+    def read_only(*_: object) -> Path:
+        path.write_bytes(os.urandom(8192))
+        raise OSError("read-only file system")
+
+    async def body(store: Store) -> None:
+        await store.write(keep("before"))
+        with monkeypatch.context() as patched:
+            patched.setattr("commd.store._set_aside", read_only)
+            with pytest.raises(StoreFailed, match="malformed"):
+                await store.write(damaged)
+            with pytest.raises(StoreFailed, match="read-only file system"):
+                await store.write(keep("lost"))
+            assert "read-only file system" in caplog.text
+        await store.write(keep("new"))
+        assert store.set_aside == ["pi1.mail.corrupt-1"]
+        assert list(await store.read(kept)) == ["new"]
+        assert store.note == ""
+
+    in_store(path, body)
+
+
+def test_a_disk_that_was_away_for_a_while_is_used_again(path: Path) -> None:
+    def fails(db: Connection) -> None:
+        error = sqlite3.OperationalError("disk I/O error")
+        error.sqlite_errorcode = sqlite3.SQLITE_IOERR
+        raise error
+
+    async def body(store: Store) -> None:
+        await store.write(keep("before"))
+        before = await store.write(id)
+        with pytest.raises(StoreFailed, match="disk I/O error"):
+            await store.write(fails)
+        with pytest.raises(StoreFailed, match="disk I/O error"):
+            await store.read(fails)
+        await store.write(keep("after"))
+        assert await store.write(id) != before, "by a connection of its own"
+        assert list(await store.read(kept)) == ["after", "before"]
+
+    in_store(path, body)
+
+
+def test_a_defect_in_what_counts_the_file_ends_no_writing(path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    faults = [KeyError("a defect")]
+
+    def count(db: Connection) -> None:
+        if counting and faults:
+            raise faults.pop()
+
+    def fails(db: Connection) -> None:
+        raise ValueError("rolled back")
+
+    async def everything() -> None:
+        async with asyncio.timeout(30), open_store(path, count=count) as store:
+            counting.append(True)
+            with pytest.raises(StoreFailed, match="defect in argosy: 'a defect'"):
+                await store.write(fails)
+            await store.write(keep("after"))
+            assert list(await store.read(kept)) == ["after"]
+
+    counting: list[bool] = []
+    asyncio.run(everything())
+    assert "defect in argosy: writing" in caplog.text
+
+
 def test_a_file_of_an_older_version_becomes_one_of_this_version(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async def first(store: Store) -> None:
         await store.write(keep("old"))
