@@ -29,8 +29,7 @@ def test_a_victim_is_rescued_once_though_its_rescuer_dies_and_is_cut_off_on_the_
     team = fleet(on_the_ground(SHIPPED.read_text(encoding="utf-8")))
     report = tmp_path / "report"
     simulators = team.ground("argosy", "simulate", str(team.path), "--board", "ground", "--report", str(report))
-    for number in (1, 2, 3):
-        simulators.says(f"uav{number}|simulated copter", 30)
+    simulators.until(lambda text: text.count("simulated copter") == 3, "three copters are simulated")
     team.up()
     look = team.look("pi1")
     look.until(lambda look: _held(look.mind("scout")), "a rescuer goes", 120)
