@@ -25,6 +25,8 @@ log = logging.getLogger("mail")
 
 RETRY_FIRST, RETRY_MOST = 0.05, 5.0
 """Wall seconds between two attempts, doubling."""
+LATER_MOST = 2.0
+"""The same for a peer that is there and has no room."""
 COURIERS, PROBES = 32, 4
 """Batches on their way at the same time: to peers that answer, and to those that did not."""
 
@@ -197,8 +199,10 @@ class Lanes:
         if self._away:
             self.arrived(self._peer_of(lane.line))
         if answer.later:
-            lane.after = 0
-            self._later(lane, NoAnswer(next(iter(answer.later.values())), certain=True))
+            lane.after, lane.hung, lane.state = 0, False, next(iter(answer.later.values()))
+            if answer.taken:
+                lane.pause = RETRY_FIRST
+            self._pause(lane, LATER_MOST)
             return
         lane.after, lane.pause, lane.hung, lane.state = last, RETRY_FIRST, False, ""
         if more or lane.more:
@@ -249,9 +253,14 @@ class Lanes:
                 away.timer = self._loop.call_later(away.pause, self._probe, peer)
                 away.pause = min(away.pause * 2, RETRY_MOST)
             return
-        lane.due = self._loop.time() + lane.pause
-        lane.timer = self._loop.call_later(lane.pause, self._queue, lane)
-        lane.pause = min(lane.pause * 2, RETRY_MOST)
+        self._pause(lane, RETRY_MOST)
+
+    def _pause(self, lane: Lane, most: float) -> None:
+        """Try a line again after a pause that doubles, up to `most`."""
+        pause = min(lane.pause, most)
+        lane.pause = pause * 2
+        lane.due = self._loop.time() + pause
+        lane.timer = self._loop.call_later(pause, self._queue, lane)
 
     def _probe(self, peer: str) -> None:
         """Let one of the lines that wait for a peer try whether it is there."""
