@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
 
-.PHONY: fly rescue test index soak faults bench-reasoner bench-bridge lint types contracts format check-python byte-code clean
+.PHONY: fly rescue test index soak faults bench-reasoner bench-bridge bench-mail lint types contracts format check-python byte-code clean
 
 fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
@@ -23,6 +23,8 @@ index: $(VENV)/test.stamp  ## how many recorded exchanges the simulated copter a
 
 soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/soak.md
 	$(BIN)/python -m tests.soak
+	$(BIN)/python -m tests.soak_mail
+	$(BIN)/python -m tests.soak_rescue
 	nice $(BIN)/python -m tests.soak_parser
 
 faults: $(VENV)/test.stamp  ## inject every fault of the table; writes docs/faults.md
@@ -33,6 +35,9 @@ bench-reasoner: $(VENV)/bench.stamp  ## the reasoner beside python-agentspeak, a
 
 bench-bridge: $(VENV)/test.stamp  ## what a bridge of three vehicles costs, 90 s; writes docs/bridge.md
 	$(BIN)/python -m benchmarks.bridge --out docs/bridge.md $(ARGS)
+
+bench-mail: $(VENV)/test.stamp  ## what mail costs: throughput, latency, backlog, memory, 4 minutes; writes docs/mail-figures.md
+	$(BIN)/python -m benchmarks.mail --out docs/mail-figures.md $(ARGS)
 
 format: $(VENV)/lint.stamp  ## is every file formatted?
 	$(BIN)/ruff format --check .

@@ -1,0 +1,146 @@
+"""Boards of a benchmark on one machine, a commd each, and members that post and take mail as agents' daemons do."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from contextlib import ExitStack, asynccontextmanager, contextmanager
+from pathlib import Path
+from typing import Final, Literal
+
+from benchmarks.bridge import Watched, watched
+from benchmarks.processes import BenchmarkFailed
+from commd.bus import Bus, Query, Token, boot_id, open_bus
+from schemas import keys
+from schemas.records import Header, Mail, Message, Receipt
+from schemas.terms import Term
+from schemas.text import read
+from tests.support.ports import free_port
+
+FLEET: Final = "bench"
+PATIENCE: Final = 30.0
+"""Seconds for one batch to be taken."""
+_CONTENT: Final = 'item(17, "some text", [1.5, 2.5])'
+_MISSION: Final = """\
+mission: {fleet}
+boards: {{{boards}}}
+agents:
+{agents}
+mail: {{synchronous: {synchronous}, mailbox: 1000000}}
+"""
+
+
+class Boards:
+    """Three boards or so: routers that know one another, each with its own state folder."""
+
+    def __init__(
+        self, stack: ExitStack, folder: Path, agents: dict[str, str], synchronous: Literal["full", "normal"]
+    ) -> None:
+        self._stack, self._folder = stack, folder
+        names = list(dict.fromkeys(agents.values()))
+        self.endpoints = {name: f"tcp/127.0.0.1:{free_port()}" for name in names}
+        self._between = {name: f"tcp/127.0.0.1:{free_port()}" for name in names}
+        self.daemons: dict[str, Watched] = {}
+        entries = [f"  {agent}: {{program: {agent}.asl, board: {board}}}" for agent, board in agents.items()]
+        text = _MISSION.format(
+            fleet=FLEET,
+            boards=", ".join(f"{name}: {{}}" for name in names),
+            agents="\n".join(entries),
+            synchronous=synchronous,
+        )
+        self.mission = folder / "bench.yaml"
+        self.mission.write_text(text)
+
+    def start(self, name: str) -> Watched:
+        """Start the commd of a board, and wait until it serves."""
+        others = [f"--connect={end}" for other, end in self._between.items() if other < name]
+        arguments = ["--listen", self._between[name], *others, "--state", str(self._folder / name)]
+        command = ("-m", "commd", "serve", str(self.mission), "--board", name, "--router", self.endpoints[name])
+        self.daemons[name] = self._stack.enter_context(watched(f"commd of {name}", *command, *arguments))
+        self.daemons[name].says("router board=")
+        return self.daemons[name]
+
+
+@contextmanager
+def boards(
+    folder: Path, agents: dict[str, str], synchronous: Literal["full", "normal"], start: bool = True
+) -> Iterator[Boards]:
+    """Boards for these agents (agent to board); all processes end with the block."""
+    with ExitStack() as stack:
+        made = Boards(stack, folder, agents, synchronous)
+        for name in made.endpoints if start else ():
+            made.start(name)
+        yield made
+
+
+class Member:
+    """Somebody with a mailbox: posts batches to the outbox of its board, and takes what comes to its inbox."""
+
+    def __init__(self, bus: Bus, name: str) -> None:
+        self.name = name
+        self.came: Counter[str] = Counter()
+        """Messages taken, by sender; each was the next of its sender, or the benchmark fails."""
+        self.on_message: Callable[[Message, float], None] = lambda message, now: None
+        self._bus, self._numbering, self._posted = bus, boot_id(), Counter[str]()
+        self._token: Token | None = None
+
+    def open(self) -> None:
+        """Be there: take what comes from now on."""
+        self._bus.serve(keys.inbox(FLEET, self.name), Mail, self._take)
+        self._token = self._bus.token(keys.alive(FLEET, self.name, "agentd", self._bus.boot))
+
+    async def post(self, receivers: Sequence[str], content: str = _CONTENT) -> float:
+        """Post one message to each of the receivers named, in one batch. Returns the seconds until it was on disk."""
+        term = read(content)
+        batch = Mail(messages=tuple(self._message(receiver, term) for receiver in receivers))
+        begun = time.monotonic()
+        while time.monotonic() < begun + PATIENCE:
+            async for reply in self._bus.query(keys.outbox(FLEET, self.name), batch, Receipt, PATIENCE):
+                receipt = reply.record
+                if receipt is not None and receipt.taken == len(batch.messages):
+                    return time.monotonic() - begun
+                if receipt is not None and receipt.refused:
+                    raise BenchmarkFailed(f"refused: {receipt}")
+            await asyncio.sleep(0.05)
+        raise BenchmarkFailed(f"{len(batch.messages)} messages of {self.name} were not taken in {PATIENCE:g} s")
+
+    def _message(self, receiver: str, content: Term) -> Message:
+        self._posted[receiver] += 1
+        number = self._posted[receiver]
+        header = Header(seq=number, boot=self._numbering)
+        identity = f"{self.name}-{receiver}-{number}"
+        return Message(
+            header=header, id=identity, sender=self.name, performative="tell", receiver=receiver, content=content
+        )
+
+    async def _take(self, query: Query[Mail]) -> None:
+        now = time.monotonic()
+        if query.record is None:
+            query.reply_error(query.error)
+            return
+        for message in query.record.messages:
+            if message.header.seq == self.came[message.sender] + 1:
+                self.came[message.sender] += 1
+                self.on_message(message, now)
+            elif message.header.seq > self.came[message.sender]:
+                raise BenchmarkFailed(f"{message.id} came after {self.came[message.sender]}")
+        query.reply(Receipt(taken=len(query.record.messages)))
+
+
+@asynccontextmanager
+async def member(endpoint: str, name: str) -> AsyncIterator[Member]:
+    """A member with a session of its own at its board's router."""
+    async with open_bus(endpoint, fleet=FLEET, name=name, daemon="agentd", stamp=time.time_ns, patience=20) as bus:
+        yield Member(bus, name)
+
+
+async def until(condition: Callable[[], bool], wish: str, seconds: float) -> float:
+    """Wait until something holds. Returns the seconds that it took; raises BenchmarkFailed after a bound."""
+    begun = time.monotonic()
+    while not condition():
+        if time.monotonic() > begun + seconds:
+            raise BenchmarkFailed(f"not within {seconds:g} s: {wish}")
+        await asyncio.sleep(0.005)
+    return time.monotonic() - begun
