@@ -84,11 +84,11 @@ class Lanes:
         tally: Tally,
         clock: MailClock,
         carry: Callable[[str, Sequence[Waiting]], Awaitable[Receipt | NoAnswer]],
-        give_up: Callable[[dict[int, str], set[str]], Awaitable[None]],
+        give_up: Callable[[dict[int, str], set[str]], Awaitable[list[str]]],
         peer_of: Callable[[str], str],
     ) -> None:
         """`carry(line, batch)` takes a batch to its peer, which `peer_of(line)` names; `give_up(reasons by place,
-        senders)` buries what the peer has refused."""
+        senders)` buries what the peer has refused, and says in which lines there is news for the senders."""
         self.counters: Counter[str] = Counter()
         self.before = 0
         """The last place of the former life of this daemon: up to it any message may have been taken by its peer."""
@@ -221,7 +221,8 @@ class Lanes:
         if taken:
             lane.removal = self._loop.create_task(self._remove(taken))
         if refused:
-            await self._give_up(refused, {one.sender for one in batch if one.place in refused})
+            for line in await self._give_up(refused, {one.sender for one in batch if one.place in refused}):
+                self.more(line)
         if answer.later:
             await self._removed(lane)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Collection, Iterable, Sequence
+from collections.abc import AsyncIterator, Callable, Collection, Sequence
 from contextlib import asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -21,12 +21,13 @@ from commd import boxes
 from commd.boxes import Tally
 from commd.bus import Bus, Query
 from commd.lanes import RETRY_MOST, Lanes
-from commd.letters import LARGEST, OFFICE, SLACK, Letter, letter
-from commd.mail_clock import SAVE_EVERY, MailClock
+from commd.letters import LARGEST, SLACK, Letter, letter
+from commd.mail_clock import MailClock
 from commd.mail_listing import list_mailboxes
 from commd.peers import Deliver, Directory, Peers
 from commd.radio import Air
 from commd.store import Store, StoreFailed, open_store
+from commd.undelivered import Undelivered
 from schemas import keys
 from schemas.codec import codec
 from schemas.mission import MailRules
@@ -36,16 +37,6 @@ from schemas.records import Health, Mail, Mailboxes, Message, Receipt
 log = logging.getLogger("mail")
 
 NOT_FOUND, TOO_LARGE = "receiver_not_found", "message_too_large"
-UNKNOWN = "unknown"
-"""Why a message is given up that may have arrived: its time is over, and its receiver's side does not say."""
-SWEEP_EVERY = 0.25
-"""Wall seconds between two looks for messages whose time is over."""
-LOOK_EVERY = 20
-"""Sweeps between two looks for lines that nobody empties: there should be none."""
-DOUBT = 60.0
-"""Seconds beyond its time for which a message is kept that may have arrived, until its receiver's side says so."""
-SWEEP = 500
-"""Messages given up in one transaction."""
 
 
 class Mailroom:
@@ -67,7 +58,8 @@ class Mailroom:
         """The board's file: its facts are kept there too."""
         self._bus, self._tally, self._clock, self._rules = bus, tally, clock, rules
         self._peers = Peers(bus, clock, directory, air)
-        self._lanes = Lanes(store, tally, clock, self._peers.carry, self._give_up, self._peers.of)
+        self._undelivered = Undelivered(store, tally, clock, self._line)
+        self._lanes = Lanes(store, tally, clock, self._peers.carry, self._undelivered.give_up, self._peers.of)
         self._hosted: dict[str, tuple[Callable[[], None], ...]] = {}
         self._moving: asyncio.Task[bool] | None = None
 
@@ -93,7 +85,7 @@ class Mailroom:
     @property
     def counters_now(self) -> Counter[str]:
         """What became of messages so far, from their coming to their going."""
-        return self.counters + self._lanes.counters + self.store.counters
+        return self.counters + self._lanes.counters + self._undelivered.counters + self.store.counters
 
     def state_of(self, sender: str, receiver: str) -> str:
         """Say what the mail of a pair waits for; empty if it is on its way or none waits."""
@@ -108,7 +100,7 @@ class Mailroom:
         self._peers.watch(self._lanes.arrived)
         self._lanes.begin()
         self._bus.serve(keys.mailboxes(self._bus.fleet, self._bus.name), Mailboxes, self._list)
-        await asyncio.gather(self._lanes.run(), self._sweep())
+        await asyncio.gather(self._lanes.run(), self._undelivered.sweep(self._lanes))
 
     # Who lives here
 
@@ -131,8 +123,7 @@ class Mailroom:
 
     async def gone(self, name: str, reason: str = "receiver_left") -> None:
         """Give up what waits here for somebody who has left for good."""
-        while found := await self.store.read(partial(boxes.places_for, receiver=name, most=SWEEP)):
-            await self._give_up({place: reason for place, _ in found}, {sender for _, sender in found})
+        await self._undelivered.give_up_all(name, reason, self._lanes)
 
     def attach(self, name: str, deliver: Deliver) -> Callable[[], None]:
         """Hand the mail of a receiver in this process to `deliver(batch)`, batch by batch. Returns what ends it."""
@@ -258,55 +249,6 @@ class Mailroom:
         self.counters["later"] += len(later)
         return Receipt(taken=len(letters) - len(refused) - len(later), refused=refused, later=later)
 
-    # Mail that is given up
-
-    async def _give_up(self, reasons: dict[int, str], senders: Iterable[str]) -> None:
-        """Make dead letters of messages, with the reasons by place, and write notices to their senders."""
-        lines = {one: line for one in senders if (line := self._line(OFFICE, one)) is not None}
-        now = self._clock.now()
-        noticed = await self.store.write(lambda db: boxes.bury(db, self._tally, reasons, lines, now))
-        self.counters["given_up"] += len(reasons)
-        log.warning(
-            "mail_given_up count=%d senders=%s why=%s", len(reasons), *map(_several, (senders, reasons.values()))
-        )
-        for line in noticed:
-            self._lanes.more(line)
-
-    async def _sweep(self) -> None:
-        """Give up what has waited longer than it may, and write down the time meanwhile, for ever."""
-        saved, rounds = self._clock.now(), 0
-        while True:
-            await asyncio.sleep(SWEEP_EVERY)
-            rounds += 1
-            if rounds % LOOK_EVERY == 0:
-                self._lanes.look()
-            if not self._tally.expiring:
-                continue
-            try:
-                now = self._clock.now()
-                if now - saved >= SAVE_EVERY:
-                    await self.store.write(self._clock.save)
-                    saved = now
-                await self._give_up_late()
-            except StoreFailed:
-                self.counters["sweeps_failed"] += 1
-
-    async def _give_up_late(self) -> None:
-        late = await self.store.read(partial(boxes.expired, now=self._clock.now(), most=SWEEP))
-        now = self._clock.now()
-        reasons: dict[int, str] = {}
-        senders: set[str] = set()
-        for place, line, sender, end in late:
-            # What may have arrived is sent again without time left: only its receiver's side knows.
-            doubtful = self._lanes.may_be_taken(line, place)
-            if doubtful and now < end + DOUBT:
-                continue
-            reasons[place] = UNKNOWN if doubtful else boxes.EXPIRED
-            senders.add(sender)
-        if reasons:
-            self.counters["expired"] += len(reasons)
-            await self._give_up(reasons, senders)
-
     # What is told of it
 
     async def _list(self, query: Query[Mailboxes]) -> None:
@@ -378,9 +320,3 @@ async def open_mailroom(
             await asyncio.gather(running, return_exceptions=True)
             with suppress(StoreFailed):
                 await store.write(clock.save)
-
-
-def _several(texts: Iterable[str]) -> str:
-    """The first few of several texts, each once."""
-    different = sorted(set(texts))
-    return ",".join(different[:5]) + (",..." if len(different) > 5 else "")

@@ -7,9 +7,7 @@ caller waits until what it asked for is on disk, or learns that it is not.
 from __future__ import annotations
 
 import asyncio
-import fcntl
 import logging
-import os
 import sqlite3
 from collections import Counter, deque
 from collections.abc import AsyncIterator, Callable
@@ -20,6 +18,7 @@ from threading import Condition, Thread
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from commd.mail_schema import TooNew, migrate
+from commd.store_file import CORRUPT, DISK, PASSING, alone, check, code_of, connect, set_aside, words_for
 from schemas.findings import Finding, Findings
 
 T = TypeVar("T")
@@ -32,24 +31,6 @@ GROUP = 256
 """Transactions that share one commit at most."""
 PATIENCE = 30.0
 """Wall seconds that a caller waits for the disk."""
-CACHE_KIB = 256
-"""Pages that each of the two connections keeps in memory."""
-WAL_BYTES = 8 * 1024 * 1024
-"""A longer write-ahead log is cut back when its content has moved into the file."""
-CORRUPT = {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB}
-DISK = CORRUPT | {
-    sqlite3.SQLITE_FULL,
-    sqlite3.SQLITE_IOERR,
-    sqlite3.SQLITE_READONLY,
-    sqlite3.SQLITE_CANTOPEN,
-    sqlite3.SQLITE_PERM,
-    sqlite3.SQLITE_BUSY,
-    sqlite3.SQLITE_LOCKED,
-    sqlite3.SQLITE_NOMEM,
-}
-"""What is wrong with the disk or the file; any other error is a defect of the transaction that met it."""
-PASSING = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_NOMEM}
-"""What passes without opening the file anew."""
 
 
 class StoreFailed(OSError):
@@ -113,10 +94,10 @@ class Store:
             if self._reading is None or self._reading[0] != self._generation:
                 if self._reading is not None:
                     self._reading[1].close()
-                self._reading = self._generation, _connect(self.path, self.synchronous)
+                self._reading = self._generation, connect(self.path, self.synchronous)
             return question(self._reading[1])
         except sqlite3.Error as error:
-            code = _code(error)
+            code = code_of(error)
             if code not in DISK:
                 raise
             if code not in PASSING and self._reading is not None:
@@ -126,7 +107,7 @@ class Store:
                 with self._ready:
                     self._suspect = True
                     self._ready.notify()
-            raise StoreFailed(_words(error)) from None
+            raise StoreFailed(words_for(error)) from None
 
     def _work(self) -> None:
         """Write what waits, one commit after the other, until the store closes."""
@@ -148,14 +129,14 @@ class Store:
             db = self._db or self._open()
             if self._suspect:
                 self._suspect = False
-                _check(db)
+                check(db)
             self._recount(db)
             db.execute("BEGIN IMMEDIATE")
             outcomes = [self._run(db, transaction) for transaction in group]
             db.execute("COMMIT")
         except (sqlite3.Error, OSError, TooNew) as error:
             self._failed(error)
-            return [StoreFailed(_words(error))] * len(group)
+            return [StoreFailed(words_for(error))] * len(group)
         except Exception as error:  # the thread must outlive it: without it nobody could write any more
             log.exception("defect in argosy: writing %s", self.path)
             self._failed(error)
@@ -171,7 +152,7 @@ class Store:
         try:
             outcome = transaction(db)
         except Exception as error:
-            if _code(error) in DISK:
+            if code_of(error) in DISK:
                 raise
             outcome = error
             db.execute("ROLLBACK TO one")
@@ -192,13 +173,13 @@ class Store:
         self._uncounted = True
         if not self.note:
             log.error("mail_store_failing file=%s why=%s: no mail is taken until it is well again", self.path, error)
-        self.note = f"no mail is taken: {_words(error)} ({self.path})"
+        self.note = f"no mail is taken: {words_for(error)} ({self.path})"
         try:
             if self._db is not None and self._db.in_transaction:
                 self._db.execute("ROLLBACK")
-            if self._db is not None and _code(error) in DISK - PASSING:
+            if self._db is not None and code_of(error) in DISK - PASSING:
                 self._close()
-                if _code(error) in CORRUPT:
+                if code_of(error) in CORRUPT:
                     self._begin_anew(str(error))
             if self._db is not None:
                 self._recount(self._db)
@@ -208,23 +189,23 @@ class Store:
     def _open(self) -> sqlite3.Connection:
         """Open the file, or a new one if it is corrupt. Raises what SQLite and the file system say, and TooNew."""
         try:
-            db = _connect(self.path, self.synchronous)
+            db = connect(self.path, self.synchronous)
             try:
-                _check(db)
+                check(db)
                 migrate(db)
             except BaseException:
                 db.close()
                 raise
         except sqlite3.Error as error:
-            if _code(error) not in CORRUPT:
+            if code_of(error) not in CORRUPT:
                 raise
             return self._begin_anew(str(error))
         return self._opened(db)
 
     def _begin_anew(self, why: str) -> sqlite3.Connection:
         """Set the file aside and make a new one."""
-        self.set_aside.append(_set_aside(self.path, why).name)
-        db = _connect(self.path, self.synchronous)
+        self.set_aside.append(set_aside(self.path, why).name)
+        db = connect(self.path, self.synchronous)
         migrate(db)
         return self._opened(db)
 
@@ -271,70 +252,13 @@ async def open_store(
     `count(connection)` runs in the writer's thread before the first transaction, and again after any was rolled back:
     what is kept in memory about the file is to be counted there.
     """
-    with _alone(path):
+    with alone(path):
         store = Store(path, synchronous, count)
         await store.open()
         try:
             yield store
         finally:
             await store.close()
-
-
-class _alone:
-    """Holds a mail file for this process. Raises Findings if another one has it."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __enter__(self) -> None:
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._lock = os.open(f"{self._path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-        except OSError as error:
-            raise Findings([Finding(str(self._path), 0, 0, f"cannot keep mail in this file: {error}")]) from None
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(self._lock)
-            text = "another commd keeps its mail in this file: give each its own --state"
-            raise Findings([Finding(str(self._path), 0, 0, text)]) from None
-
-    def __exit__(self, *_: object) -> None:
-        os.close(self._lock)
-
-
-def _connect(path: Path, synchronous: str) -> sqlite3.Connection:
-    db = sqlite3.connect(path, isolation_level=None, check_same_thread=False, timeout=1.0)
-    try:
-        db.execute("PRAGMA journal_mode = WAL")
-        db.execute(f"PRAGMA cache_size = -{CACHE_KIB}")
-        db.execute(f"PRAGMA synchronous = {synchronous}")
-        db.execute(f"PRAGMA journal_size_limit = {WAL_BYTES}")
-    except sqlite3.Error:
-        db.close()
-        raise
-    return db
-
-
-def _check(db: sqlite3.Connection) -> None:
-    """Raise DatabaseError (corrupt) unless the whole file can be read and is in order."""
-    (found,) = db.execute("PRAGMA quick_check(1)").fetchone()
-    if found != "ok":
-        error = sqlite3.DatabaseError(found)
-        error.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
-        raise error
-
-
-def _set_aside(path: Path, why: str) -> Path:
-    """Rename a corrupt file and what belongs to it. Returns its new path."""
-    number = 1
-    while (aside := path.with_name(f"{path.name}.corrupt-{number}")).exists():
-        number += 1
-    for end in ("-wal", "-shm", ""):
-        with suppress(FileNotFoundError):
-            path.with_name(path.name + end).rename(aside.with_name(aside.name + end))
-    log.error("mail_store_corrupt file=%s why=%s set_aside=%s: its mail is lost, a new file begins", path, why, aside)
-    return aside
 
 
 def _settle(futures: list[asyncio.Future[Any]], outcomes: list[Any]) -> None:
@@ -345,12 +269,3 @@ def _settle(futures: list[asyncio.Future[Any]], outcomes: list[Any]) -> None:
             future.set_exception(outcome)
         else:
             future.set_result(outcome)
-
-
-def _code(error: BaseException) -> int:
-    """Return SQLite's primary error code, 0 for what has none."""
-    return int(getattr(error, "sqlite_errorcode", None) or 0) & 0xFF
-
-
-def _words(error: Exception) -> str:
-    return "the disk is full" if _code(error) == sqlite3.SQLITE_FULL else str(error)

@@ -119,7 +119,7 @@ def test_a_message_whose_time_is_over_is_given_up_and_its_sender_told_once(endpo
             async with board(connect, "pi2", tmp_path, now=now):
                 await until(lambda: receiver.contents == [2, 3], "the others arrive")
             assert len(told.got) == 2
-            assert first.counters["expired"] == 2
+            assert first.counters_now["expired"] == 2
 
     on_a_bus(endpoint, body)
 
@@ -149,7 +149,7 @@ def test_the_missions_time_to_live_is_for_messages_that_bring_none(endpoint: str
             await post(sender, message(1), message(2, ttl=60.0))
             await until(lambda: "away" in mailroom.state_of("a", "b"), "they wait")
             now.seconds += 6
-            await until(lambda: mailroom.counters["expired"] == 1, "one is given up")
+            await until(lambda: mailroom.counters_now["expired"] == 1, "one is given up")
             receiver = Receiver(await connect("b"), "b")
             await until(lambda: receiver.contents == [2], "the other one arrives")
 
@@ -169,7 +169,7 @@ def test_what_may_have_arrived_in_time_is_asked_for_before_it_is_given_up(endpoi
             await until(lambda: receiver.contents == [1], "it arrives")
             now.seconds += 11
             await until(lambda: first.waiting == 0, "its board learns that it had arrived")
-            assert first.counters["expired"] == 0
+            assert first.counters_now["expired"] == 0
             assert told.got == []
             assert receiver.contents == [1]
 
@@ -251,10 +251,10 @@ def test_a_notice_that_cannot_be_delivered_makes_no_further_notice(endpoint: str
             Receiver(b, "b", lambda mail: Receipt(refused=dict.fromkeys(range(len(mail.messages)), "no")))
             Receiver(a, "a", lambda mail: Receipt(refused=dict.fromkeys(range(len(mail.messages)), "no notices")))
             await post(a, message(1))
-            await until(lambda: mailroom.counters["given_up"] == 2, "the message and its notice are given up")
+            await until(lambda: mailroom.counters_now["given_up"] == 2, "the message and its notice are given up")
             assert [one.reason for one in (await listed(a, "pi1")).dead] == ["no", "no notices"]
             await asyncio.sleep(0.2)
-            assert mailroom.counters["given_up"] == 2
+            assert mailroom.counters_now["given_up"] == 2
             assert mailroom.waiting == 0
 
     on_a_bus(endpoint, body)

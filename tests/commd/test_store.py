@@ -271,7 +271,7 @@ def test_a_damaged_file_that_cannot_be_set_aside_now_is_set_aside_later(
     async def body(store: Store) -> None:
         await store.write(keep("before"))
         with monkeypatch.context() as patched:
-            patched.setattr("commd.store._set_aside", read_only)
+            patched.setattr("commd.store.set_aside", read_only)
             with pytest.raises(StoreFailed, match="malformed"):
                 await store.write(damaged)
             with pytest.raises(StoreFailed, match="read-only file system"):

@@ -1,0 +1,101 @@
+"""Mail that is given up: it becomes a dead letter, and a notice tells its sender, both in one transaction."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+
+from commd import boxes
+from commd.boxes import Tally
+from commd.lanes import Lanes
+from commd.letters import OFFICE
+from commd.mail_clock import SAVE_EVERY, MailClock
+from commd.store import Store, StoreFailed
+
+log = logging.getLogger("mail")
+
+UNKNOWN = "unknown"
+"""Why a message is given up that may have arrived: its time is over, and its receiver's side does not say."""
+SWEEP_EVERY = 0.25
+"""Wall seconds between two looks for messages whose time is over."""
+LOOK_EVERY = 20
+"""Sweeps between two looks for lines that nobody empties: there should be none."""
+DOUBT = 60.0
+"""Seconds beyond its time for which a message is kept that may have arrived, until its receiver's side says so."""
+SWEEP = 500
+"""Messages given up in one transaction."""
+LATE = 2_000
+"""Late messages looked at in one sweep: those that may have arrived stand in front of others for a while."""
+
+
+class Undelivered:
+    """Gives up what was refused for good, what is too late, and what waits for somebody who has left."""
+
+    def __init__(self, store: Store, tally: Tally, clock: MailClock, line_of: Callable[[str, str], str | None]) -> None:
+        """`line_of(sender, receiver)` says where a message waits; None = nobody knows the receiver."""
+        self.counters: Counter[str] = Counter()
+        self._store, self._tally, self._clock, self._line_of = store, tally, clock, line_of
+
+    async def give_up(self, reasons: Mapping[int, str], senders: Iterable[str]) -> list[str]:
+        """Give up messages, with the reasons by place. Returns the lines in which notices wait now."""
+        senders = sorted(set(senders))
+        lines = {one: line for one in senders if (line := self._line_of(OFFICE, one)) is not None}
+        now = self._clock.now()
+        noticed = await self._store.write(lambda db: boxes.bury(db, self._tally, reasons, lines, now))
+        self.counters["given_up"] += len(reasons)
+        told = _several(senders), _several(sorted(set(reasons.values())))
+        log.warning("mail_given_up count=%d senders=%s why=%s", len(reasons), *told)
+        return noticed
+
+    async def give_up_all(self, receiver: str, reason: str, lanes: Lanes) -> None:
+        """Give up all that waits for a receiver."""
+        while found := await self._store.read(partial(boxes.places_for, receiver=receiver, most=SWEEP)):
+            reasons = {place: reason for place, _ in found}
+            for line in await self.give_up(reasons, {sender for _, sender in found}):
+                lanes.more(line)
+
+    async def sweep(self, lanes: Lanes) -> None:
+        """Give up what has waited longer than it may, and write down the time meanwhile, for ever."""
+        saved, rounds = self._clock.now(), 0
+        while True:
+            await asyncio.sleep(SWEEP_EVERY)
+            rounds += 1
+            if rounds % LOOK_EVERY == 0:
+                lanes.look()
+            if not self._tally.expiring:
+                continue
+            try:
+                now = self._clock.now()
+                if now - saved >= SAVE_EVERY:
+                    await self._store.write(self._clock.save)
+                    saved = now
+                await self._give_up_late(lanes)
+            except StoreFailed:
+                self.counters["sweeps_failed"] += 1
+
+    async def _give_up_late(self, lanes: Lanes) -> None:
+        late = await self._store.read(partial(boxes.expired, now=self._clock.now(), most=LATE))
+        now = self._clock.now()
+        reasons: dict[int, str] = {}
+        senders: set[str] = set()
+        for place, line, sender, end in late:
+            # What may have arrived is sent again without time left: only its receiver's side knows.
+            doubtful = lanes.may_be_taken(line, place)
+            if doubtful and now < end + DOUBT:
+                continue
+            reasons[place] = UNKNOWN if doubtful else boxes.EXPIRED
+            senders.add(sender)
+            if len(reasons) == SWEEP:
+                break
+        if reasons:
+            self.counters["expired"] += len(reasons)
+            for line in await self.give_up(reasons, senders):
+                lanes.more(line)
+
+
+def _several(texts: list[str]) -> str:
+    """The first few of several texts."""
+    return ",".join(texts[:5]) + (",..." if len(texts) > 5 else "")
