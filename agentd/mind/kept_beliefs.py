@@ -58,9 +58,9 @@ class _Book:
         return self._newest
 
     def forget(self, rank: int, percept: bool) -> None:
-        """An entry is gone; ``percept``: it was nothing but a percept in the end."""
-        changed = self.changed.pop(rank, None) is not None
-        if self._seen_oldest <= rank <= self._seen_newest and (changed or not percept):
+        """An entry is gone; ``percept``: it was nothing but a percept ever."""
+        self.changed.pop(rank, None)
+        if self._seen_oldest <= rank <= self._seen_newest and not percept:
             self.gone.append(rank)
 
     def turn(self) -> None:
