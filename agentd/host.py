@@ -158,8 +158,11 @@ class Host:
 
     async def _come_back(self) -> None:
         """Go on where a former life ended, if there was one."""
-        if self._memory is None or self._keeper is None or self._memory.stored is None:
+        if self._memory is None or self._keeper is None or self._keeping is None or self._memory.stored is None:
             return
+        for what in self._keeper.left_out:
+            log.warning("agent=%s cannot be what it was: %s", self.part.name, what)
+        await self._keeping.count_life()
         interrupted = await self._performing.take_up(self._memory.actions())
         come_back(self._mind, self._keeper, self._memory.life, interrupted, self.part.on_restart)
         self._memory.stored = None

@@ -32,6 +32,8 @@ ATOMIC_PATIENCE = 10.0
 """The same while an atomic plan runs: it is to be kept whole or not at all."""
 ACTION_PATIENCE = 0.3
 """Wall seconds for which an action waits to be written down; a slow disk must not keep a robot from acting."""
+LIFE_PATIENCE = 1.0
+"""The same for an agent that begins to reason again."""
 RETRY_FIRST, RETRY_MOST = 0.2, 5.0
 """Wall seconds between two attempts of a save that failed, doubling."""
 LAST_PATIENCE = 3.0
@@ -73,6 +75,14 @@ class Keeping:
     def notes(self) -> tuple[str, ...]:
         """What people should know: why nothing can be kept now, and what was wrong with the file."""
         return (*((self.problem,) if self.problem else ()), *self._told)
+
+    async def count_life(self) -> None:
+        """Write down that there is another life, before anything comes of it; waits for that, but not for long."""
+        if self.first is None:
+            return
+        saving, self.first = self.first, None
+        self._saving = asyncio.get_running_loop().create_task(self._write(saving, lambda: None))
+        await asyncio.wait([self._saving], timeout=LIFE_PATIENCE)
 
     # --- actions (`agentd.performing.Journal`) ---
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from agentd.checkpoint import ActionInFlight, Checkpoint, CheckpointError, Saving, Stored
+from agentd.checkpoint_file import remove
 from agentd.inbox import Numbered
 from agentd.mailing import Mailing
 from agentd.outbox import Waiting
@@ -83,7 +84,14 @@ async def open_memory(
     def work() -> Memory:
         path.parent.mkdir(parents=True, exist_ok=True)
         mode: Literal["FULL", "NORMAL"] = "FULL" if synchronous == "full" else "NORMAL"
-        checkpoint = Checkpoint.open(path, agent, mode)
+        try:
+            checkpoint = Checkpoint.open(path, agent, mode)
+        except CheckpointError as error:
+            if not fresh or error.__cause__ is not None:  # somebody has it open, or the disk does not do it
+                raise
+            log.warning("agent=%s what is kept is removed unread: %s", agent, error)
+            remove(path)
+            checkpoint = Checkpoint.open(path, agent, mode)
         stored = checkpoint.read()
         if fresh and stored is not None:
             log.warning("agent=%s forgets what it was; messages=%d are lost", agent, len(stored.outgoing))

@@ -1,0 +1,42 @@
+"""Whole flights of real processes whose agent is killed in the air and started again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.bridged.test_flights_that_go_wrong import Field, printed
+from tests.support.processes import running
+
+FLIER = """\
+!fly.
++!fly <- set_mode("GUIDED"); arm_motors(true); takeoff(10); !!away.
++!away <- .print("going"); goto(-27.600, -48.515, 20); .print("arrived").
+-!away[state(S), reason(R)] <- .print("away: ", S, ", ", R); set_mode("GUIDED"); !!away.
++restarted(N) <- .print("back ", N); !!away.
++interrupted(A, S, R) <- .print("interrupted ", S, ", ", R).
+"""
+
+
+def test_an_agent_that_is_back_at_once_joins_its_flight_and_one_that_is_late_gets_its_robot_back(
+    tmp_path: Path,
+) -> None:
+    field = Field(tmp_path, FLIER, "")
+    mission = tmp_path / "m.yaml"
+    mission.write_text(mission.read_text() + '    on_agent_loss: ["hold 600s", rtl]\n')
+    with field.router, field.copter, running(*field.bridge) as bridge:
+        with running(*field.agents("uav")) as first:
+            printed(first, "uav", "going")
+            with running(*field.agents("uav")) as second:
+                second.says("router up")  # it waits for the name by now
+                first.kill()
+                printed(second, "uav", "back 1")
+                second.says("goes on with goto, which a former life has begun")
+                bridge_said = bridge.text
+                assert "is lost" not in bridge_said
+                assert bridge_said.count(" goto[") == 1
+                second.kill()
+        bridge.until(lambda text: "agent uav is lost: hold" in text, "the copter is held", 30)
+        with running(*field.agents("uav")) as third:
+            printed(third, "uav", "back 2")
+            assert printed(third, "uav", "interrupted") == "interrupted failed, agent uav is lost: its token is gone"
+            printed(third, "uav", "arrived")
