@@ -151,7 +151,8 @@ class Keeping:
             )
             for one in sent
         ]
-        saving.delivered = mailing.outbox.take_gone()
+        if not self._mind.mailbox:  # the mind has heard of what commd has refused
+            saving.delivered = mailing.outbox.take_gone()
         saving.next_seq = {one.message.receiver: one.message.header.seq + 1 for one in sent}
         if not self._mind.inputs:  # what an action came to is in the mind, not on its way
             saving.ended, self._ended = self._ended, []
@@ -181,7 +182,9 @@ class Keeping:
             try:
                 await loop.run_in_executor(self._writer, self._checkpoint.save, saving)
                 break
-            except CheckpointError as error:
+            except Exception as error:  # also a defect must not let mail wait without a word
+                if not isinstance(error, CheckpointError):
+                    log.exception("defect in argosy: a save of agent %s", self._agent)
                 self.counters["failed"] += 1
                 if not self.problem:
                     log.error("agent=%s nothing is kept, and mail waits: %s", self._agent, error)

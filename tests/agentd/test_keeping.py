@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import sqlite3
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from agentd.checkpoint import CheckpointError, Saving
 from agentd.keeping import Keeping
+from agentd.memory import open_memory
 from commd.bus import Bus, Query
 from schemas import keys
 from schemas.records import Mail, Message, Receipt
@@ -206,3 +211,46 @@ def test_a_message_that_cannot_be_sent_fails_the_plan_that_sends_it(
         await agent.end()
 
     on_a_bus(endpoint, body)
+
+
+def test_what_commd_refuses_for_good_is_an_event_once_for_the_one_who_sent_it(endpoint: str, tmp_path: Path) -> None:
+    program = """\
+!go.
++!go <- .send(c, tell, at(1,[2])).
++undelivered(R, P, C, Why)[source(S)] <- .print(R, " ", P, " ", C, " ", Why, " ", S).
+"""
+
+    async def body(connect: Connect) -> None:
+        desk = await a_desk(connect)
+        desk.answer = lambda messages: Receipt(refused=dict.fromkeys(range(len(messages)), "receiver_not_found"))
+        bus = await connect("a")
+        agent = await host_on(bus, "a", program, tmp_path, others=("c",))
+        await until(lambda: agent.prints == ["c tell at(1,[2]) receiver_not_found mail"], "the agent hears of it")
+        await until(lambda: any(saving.delivered for saving in agent.disk.savings), "it is forgotten")
+        await agent.end()
+        again = await host_on(await connect("a"), "a", program, tmp_path, others=("c",))
+        await asyncio.sleep(0.3)
+        assert (again.prints, len(desk.batches)) == ([], 1)
+        await again.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_file_that_is_refused_gives_way_to_an_agent_that_is_to_begin_anew(tmp_path: Path) -> None:
+    async def body() -> None:
+        writer = ThreadPoolExecutor(1)
+        made = await open_memory(tmp_path, "a", writer, "full", fresh=False)
+        await asyncio.wrap_future(writer.submit(made.checkpoint.save, Saving(lives=1)))
+        with pytest.raises(CheckpointError, match="another process has it open"):
+            await open_memory(tmp_path, "a", writer, "full", fresh=True)
+        await asyncio.wrap_future(writer.submit(made.checkpoint.close))
+        with closing(sqlite3.connect(tmp_path / "mind.sqlite")) as database:
+            database.execute("PRAGMA user_version = 99")
+        with pytest.raises(CheckpointError, match="newer Argosy"):
+            await open_memory(tmp_path, "a", writer, "full", fresh=False)
+        anew = await open_memory(tmp_path, "a", writer, "full", fresh=True)
+        assert anew.life == 0
+        anew.checkpoint.close()
+        writer.shutdown()
+
+    asyncio.run(body())
