@@ -70,9 +70,19 @@ Maker = Callable[[], Row]
 
 
 def table(rows: Sequence[Row]) -> list[str]:
-    """The rows as Markdown."""
+    """The rows of actions as Markdown."""
     lines = ["| fault | injected | what became of each action | what else was seen | memory |", "|---|---|---|---|---|"]
-    for row in rows:
-        cells = (row.fault, row.injected, "<br>".join(map(str, row.ended)), "<br>".join(row.seen), row.bound)
-        lines.append("| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |")
-    return lines
+    return lines + [
+        _line(row.fault, row.injected, "<br>".join(map(str, row.ended)), "<br>".join(row.seen), row.bound)
+        for row in rows
+    ]
+
+
+def table_of_mail(rows: Sequence[Row]) -> list[str]:
+    """The rows without actions as Markdown."""
+    lines = ["| fault | injected | what was seen | memory |", "|---|---|---|---|"]
+    return lines + [_line(row.fault, row.injected, "<br>".join(row.seen), row.bound) for row in rows]
+
+
+def _line(*cells: str) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |"

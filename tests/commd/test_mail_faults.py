@@ -1,0 +1,23 @@
+"""Each row of the fault table (docs/faults.md) about mail: what waits is neither lost nor doubled, and all is told."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.faults.mail import AS_ROOT, MAIL
+from tests.faults.rows import Row
+
+root = pytest.mark.skipif(os.geteuid() != 0, reason="a file system of its own needs root")
+
+
+@pytest.mark.parametrize(
+    "fault", [*MAIL, *(pytest.param(row, marks=root) for row in AS_ROOT)], ids=lambda fault: fault.__name__
+)
+def test_mail_is_neither_lost_nor_doubled_under(fault: Callable[[Path], Row], tmp_path: Path) -> None:
+    row = fault(tmp_path)
+    assert row.seen
+    assert row.wrong() == []

@@ -1,0 +1,400 @@
+"""The faults that mail meets: bad input, other versions, clocks that jump, disks that are full or lie."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+import socket
+import sqlite3
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import zenoh
+
+from commd.bus import Bus
+from commd.client import NoAnswer
+from schemas import keys
+from schemas.codec import codec
+from schemas.records import Mail, Message, Receipt
+from tests.boards.disk import Disk
+from tests.faults.office import FLEET, MISSION, Office, expect_all, grown, held, read, row_of, waits
+from tests.faults.real import resident
+from tests.faults.rows import Row
+from tests.support.buses import until
+from tests.support.ports import free_port
+from tests.support.processes import Daemon, running
+
+DATAGRAMS, RECORDS = 2_000, 600
+"""Malformed ones, each."""
+RATE = 150.0
+"""Datagrams a second, below what a gateway takes of one node."""
+YEAR = 365 * 86_400.0
+_SHIFTED = """\
+import runpy, sys, time
+now, now_ns = time.time, time.time_ns
+time.time = lambda: now() + {shift}
+time.time_ns = lambda: now_ns() + int({shift} * 1e9)
+sys.argv = {arguments!r}
+runpy.run_module({module!r}, run_name="__main__")
+"""
+_TEAM = """\
+mission: office
+agents:
+  ann: {program: agent.asl}
+  bob: {program: agent.asl}
+"""
+_AGENT = """\
+!begin.
++!begin <- +lives(1); .print("begun").
++restarted(N) <- ?lives(L); -+lives(L + 1); .print("restarted ", N, ", lives ", L + 1).
+"""
+
+
+def datagrams(state: Path) -> Row:
+    """Noise, torn and forged datagrams come to the gateway, with good ones among them."""
+    listen, node = free_port(), free_port()
+    gateway = f'gateway: {{board: pi1, listen: "127.0.0.1:{listen}", nodes: {{old: "127.0.0.1:{node}"}}}}\n'
+    row = Row(
+        "malformed datagrams", f"real UDP: {DATAGRAMS} at the gateway, {RATE:g} a second, a good one after each 20"
+    )
+
+    async def body(office: Office) -> None:
+        daemon = await office.start("pi1")
+        before, chance = resident(daemon), random.Random(5)
+        async with office.bus() as bus, office.program("ann") as ann:
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as old:
+                old.bind(("127.0.0.1", node))
+                for number in range(DATAGRAMS):
+                    old.sendto(_malformed(chance), ("127.0.0.1", listen))
+                    if number % 20 == 0:
+                        await asyncio.sleep(20 / RATE)
+                        old.sendto(f"<o{number},old,tell,ann,{number}>".encode(), ("127.0.0.1", listen))
+                expect_all(row, await read(ann, DATAGRAMS // 20), list(range(0, DATAGRAMS, 20)))
+            health = await office.told("pi1", lambda it: it.bad_input > DATAGRAMS * 0.9, "they are counted")
+            row.seen.append(f"{health.bad_input} counted as bad input, {health.drops} dropped unread")
+            assert bus.router_up
+        held(daemon)
+        grown(row, daemon, before)
+
+    row_of(body, state, MISSION + gateway)
+    return row
+
+
+def _malformed(chance: random.Random) -> bytes:
+    """A datagram that is no message."""
+    good = b'<m1,old,tell,ann,item(1,"a",[2,3])>'
+    match chance.randrange(5):
+        case 0:
+            return chance.randbytes(chance.randrange(1, 1400))
+        case 1:
+            return good[: chance.randrange(1, len(good) - 1)]
+        case 2:
+            return b"<" + b"," * chance.randrange(1, 300) + b">"
+        case 3:
+            return b"<m1,old,tell,ann,f(" + b"(" * chance.randrange(1, 900) + b">"
+        case _:
+            return b"<m1,o<d,te>l,ann,\xff\xfe" + chance.randbytes(9) + b">"
+
+
+def records(state: Path) -> Row:
+    """Payloads that are no mail come on every key of the mail, with good ones among them."""
+    row = Row(
+        "malformed mail records", f"real Zenoh: {RECORDS} queries with broken payloads on outbox, mail and inbox keys"
+    )
+
+    async def body(office: Office) -> None:
+        for board in ("pi1", "pi2"):
+            await office.start(board)
+        daemon = office.daemons["pi1"]
+        before, chance = resident(daemon), random.Random(7)
+        async with office.bus() as bus, office.program("ann") as ann, office.program("bob") as bob:
+            refused = 0
+            targets = [keys.outbox(FLEET, "ann"), keys.mail(FLEET, "ann", "bob"), keys.inbox(FLEET, "bob")]
+            for number in range(RECORDS):
+                errors = await _ask(bus, targets[number % 3], _broken(chance))
+                refused += any(errors)
+                if number % 30 == 0:
+                    await ann.send("bob", "tell", number)
+            expect_all(row, await read(bob, RECORDS // 30), list(range(0, RECORDS, 30)))
+            row.expect(refused == RECORDS, f"each is answered with an error, {refused} of {RECORDS} were")
+            row.seen.append(f"{refused} answered with an error in words")
+        held(daemon)
+        grown(row, daemon, before)
+
+    row_of(body, state)
+    return row
+
+
+def _broken(chance: random.Random) -> tuple[bytes, str]:
+    """A payload that is no Mail record, and its encoding."""
+    good = codec(Mail).encode(
+        Mail(messages=(Message(id="x", sender="ann", performative="tell", receiver="bob", content=1),))
+    )
+    match chance.randrange(4):
+        case 0:
+            return chance.randbytes(chance.randrange(1, 3000)), codec(Mail).encoding("json")
+        case 1:
+            return good[: chance.randrange(1, len(good) - 1)], codec(Mail).encoding("json")
+        case 2:
+            return b"[" * 5000, ""
+        case _:
+            return good.replace(b'"receiver"', b'"reciever"'), "application/json"
+
+
+async def _ask(bus: Bus, key: str, sent: tuple[bytes, str]) -> list[str]:
+    """Ask a key with raw bytes; return the errors that came back."""
+    payload, encoding = sent
+
+    def ask() -> list[str]:
+        found = []
+        for reply in bus._session.get(key, payload=payload, encoding=encoding or None, timeout=10.0):
+            found.append(reply.err.payload.to_bytes().decode() if reply.err is not None else "")
+        return found
+
+    return await asyncio.to_thread(ask)
+
+
+def other_version(state: Path) -> Row:
+    """A board with another major version of the records stands where bob's should be, until the right one comes."""
+    row = Row(
+        "a peer with another schema version",
+        "real Zenoh: it asks with Mail of version 2, and answers ann's mail to bob with receipts of version 2",
+    )
+
+    async def body(office: Office) -> None:
+        daemon = await office.start("pi1")
+        foreign = codec(Mail).encoding("json").replace("/1", "/2")
+        receipts = codec(Receipt).encoding("json").replace("/1", "/2")
+        row.expect("/2" in foreign and "/2" in receipts, "the encoding carries a version")
+        async with office.bus() as bus, office.program("ann") as ann:
+            errors = await _ask(bus, keys.outbox(FLEET, "ann"), (b'{"messages":[]}', foreign))
+            row.expect(errors and "version" in errors[0], f"the answer names the version, it is {errors}")
+            row.seen.append(f"its question is answered: `{errors[0]}`" if errors else "no answer")
+            asked: list[int] = []
+
+            def answer(query: zenoh.Query) -> None:
+                with query:
+                    asked.append(1)
+                    query.reply(str(query.key_expr), b'{"taken":20}', encoding=receipts)
+
+            queryable = bus._session.declare_queryable(keys.mail(FLEET, "bob", "*"), answer)
+            token = bus.token(keys.alive(FLEET, "pi2", "commd", "foreign"))
+            for number in range(20):
+                await ann.send("bob", "tell", number)
+            await until(lambda: len(asked) > 1, "its mail is offered, and offered again")
+            kept = await waits(bus, "pi1", 20)
+            row.seen.append(f"its receipts are not believed: 20 messages wait, `{kept.queues[0].state}`")
+            queryable.undeclare()  # type: ignore[no-untyped-call]
+            bus.withdraw(token)
+            await office.start("pi2")
+            async with office.program("bob") as bob:
+                expect_all(row, await read(bob, 20), list(range(20)))
+        held(daemon)
+        row.bound = "-"
+
+    row_of(body, state)
+    return row
+
+
+def clock_jumps(state: Path) -> Row:
+    """The wall clocks of a board's daemon are a year behind, and in its next life a year ahead."""
+    row = Row(
+        "clock jumps", "real processes: `time.time` of pi2's commd is a year behind, then, after kill -9, a year ahead"
+    )
+
+    async def body(office: Office) -> None:
+        await office.start("pi1")
+        command = office.command("pi2")
+
+        async def shifted(shift: float) -> Daemon:
+            script = office.folder / "shifted.py"
+            script.write_text(_SHIFTED.format(shift=shift, arguments=list(command), module=command[0]))
+            return await office.start("pi2", "tests.faults.script", str(script))
+
+        await shifted(-YEAR)
+        async with office.program("ann") as ann:
+            for number in range(10):
+                await ann.send("bob", "tell", number, ttl=60.0)
+            async with office.bus() as bus:
+                await waits(bus, "pi2", 10)
+            office.daemons["pi2"].kill()
+            for number in range(10, 20):
+                await ann.send("bob", "tell", number, ttl=60.0)
+            late = await shifted(+YEAR)
+            async with office.bus() as bus:
+                await waits(bus, "pi2", 20)
+            await ann.send("bob", "tell", "too late", ttl=0.5)
+            await asyncio.sleep(1.5)
+            async with office.program("bob") as bob:
+                expect_all(row, await read(bob, 20), list(range(20)))
+            told = await read(ann, 1)
+            row.expect(len(told) == 1 and "expired" in str(told[0]), f"what lived for 0.5 s is given up, told {told}")
+            row.seen.append("`ttl` of 60 s outlived both jumps; one of 0.5 s was over after 0.5 s, and its sender told")
+        held(late)
+        row.bound = "-"
+
+    row_of(body, state)
+    return row
+
+
+def corrupt_mail(state: Path) -> Row:
+    """A board's mail file is overwritten with noise while its commd is dead."""
+    row = Row("corrupt database of commd", "real file: noise over its pages after kill -9, then restart")
+
+    async def body(office: Office) -> None:
+        for board in ("pi1", "pi2"):
+            await office.start(board)
+        async with office.bus("pi2") as bus, office.program("ann") as ann, office.program("bob") as bob:
+            for number in range(5):
+                await ann.send("cid", "tell", number)  # these wait at pi1, where the file will be lost
+                await bob.send("cid", "tell", number)
+            await waits(bus, "pi1", 10)
+            await asyncio.to_thread(office.daemons["pi1"].kill)
+            for number in range(5, 10):
+                await bob.send("cid", "tell", number)  # these wait at pi2
+            _noise(office.file("pi1"))
+            daemon = await office.start("pi1")
+            aside = sorted(one.name for one in office.file("pi1").parent.glob("*.corrupt-1"))
+            row.expect(aside == ["pi1.mail.corrupt-1"], f"the file is set aside, found {aside}")
+            row.expect("mail_store_corrupt" in daemon.text, "the log tells of it")
+            health = await office.told("pi1", lambda it: any("set aside" in note for note in it.notes), "a note")
+            row.seen.append(f"set aside, and told: `{next(note for note in health.notes if 'set aside' in note)}`")
+            async with office.program("cid") as cid:
+                expect_all(row, await read(cid, 5), list(range(5, 10)))
+                await ann.send("cid", "tell", "after")
+                row.expect(await read(cid, 1) == ["after"], "mail goes on")
+            row.seen.append("the other board's mail and what came after is delivered")
+        held(daemon)
+        row.bound = "-"
+
+    row_of(body, state)
+    return row
+
+
+def _noise(path: Path) -> None:
+    """Overwrite a database, its beginning aside, and what belongs to it."""
+    chance = random.Random(3)
+    for one in (path, path.with_name(path.name + "-wal")):
+        if one.exists():
+            data = bytearray(one.read_bytes())
+            data[100:] = chance.randbytes(max(0, len(data) - 100))
+            one.write_bytes(bytes(data))
+
+
+def corrupt_checkpoint(state: Path) -> Row:
+    """The checkpoint of one of two agents in one agentd is overwritten with noise while it is dead."""
+    row = Row("corrupt checkpoint of an agent", "real file: noise over its pages after kill -9, then restart")
+    mission, endpoint = _team(state), f"tcp/127.0.0.1:{free_port()}"
+    agentd = ("agentd", "serve", mission, "--router", endpoint, "--state", str(state / "minds"))
+    with running("commd", "serve", mission, "--router", endpoint, "--state", str(state / "mail")):
+        with running(*agentd) as first:
+            first.until(lambda text: text.count("begun") == 2, "both have begun")
+            time.sleep(2.0)  # what they believe is on disk by then: at the latest 0.5 s after a change
+        _noise(next((state / "minds").rglob("ann/mind.sqlite")))
+        with running(*agentd) as second:
+            second.says("[bob] restarted 1, lives 2")
+            second.says("[ann] begun")
+            row.expect("[bob] begun" not in second.text, "bob does not begin again")
+            aside = [one.name for one in (state / "minds").rglob("*.corrupt-1")]
+            row.expect(aside == ["mind.sqlite.corrupt-1"], f"the file is set aside, found {aside}")
+            told = [line for line in second.lines if "set aside" in line]
+            row.expect(told, "the log tells of it")
+            row.seen.append(
+                f"set aside, and told: `{told[0].partition('agent=ann ')[2].replace(str(state), 'DIR')}`"
+                if told
+                else "not told"
+            )
+            row.seen.append("ann begins anew; bob, in the same process, goes on where it was")
+    row.bound = "-"
+    return row
+
+
+def newer_version(state: Path) -> Row:
+    """The databases were written by a newer Argosy."""
+    row = Row("databases of a newer version", "real files: `PRAGMA user_version = 99` in both, then restart")
+    mission, endpoint = _team(state), f"tcp/127.0.0.1:{free_port()}"
+    commd = ("commd", "serve", mission, "--router", endpoint, "--state", str(state / "mail"))
+    agentd = ("agentd", "serve", mission, "--router", endpoint, "--state", str(state / "minds"))
+    with running(*commd) as first, running(*agentd) as mind:
+        mind.until(lambda text: text.count("begun") == 2, "both have begun")
+        time.sleep(1.0)
+        first.says("router board=")
+    files = [next((state / "mail").rglob("*.mail")), next((state / "minds").rglob("ann/mind.sqlite"))]
+    for path, command in zip(files, (commd, agentd), strict=True):
+        with sqlite3.connect(path) as db:
+            db.execute("PRAGMA user_version = 99")
+        db.close()
+        before = path.read_bytes()
+        with ExitStack() as stack:
+            if command is agentd:  # which is told by its file, not by a router that it does not find
+                router = stack.enter_context(running(*commd[:-1], str(state / "other")))
+                router.says("router board=")
+            refused = stack.enter_context(running(*command))
+            code = refused.ends(30)
+        said = next((line for line in refused.lines if "99" in line), "")
+        row.expect(code in (1, 2) and said, f"{command[0]} ends and says why: exit {code}, {refused.lines[-3:]}")
+        row.expect(path.read_bytes() == before, f"{path.name} is left alone")
+        row.seen.append(f"{command[0]} does not start: `{said.partition(': ')[2].replace(str(path), path.name)}`")
+    row.seen.append("the files are left alone")
+    row.bound = "-"
+    return row
+
+
+def full_disk(state: Path) -> Row:
+    """The disk that holds a board's mail has no byte left for a while."""
+    row = Row("full disk", "real file system (tmpfs) filled to its last byte while programs send")
+
+    async def body(office: Office) -> None:
+        for board in ("pi1", "pi2"):
+            await office.start(board)
+        daemon = office.daemons["pi1"]
+        before = resident(daemon)
+        async with office.bus() as bus, office.program("ann") as ann, office.program("bob") as bob:
+            for number in range(10):
+                await ann.send("bob", "tell", number)
+            disk.fill()
+            failed: NoAnswer | None = None
+            number = 10
+            while failed is None and number < 5_000:  # the file's own spare room takes some
+                try:
+                    await ann.send("bob", "tell", number, patience=3.0)
+                    number += 1
+                except NoAnswer as error:
+                    failed = error
+            assert failed is not None
+            row.seen.append(f"with the disk full, `send` fails after {number - 10} more: nothing is acknowledged")
+            health = await office.told("pi1", lambda it: bool(it.notes), "a note in the health record")
+            row.seen.append(f"told: `{health.notes[0].replace(str(state), 'DIR')}`")
+            disk.free()
+            await ann.send_again(failed)
+            for after in range(number + 1, number + 11):
+                await ann.send("bob", "tell", after)
+            expect_all(row, await read(bob, number + 11, quiet=2.0), list(range(number + 11)))
+            assert bus.router_up
+        held(daemon)
+        grown(row, daemon, before)
+
+    with Disk(state / "state" / "pi1", 8) as disk:
+        row_of(body, state)
+    return row
+
+
+def _team(folder: Path) -> str:
+    (folder / "agent.asl").write_text(_AGENT)
+    (folder / "office.yaml").write_text(_TEAM)
+    return str(folder / "office.yaml")
+
+
+MAIL: tuple[Callable[[Path], Row], ...] = (
+    datagrams,
+    records,
+    other_version,
+    clock_jumps,
+    corrupt_mail,
+    corrupt_checkpoint,
+    newer_version,
+)
+AS_ROOT: tuple[Callable[[Path], Row], ...] = (full_disk,)
+"""Rows that need a file system of their own."""

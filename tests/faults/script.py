@@ -1,0 +1,8 @@
+"""Runs a script as a module would be: `python -m tests.faults.script FILE`."""
+
+from __future__ import annotations
+
+import runpy
+import sys
+
+runpy.run_path(sys.argv[1], run_name="__main__")
