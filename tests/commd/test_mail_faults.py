@@ -8,14 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from tests.faults.mail import AS_ROOT, MAIL
+from tests.faults.mail import MAIL_INPUT
+from tests.faults.mail_files import AS_ROOT, MAIL_FILES
 from tests.faults.rows import Row
 
 root = pytest.mark.skipif(os.geteuid() != 0, reason="a file system of its own needs root")
 
 
 @pytest.mark.parametrize(
-    "fault", [*MAIL, *(pytest.param(row, marks=root) for row in AS_ROOT)], ids=lambda fault: fault.__name__
+    "fault",
+    [*MAIL_INPUT, *MAIL_FILES, *(pytest.param(row, marks=root) for row in AS_ROOT)],
+    ids=lambda fault: fault.__name__,
 )
 def test_mail_is_neither_lost_nor_doubled_under(fault: Callable[[Path], Row], tmp_path: Path) -> None:
     row = fault(tmp_path)

@@ -1,0 +1,184 @@
+"""The faults of the files in which mail and minds are kept: corrupt, of a newer version, on a full disk."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+import sqlite3
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+from commd.client import NoAnswer
+from tests.boards.disk import Disk
+from tests.faults.office import Office, expect_all, grown, held, read, row_of, waits
+from tests.faults.real import resident
+from tests.faults.rows import Row
+from tests.support.ports import free_port
+from tests.support.processes import running
+
+_TEAM = """\
+mission: office
+agents:
+  ann: {program: agent.asl}
+  bob: {program: agent.asl}
+"""
+_AGENT = """\
+!begin.
++!begin <- +lives(1); .print("begun").
++restarted(N) <- ?lives(L); -+lives(L + 1); .print("restarted ", N, ", lives ", L + 1).
+"""
+
+
+def corrupt_mail(state: Path) -> Row:
+    """A board's mail file is overwritten with noise while its commd is dead."""
+    row = Row("corrupt database of commd", "real file: noise over its pages after kill -9, then restart")
+
+    async def body(office: Office) -> None:
+        for board in ("pi1", "pi2"):
+            await office.start(board)
+        async with office.bus("pi2") as bus, office.program("ann") as ann, office.program("bob") as bob:
+            for number in range(5):
+                await ann.send("cid", "tell", number)  # these wait at pi1, where the file will be lost
+                await bob.send("cid", "tell", number)
+            await waits(bus, "pi1", 10)
+            await asyncio.to_thread(office.daemons["pi1"].kill)
+            for number in range(5, 10):
+                await bob.send("cid", "tell", number)  # these wait at pi2
+            _noise(office.file("pi1"))
+            daemon = await office.start("pi1")
+            aside = sorted(one.name for one in office.file("pi1").parent.glob("*.corrupt-1"))
+            row.expect(aside == ["pi1.mail.corrupt-1"], f"the file is set aside, found {aside}")
+            row.expect("mail_store_corrupt" in daemon.text, "the log tells of it")
+            health = await office.told("pi1", lambda it: any("set aside" in note for note in it.notes), "a note")
+            row.seen.append(f"set aside, and told: `{next(note for note in health.notes if 'set aside' in note)}`")
+            async with office.program("cid") as cid:
+                expect_all(row, await read(cid, 5), list(range(5, 10)))
+                await ann.send("cid", "tell", "after")
+                row.expect(await read(cid, 1) == ["after"], "mail goes on")
+            row.seen.append("the other board's mail and what came after is delivered")
+        held(daemon)
+        row.bound = "-"
+
+    row_of(body, state)
+    return row
+
+
+def _noise(path: Path) -> None:
+    """Overwrite a database, its beginning aside, and what belongs to it."""
+    chance = random.Random(3)
+    for one in (path, path.with_name(path.name + "-wal")):
+        if one.exists():
+            data = bytearray(one.read_bytes())
+            data[100:] = chance.randbytes(max(0, len(data) - 100))
+            one.write_bytes(bytes(data))
+
+
+def corrupt_checkpoint(state: Path) -> Row:
+    """The checkpoint of one of two agents in one agentd is overwritten with noise while it is dead."""
+    row = Row("corrupt checkpoint of an agent", "real file: noise over its pages after kill -9, then restart")
+    mission, endpoint = _team(state), f"tcp/127.0.0.1:{free_port()}"
+    agentd = ("agentd", "serve", mission, "--router", endpoint, "--state", str(state / "minds"))
+    with running("commd", "serve", mission, "--router", endpoint, "--state", str(state / "mail")):
+        with running(*agentd) as first:
+            first.until(lambda text: text.count("begun") == 2, "both have begun")
+            time.sleep(2.0)  # what they believe is on disk by then: at the latest 0.5 s after a change
+        _noise(next((state / "minds").rglob("ann/mind.sqlite")))
+        with running(*agentd) as second:
+            second.says("[bob] restarted 1, lives 2")
+            second.says("[ann] begun")
+            row.expect("[bob] begun" not in second.text, "bob does not begin again")
+            aside = [one.name for one in (state / "minds").rglob("*.corrupt-1")]
+            row.expect(aside == ["mind.sqlite.corrupt-1"], f"the file is set aside, found {aside}")
+            told = [line for line in second.lines if "set aside" in line]
+            row.expect(told, "the log tells of it")
+            row.seen.append(
+                f"set aside, and told: `{told[0].partition('agent=ann ')[2].replace(str(state), 'DIR')}`"
+                if told
+                else "not told"
+            )
+            row.seen.append("ann begins anew; bob, in the same process, goes on where it was")
+    row.bound = "-"
+    return row
+
+
+def newer_version(state: Path) -> Row:
+    """The databases were written by a newer Argosy."""
+    row = Row("databases of a newer version", "real files: `PRAGMA user_version = 99` in both, then restart")
+    mission, endpoint = _team(state), f"tcp/127.0.0.1:{free_port()}"
+    commd = ("commd", "serve", mission, "--router", endpoint, "--state", str(state / "mail"))
+    agentd = ("agentd", "serve", mission, "--router", endpoint, "--state", str(state / "minds"))
+    with running(*commd) as first, running(*agentd) as mind:
+        mind.until(lambda text: text.count("begun") == 2, "both have begun")
+        time.sleep(1.0)
+        first.says("router board=")
+    files = [next((state / "mail").rglob("*.mail")), next((state / "minds").rglob("ann/mind.sqlite"))]
+    for path, command in zip(files, (commd, agentd), strict=True):
+        with sqlite3.connect(path) as db:
+            db.execute("PRAGMA user_version = 99")
+        db.close()
+        before = path.read_bytes()
+        with ExitStack() as stack:
+            if command is agentd:  # which is told by its file, not by a router that it does not find
+                router = stack.enter_context(running(*commd[:-1], str(state / "other")))
+                router.says("router board=")
+            refused = stack.enter_context(running(*command))
+            code = refused.ends(30)
+        said = next((line for line in refused.lines if "99" in line), "")
+        row.expect(code in (1, 2) and said, f"{command[0]} ends and says why: exit {code}, {refused.lines[-3:]}")
+        row.expect(path.read_bytes() == before, f"{path.name} is left alone")
+        row.seen.append(f"{command[0]} does not start: `{said.partition(': ')[2].replace(str(path), path.name)}`")
+    row.seen.append("the files are left alone")
+    row.bound = "-"
+    return row
+
+
+def full_disk(state: Path) -> Row:
+    """The disk that holds a board's mail has no byte left for a while."""
+    row = Row("full disk", "real file system (tmpfs) filled to its last byte while programs send")
+
+    async def body(office: Office) -> None:
+        for board in ("pi1", "pi2"):
+            await office.start(board)
+        daemon = office.daemons["pi1"]
+        before = resident(daemon)
+        async with office.bus() as bus, office.program("ann") as ann, office.program("bob") as bob:
+            for number in range(10):
+                await ann.send("bob", "tell", number)
+            disk.fill()
+            failed: NoAnswer | None = None
+            number = 10
+            while failed is None and number < 5_000:  # the file's own spare room takes some
+                try:
+                    await ann.send("bob", "tell", number, patience=3.0)
+                    number += 1
+                except NoAnswer as error:
+                    failed = error
+            assert failed is not None
+            row.seen.append(f"with the disk full, `send` fails after {number - 10} more: nothing is acknowledged")
+            health = await office.told("pi1", lambda it: bool(it.notes), "a note in the health record")
+            row.seen.append(f"told: `{health.notes[0].replace(str(state), 'DIR')}`")
+            disk.free()
+            await ann.send_again(failed)
+            for after in range(number + 1, number + 11):
+                await ann.send("bob", "tell", after)
+            expect_all(row, await read(bob, number + 11, quiet=2.0), list(range(number + 11)))
+            assert bus.router_up
+        held(daemon)
+        grown(row, daemon, before)
+
+    with Disk(state / "state" / "pi1", 8) as disk:
+        row_of(body, state)
+    return row
+
+
+def _team(folder: Path) -> str:
+    (folder / "agent.asl").write_text(_AGENT)
+    (folder / "office.yaml").write_text(_TEAM)
+    return str(folder / "office.yaml")
+
+
+MAIL_FILES: tuple[Callable[[Path], Row], ...] = (corrupt_mail, corrupt_checkpoint, newer_version)
+AS_ROOT: tuple[Callable[[Path], Row], ...] = (full_disk,)
+"""Rows that need a file system of their own."""
