@@ -87,7 +87,8 @@ class Origins:
         self._marked: dict[int, tuple[Event, Origin]] = {}
         """Queued events whose origin their annotations do not tell, by their identity."""
         self._roots: dict[int, _Root] = {}
-        """By the number of the intention; an intention without one is never given again."""
+        """By the number of the intention; one without is never given again. Branches of a fork are such: their parent
+        has one."""
         self._most = _MOST_NOTED
         self._queued: dict[int, tuple[Event, int]] = {}
         """The events seen in the queue, by their identity, with their places."""
@@ -164,8 +165,6 @@ class Origins:
 
     def _root(self, intention: Intention, event: Event | None) -> tuple[Origin, tuple[Any, ...]]:
         """Where an intention comes from, and the event that its plans answer."""
-        if intention.branch is not None:
-            return Origin.NEVER, ()  # it belongs to the intention that waits for its branches
         stack = intention.stack
         if stack and type(stack[0][PLAN]) is AnsweringPlan:
             return Origin.OTHERS, self._arrival(intention, stack[0][PLAN].mail)

@@ -18,7 +18,7 @@ from agentd.mind.effects import SendMail
 from agentd.mind.failed import Failed
 from agentd.mind.inputs import BeliefAdded, GoalAdded, Mail, PerceptAdded, PerceptRemoved, PerceptReplaced
 from agentd.mind.loading import register_functions
-from agentd.mind.plan_terms import add_plans
+from agentd.mind.plan_terms import add_plans, remove_plans
 from tests.agentd.generated_terms import any_terms, ground
 from tests.agentd.kept_minds import Life, begun, state_of
 from tests.agentd.minds import term
@@ -269,7 +269,7 @@ def test_plans_put_first_and_last_stand_there_again_whatever_was_added_between_t
     life = begun("+!go : mid.")
     for name, first in (("a", True), ("b", False), ("c", True), ("d", False), ("e", True)):
         add_plans(life.mind, f"+!go : {name}.", atom("self"), first)
-        if name in "bd":
+        if name == "b":
             life.save()
     life.save()
     contexts = [source_text(p.syntax.context) for p in life.next().mind.plans]
@@ -285,6 +285,23 @@ def test_labels_made_for_plans_without_one_are_kept_and_not_given_twice() -> Non
     labels = [text(p.label) for p in again.mind.plans]
     assert labels[:2] == [text(p.label) for p in life.mind.plans]
     assert len(set(labels)) == 3
+
+
+def test_a_plan_keeps_the_label_that_was_made_for_it_when_others_before_it_are_gone() -> None:
+    life = begun("+!go.")
+    for n in (1, 2):
+        add_plans(life.mind, f"+!go({n}).", atom("self"), False)
+    remove_plans(life.mind, atom("l__2"), atom("self"))
+    life.save()
+    assert [text(p.label) for p in life.next().mind.plans] == ["l__1", "l__3"]
+
+
+def test_a_told_plan_that_others_tell_too_or_take_back_keeps_those_who_stand_for_it() -> None:
+    life = begun("+!go.")
+    for teller in ("ann", "cid", "dan"):
+        life.feed(Mail(teller, "tellHow", "+!go(1).", "mid1")).save()
+    life.feed(Mail("ann", "untellHow", atom("l__2"), "mid1")).save()
+    assert [text(s) for s in life.next().mind.plans.plans[1].sources] == ["cid", "dan"]
 
 
 def test_ids_of_messages_and_actions_go_on_where_they_ended() -> None:

@@ -215,12 +215,14 @@ def test_a_mind_that_is_saved_while_it_runs_does_not_repeat_rounds_that_ran_thro
     for _ in range(400):
         life.mind.run(0.0, 1)
         life.save()
-        again = life.next().settle()
-        assert len(list(again.mind.beliefs.facts())) in (0, 50)
-        # each at(N) is believed once by either life: were a round repeated, nothing would show, so count the events
-        here = [f for f in life.mind.beliefs.facts() if f.functor == "at"]
-        (pending,) = others(life) or [f"+!g({len(here)})"]
-        assert pending.startswith((f"+!g({len(here)})", f"+!g({len(here) - 1})"))
+        rounds = len(list(life.mind.beliefs.facts()))
+        found = others(life)
+        if life.mind.events and rounds:  # the next round is to begin
+            assert found[0].startswith(f"+!g({rounds})")
+        elif rounds < 50 and found:
+            assert found[0].startswith((f"+!g({rounds})", f"+!g({rounds - 1})"))
+    assert rounds == 50
+    assert others(life) == []
 
 
 def test_the_variables_of_a_goal_are_free_again_whatever_its_plan_has_bound_them_to() -> None:
