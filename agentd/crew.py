@@ -302,8 +302,9 @@ class Crew:
                 f"'{name}' is an agent of the mission: only those made at run time can be killed; .stopMAS ends all"
             )
             raise Refused("action_failed", message)
-        if name not in self.hosts:
-            raise Refused("action_failed", f"'{name}' lives in another daemon, which alone can end it")
+        if name not in self._ends:
+            why = "is still being made" if name in self._made else "lives in another daemon, which alone can end it"
+            raise Refused("action_failed", f"'{name}' {why}")
         end = self._ends[name]
         if delay > 0:
             asyncio.get_running_loop().call_later(self._clock.to_wall(delay), end.set)

@@ -38,10 +38,10 @@ class Services:
     async def ask(self, board: str, agent: str, do: Do, service: str = "") -> BoardServices:
         """Have something done. Raises NotDone."""
         request = ServiceRequest(agent=agent, do=do, service=service)
-        async with self._order[agent]:
+        loop = asyncio.get_running_loop()
+        until = loop.time() + PATIENCE
+        async with self._order[agent]:  # what it waits for here is bounded in the same way
             answer, why = None, ""
-            loop = asyncio.get_running_loop()
-            until = loop.time() + PATIENCE
             while answer is None and (left := until - loop.time()) > 0:
                 answer, why = await self._ask(board, request, left)
                 if answer is None:

@@ -15,6 +15,7 @@ from agentd.mind.failed import Failed
 from agentd.mind.failure_facts import as_they_are, failure_of
 from agentd.mind.frames import PLAN, RELEVANT, Frame
 from agentd.mind.holding import short_text
+from agentd.stdlib.registry import find_action
 
 _MOST_SHOWN: Final = 5
 """So many plans, goals or beliefs are named; of further ones the number."""
@@ -102,7 +103,9 @@ def _sentence(failed: Failed) -> str:
 def _unknown_action(failed: Failed) -> str:
     """Name and arity of an internal action that does not exist; empty for what is an action."""
     code = failed.code
-    if type(code) is Literal and code.sig.functor.startswith(".") and failed.error == "action_failed":
+    if type(code) is not Literal or failed.error != "action_failed" or not code.sig.functor.startswith("."):
+        return ""
+    if find_action(code.sig.functor, code.sig.arity) is None:
         return str(code.sig.indicator)
     return ""
 

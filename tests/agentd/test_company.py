@@ -144,6 +144,7 @@ def test_an_agent_made_at_run_time_is_online_on_the_other_board_until_it_ends(bo
             second.hosts["b"].take(SignalRaised.named("go"))
             await believes(first, "a", "online(kid)[board(pi2),source(percept)]")
             assert "kid" in first.roster.names
+            await until(lambda: "kid" in second.hosts, "kid has begun")
             second.hosts["b"].take(SignalRaised.named("stop"))
             await believes(first, "a", "went(kid)[source(self)]")
             await until(lambda: "kid" not in first.roster.names, "kid is forgotten")
