@@ -13,10 +13,11 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from tests.boards.disk import Disk
-from tests.boards.fleet import Fleet
+from tests.boards.fleet import Fleet, Look
 from tests.boards.letters import Post, Verdict, judge
 from tests.boards.network import Network, NoNamespaces, possible
 from tests.boards.troubles import Course, Trouble, plan
@@ -31,7 +32,7 @@ FULL = ("pi3", 20.0)
 """The board whose disk is full, and for how many seconds."""
 DISK = 64
 """MB of that board's disk."""
-RATE = 90.0
+RATE = 120.0
 """Messages a second of all agents together, as they wait between two; the minds take their time besides."""
 SETTLING = 5.0
 """Seconds after the last message in which nothing more may come."""
@@ -66,7 +67,7 @@ def run(
         fleet.up()
         first = {name: fleet.look(board) for name, board in post.agents.items()}
         for name, look in first.items():  # beyond the initial goal, which no restart posts again
-            look.until(lambda look, name=name: _progress(look.mind(name), post, name) > 3, f"{name} sends", 60)  # type: ignore[misc]
+            look.until(partial(_begun, post, name), f"{name} sends", 60)
         course = Course(fleet, troubles, disks, say)
         told = time.monotonic()
         minds: dict[str, list[str]] = {}
@@ -83,7 +84,7 @@ def run(
         seconds = course.seconds
         time.sleep(SETTLING)
         for name, look in first.items():
-            look.until(lambda look, name=name: look.mind(name), f"{name} answers", 60)  # type: ignore[misc]
+            look.until(partial(Look.mind, agent=name), f"{name} answers", 60)
             minds[name] = look.mind(name) or []
         boxes = next(iter(first.values())).boxes()
         return Outcome(
@@ -104,6 +105,10 @@ def _written(folder: Path, post: Post, network: Network) -> Path:
     path = folder / "letters.yaml"
     path.write_text(post.mission().replace("BOARDS", f"{{{entries}}}"))
     return path
+
+
+def _begun(post: Post, name: str, look: Look) -> bool:
+    return _progress(look.mind(name), post, name) > 3
 
 
 def _progress(beliefs: list[str] | None, post: Post, name: str) -> int:
