@@ -138,6 +138,23 @@ def _complaints(fleet: Fleet) -> list[str]:
     return found
 
 
+def control(say: Callable[[str], None] = print) -> tuple[Post, Outcome]:
+    """Run the same with memories switched off (`on_restart: fresh`) and one kill: the judge has to find fault."""
+    post = Post(AGENTS, 60, 100.0, "fresh")
+    with tempfile.TemporaryDirectory() as folder:
+        return post, run(Path(folder), post, [Trouble(2, "kill agentd", BOARDS[0], 0.5)], 25, say)
+
+
+def report_control(outcome: Outcome) -> list[str]:
+    """Return the section that says what the judge finds where there is something to find."""
+    verdict = outcome.verdict
+    return [
+        "The same agents, programs and judge with `on_restart: fresh`, and one agentd killed once: "
+        f"{verdict.taken} messages taken, **{verdict.lost} lost, {verdict.duplicated} duplicated, "
+        f"{verdict.disordered} out of order**. A judge that found nothing here would find nothing above.",
+    ]
+
+
 def report(post: Post, outcome: Outcome, seed: int) -> list[str]:
     """Return the section of the report."""
     verdict = outcome.verdict
@@ -179,8 +196,13 @@ def main() -> int:
         outcome = run(Path(folder), post, troubles, 2 * lasts + 300, lambda line: print(line, flush=True))
     print(outcome.verdict, *outcome.verdict.details, *outcome.complaints[:20], sep="\n")
     print(f"{outcome.seconds:.0f} s, {outcome.waiting} waiting, {outcome.dead} dead letters, {outcome.happened}")
+    _, without = control(lambda line: print(line, flush=True))
+    print(f"without memory: {without.verdict}")
     if not args.dry:
         write_section("Mail", report(post, outcome, args.seed))
+        write_section("Mail without memory", report_control(without))
+    if without.verdict.clean:
+        return 1
     return 0 if outcome.verdict.clean and outcome.verdict.sent == post.total and not outcome.waiting else 1
 
 

@@ -11,14 +11,14 @@ from tests.boards.fleet import Fleet
 from tests.boards.letters import Post
 from tests.boards.network import Network
 from tests.boards.troubles import Trouble, plan
-from tests.soak_mail import AGENTS, BOARDS, run
+from tests.soak_mail import AGENTS, BOARDS, control, run
 
 RATE = 60.0
 """Messages a second of all together."""
 
 
-def _post(each: int, on_restart: str = "resume") -> Post:
-    return Post(AGENTS, each, 1000 * len(AGENTS) * (len(AGENTS) - 1) / RATE, on_restart)
+def _post(each: int) -> Post:
+    return Post(AGENTS, each, 1000 * len(AGENTS) * (len(AGENTS) - 1) / RATE)
 
 
 @pytest.mark.parametrize("cut", ["unplug", "down", "part"])
@@ -50,9 +50,9 @@ def test_kills_cuts_and_a_full_disk_lose_and_duplicate_nothing(network: Network,
     assert outcome.happened["kill commd"] >= 2
 
 
-def test_the_judge_sees_that_agents_without_memory_repeat_themselves(network: Network, tmp_path: Path) -> None:
+def test_the_judge_sees_that_agents_without_memory_repeat_themselves(network: Network) -> None:
     """`on_restart: fresh` gives the promise up; a judge that finds nothing then would find nothing ever."""
-    outcome = run(tmp_path, _post(60, "fresh"), [Trouble(2, "kill agentd", "pi1", 0.5)], 25)
+    _, outcome = control()
     assert not outcome.verdict.clean
     assert outcome.verdict.duplicated > 0, "what it sent before, it sends again"
 
