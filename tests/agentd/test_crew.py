@@ -176,7 +176,8 @@ def test_services_of_another_daemon_are_found_and_told_of(tmp_path: Path, endpoi
 
 
 def test_a_directory_that_does_not_answer_fails_the_plan_with_the_reason(tmp_path: Path, endpoint: str) -> None:
-    asks = "!go(1). !go(2). +!go(1) <- .df_search(cook, L). +!go(2) <- .create_agent(kid).\n"
+    asks = "!go(1). !go(2). !told. +!go(1) <- .df_search(cook, L). +!go(2) <- .create_agent(kid).\n"
+    asks += "+!told <- .df_register(cook).\n"
     asks += '-!go(N)[error(E), error_msg(M)] <- .print(N, " ", E, " ", M).\n'
     path = mission(tmp_path, ONE.replace("done:", f"router: {{endpoint: {endpoint}, external: true}}\ndone:"), a=asks)
 
