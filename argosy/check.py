@@ -115,7 +115,7 @@ def check_mission(path: str | Path) -> tuple[Mission | None, list[Finding]]:
                 told |= mentioned(its) if other != agent and its is not None else set()
             findings += _against(surveys[agent], manifest, told)
     if mission is not None:
-        findings += check_team(mission, {name: found.survey for name, found in surveys.items()})
+        findings += check_team(mission, {name: found.survey for name, found in surveys.items()}, programs)
         findings += _endings(mission, programs, manifests)
     return mission, sorted(set(findings))
 

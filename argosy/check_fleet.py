@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 from agentd.analysis.mentions import Survey
 from agentd.compose import restart_goal
-from agentd.language.syntax import ListTerm, Structure
+from agentd.language.syntax import Goal, ListTerm, Operator, Program, Step, Structure
 from argosy.links import address_of, peer_of
 from argosy.simulators import machine_of, vehicle_of
 from bridged.drivers.mavlink.address import LinkAddressError
@@ -19,10 +19,17 @@ from schemas.positions import did_you_mean
 
 ONLINE = ("online", 1)
 """The belief that `presence` gives."""
+NEW_FOCUS = (Operator.ACHIEVE_NEW_FOCUS, Operator.ADD_NEW_FOCUS, Operator.DELETE_NEW_FOCUS)
+"""What these begin is taken up again after a restart."""
 
 
-def check_team(mission: Mission, surveys: Mapping[str, Survey]) -> list[Finding]:
-    """Return warnings about what the agents expect of one another and of their restart; `surveys` is by agent."""
+def check_team(
+    mission: Mission, surveys: Mapping[str, Survey], programs: Mapping[str, Program | None]
+) -> list[Finding]:
+    """Return warnings about what the agents expect of one another and of their restart.
+
+    `surveys` and the composed `programs` are by agent.
+    """
     created = any(call.action.name == ".create_agent" for survey in surveys.values() for call in survey.calls)
     findings: list[Finding] = []
     for agent, survey in surveys.items():
@@ -30,6 +37,13 @@ def check_team(mission: Mission, surveys: Mapping[str, Survey]) -> list[Finding]
             findings += _receivers(mission, survey)
         findings += _presence(mission, agent, survey)
         findings += _restart(mission, agent, survey)
+        asks = [other for name, other in surveys.items() if name != agent]
+        if (program := programs[agent]) is not None and _would_be_idle(mission, agent, program, survey, asks):
+            text = (
+                f"agents.{agent}: after a restart it has nothing to do: initial goals are not begun again, and the "
+                "program has no plan for `+restarted(N)`"
+            )
+            findings.append(mission.positions.finding(("agents", agent), text, at_key=True))
     return [replace(finding, severity="warning") for finding in findings]
 
 
@@ -103,3 +117,19 @@ def _restart(mission: Mission, agent: str, survey: Survey) -> Iterator[Finding]:
         if wanted[1]:
             text = f"{text[:-1]}/{wanted[1]}`"
         yield mission.positions.finding(("agents", agent, "on_restart"), text)
+
+
+def _would_be_idle(mission: Mission, agent: str, program: Program, survey: Survey, others: Collection[Survey]) -> bool:
+    """Whether an agent that is started again has goals to begin with only, and nothing that makes it go on."""
+    if mission.restart != "on-failure" or mission.agents[agent].on_restart != "resume" or survey.open_plans:
+        return False
+    if not any(isinstance(item, Goal) for item in program.items):
+        return False
+    if any(isinstance(step, Step) and step.operator in NEW_FOCUS for body in survey.bodies for step in body.formulas):
+        return False
+    if any(other.open_wanted for other in others):
+        return False
+    wanted = {mention.indicator for other in others for mention in other.wanted}
+    return not any(  # percepts, mail and `+restarted` raise events of beliefs
+        placed.event in ("+", "-") or placed.name is None or placed.indicator in wanted for placed in survey.plans
+    )

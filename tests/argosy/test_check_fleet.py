@@ -133,3 +133,31 @@ def test_a_real_robot_is_not_flown_with_a_model_of_the_radio(pair: Path, capsys:
     pair.write_text(f"{MISSION}radio: {{range: 300m}}\n")
     assert main(["run", str(pair), "--real", "uav1", "--yes"]) == 2
     assert "uav1 is real, and `radio` is a model of the air between simulated robots" in capsys.readouterr().err
+
+
+IDLE = """\
+pair.yaml:4:3: warning: agents.one: after a restart it has nothing to do: initial goals are not begun again, and the \
+program has no plan for `+restarted(N)`\
+"""
+
+
+@pytest.mark.parametrize(
+    ("way", "mission", "expected"),
+    [
+        ("", "restart: on-failure\n", [IDLE]),
+        ("", "", []),
+        ("+restarted(N) <- !begin.\n", "restart: on-failure\n", []),
+        ("+!other <- !!begin.\n!other.\n", "restart: on-failure\n", []),
+        ("+battery(B) <- .print(B).\n", "restart: on-failure\n", []),
+        ("+!help(X) <- .print(X).\n", "restart: on-failure\n", []),
+    ],
+)
+def test_an_agent_that_would_be_idle_after_a_restart_is_told(
+    pair: Path, way: str, mission: str, expected: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    pair.with_name("one.asl").write_text("!begin.\n+!begin <- .wait(1000); +enough.\n" + way)
+    pair.with_name("two.asl").write_text("+go(X) <- .send(one, achieve, help(X)).\n")
+    pair.write_text(mission + MISSION.replace("presence: true, on_restart: goal(recover)", "on_restart: resume"))
+    assert [line for line in said(pair, capsys) if "restart" in line] == [
+        line.replace(":4:", f":{4 + mission.count(chr(10))}:") for line in expected
+    ]
