@@ -67,22 +67,28 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
         stop=stop,
     ) as bus:
         await bus.claim(board)
+        known = FixedDirectory(mission.mailboxes)
         folder = state_directory(args.state) / mission.fleet
         async with (
             open_air(bus, mission, board) as air,
             open_gateway(mission, board) as gateway,
-            open_mailroom(bus, FixedDirectory(mission.mailboxes), mission.mail, folder, air) as mailroom,
+            open_mailroom(bus, known, mission.mail, folder, air, everybody_known=False) as mailroom,
             open_directory(bus, board, mission, mailroom.store, mailroom, clock) as directory,
             gateway.serving(mailroom),
         ):
-            mailroom.directory = directory
             parts = (mailroom.health, directory.health, gateway.health, *((air.health,) if air is not None else ()))
             log.info("%s board=%s endpoint=%s", mode, board, endpoint)
             health = asyncio.create_task(report_health(bus, board, clock, lambda: together(parts)))
             stopping = asyncio.create_task(stop.wait())
-            await asyncio.wait((health, stopping), return_when=asyncio.FIRST_COMPLETED)
-            if broken := health.done():
-                log.error("the router is broken, it is to be started again: %r", health.exception())
+            work: dict[asyncio.Task[None], str] = {health: "the router"}
+            work |= dict.fromkeys(directory.work, "the directory")
+            work |= dict.fromkeys(gateway.work, "the gateway")
+            work |= dict.fromkeys(air.work if air is not None else (), "the radio")
+            await asyncio.wait((*work, stopping), return_when=asyncio.FIRST_COMPLETED)
+            broken = [task for task in work if task.done()]
+            for task in broken:
+                error = task.exception() if not task.cancelled() else "cancelled"
+                log.error("%s is broken, commd is to be started again: %r", work[task], error)
             health.cancel()
             stopping.cancel()
     return EXIT_FAILED if broken else EXIT_DONE

@@ -10,17 +10,17 @@ import asyncio
 import logging
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Collection, Coroutine, Sequence
-from contextlib import aclosing, asynccontextmanager
+from contextlib import aclosing, asynccontextmanager, suppress
 from dataclasses import replace
 from sqlite3 import Connection
 from typing import Any, Protocol, TypeVar
 
 import msgspec
 
-from commd import facts
+from commd import facts, peers
 from commd.bus import Bus, BusClosed, Query
 from commd.clock import Clock
-from commd.services import Notice, Own, Problem, Services
+from commd.services import Notice, Own, Problem, Services, checked
 from commd.store import StoreFailed
 from schemas import keys
 from schemas.codec import BadRecord, codec
@@ -39,6 +39,11 @@ is started again within that time keeps its mail."""
 LOOK_EVERY = 1.0
 PUT_EVERY = 0.1
 """Wall seconds between two puts at least."""
+READ_AGAIN = 0.5
+"""Wall seconds until the file is read again when it could not be read, doubling up to `READ_EVERY`."""
+READ_EVERY = 5.0
+MOST_SAID = 1024 * 1024
+"""Bytes of what a board says of itself: other boards refuse what is much larger, and would know nothing of it."""
 MOST_TASKS = 1_000
 """What other boards say may wait so often for the disk; the excess is dropped, counted and asked for again."""
 SENDER = "df"
@@ -58,6 +63,8 @@ class Post(Protocol):
     """Who carries notices, and keeps the mail of the agents here (`commd.mailroom`)."""
 
     async def take(self, messages: Sequence[Message], also: Callable[[Connection], None] | None = None) -> Receipt: ...
+
+    directory: peers.Directory
 
     def host(self, name: str) -> None: ...
 
@@ -86,8 +93,12 @@ class Directory:
         """The tokens of the commd of each board, this one too."""
         self._put_at = -PUT_EVERY
         self._putting: asyncio.TimerHandle | None = None
+        self.work: list[asyncio.Task[None]] = []
+        """What goes on for ever."""
         self._tasks: set[asyncio.Task[None]] = set()
         self._said_doubles: set[str] = set()
+        self._unread = ""
+        """Why what is on disk is not known yet, in words."""
         self._noticed = 0
 
     # --- for the mailroom ---
@@ -104,7 +115,7 @@ class Directory:
         """What is wrong now, in words."""
         twice = len(self._boards.get(self._board, ())) > 1
         doubles = [f"another commd serves board `{self._board}` as well"] if twice else []
-        return [*doubles, *self.services.doubled()]
+        return [*([self._unread] if self._unread else []), *doubles, *self.services.doubled()]
 
     def health(self) -> Health:
         """Return what is counted and what is wrong, for the daemon's health."""
@@ -115,32 +126,41 @@ class Directory:
 
     # --- its life ---
 
-    async def load(self) -> None:
-        """Read what is on disk, and host those that joined in a former life."""
-        own, others = await self._read()
+    async def load(self) -> bool:
+        """Read what is on disk, host those that joined in a former life, and be the directory of the mail.
+
+        Returns False if it cannot be read now. It never begins empty then: the next change would overwrite it.
+        """
+        try:
+            own, others = await self._store.read(lambda db: (facts.kept(db, _OWN), facts.kept(db, _BOARDS)))
+        except StoreFailed as failed:
+            if not self._unread:
+                log.error("directory_unread why=%s: nobody can join or leave until it is read", failed)
+            self._unread = f"who joined and who offers what is not read yet: {failed}"
+            return False
+        self._unread = ""
         services = self.services
         try:
             if self._board in own:
                 services = replace(services, own=msgspec.json.decode(own[self._board], type=Own))
-            known = {name: _BOARD.decode(said) for name, said in others.items() if name in services.boards}
+            known = {name: checked(_BOARD.decode(said)) for name, said in others.items() if name in services.boards}
         except (msgspec.DecodeError, BadRecord) as bad:  # of another version: what is not known is asked for anew
             log.error("directory_unreadable why=%s: it begins empty", bad)
             known = {}
         self._now_is(replace(services, others=known))
+        self._post.directory = self
         for name in self.services.own.joined:
             self._post.host(name)
             self._absent[name] = self._clock.wall()
+        return True
 
-    async def _read(self) -> tuple[dict[str, bytes], dict[str, bytes]]:
-        """Read the facts; a file that has just been set aside as corrupt is a new one at the second look."""
-        for pause in (0.0, 0.5, 2.0):
+    async def read_and_follow(self, read: bool) -> None:
+        """Read the file until it can be read, if it is not yet, then `follow`."""
+        pause = READ_AGAIN
+        while not read:
             await asyncio.sleep(pause)
-            try:
-                return await self._store.read(lambda db: (facts.kept(db, _OWN), facts.kept(db, _BOARDS)))
-            except StoreFailed as failed:
-                log.error("directory_unreadable why=%s", failed)
-        log.error("the directory of board %s begins empty: who joined it before is not known", self._board)
-        return {}, {}
+            read, pause = await self.load(), min(2 * pause, READ_EVERY)
+        await self.follow()
 
     async def follow(self) -> None:
         """Serve, and follow the agents and the other boards, for ever."""
@@ -206,6 +226,11 @@ class Directory:
                     after = before.deregister(agent, service)
                 case "subscribe":
                     after, notices = before.subscribe(agent, service)
+            if request.do in ("join", "register") and after is not before:
+                size = len(_BOARD.encode(BoardServices(board=self._board, agents=after.agents())))
+                if size > MOST_SAID:
+                    what = f"{request.do} {agent}: what board {self._board} says of its agents would be of {size} bytes"
+                    raise Problem(f"{what}, and {MOST_SAID} are the most")
             if after is not before or notices:
                 own = msgspec.json.encode(after.own)
                 await self._write(notices, lambda db: facts.keep(db, _OWN, self._board, own))
@@ -214,11 +239,12 @@ class Directory:
                 self._post.host(name)
                 if not self._alive.get(name):
                     self._absent[name] = self._clock.wall()
-            for name in set(before.own.joined) - set(after.own.joined):
-                self._absent.pop(name, None)
-                await self._post.unhost(name)
             if after.own.version != before.own.version:
                 self._put()
+            for name in set(before.own.joined) - set(after.own.joined):
+                self._absent.pop(name, None)
+                with suppress(StoreFailed):  # it has left: the mailroom gives up later what waits for nobody
+                    await self._post.unhost(name)
             found = after.providers(service) if request.do in ("search", "subscribe") else ()
             return self._said(found=found)
 
@@ -283,6 +309,7 @@ class Directory:
         async with self._one_at_a_time:
             if not self.services.news(said):
                 return
+            said = checked(said)
             before = self.services.others.get(said.board)
             after, notices, gone = self.services.heard(said)
             kept = _BOARD.encode(said)
@@ -296,7 +323,8 @@ class Directory:
             if before is None or before.agents != said.agents:
                 log.info("board=%s agents=%d", said.board, len(said.agents))
             for name in gone:
-                await self._post.gone(name)
+                with suppress(StoreFailed):  # the mailroom gives up later what waits for nobody
+                    await self._post.gone(name)
 
     def _board_token(self, key: str, alive: bool) -> None:
         if (parsed := keys.parse(key)) is None or parsed[1] not in self.services.boards:
@@ -380,10 +408,17 @@ class Directory:
 async def open_directory(
     bus: Bus, board: str, mission: Mission, store: Store, post: Post, clock: Clock
 ) -> AsyncIterator[Directory]:
-    """Read the directory of a board, and keep it up to date until the block ends."""
+    """Read the directory of a board, or go on trying while its disk does not let it; keep it up to date until the end.
+
+    Whoever opens it watches `work`: when one of these tasks ends, the board follows nobody any more.
+    """
     directory = Directory(bus, board, mission, store, post, clock)
-    await directory.load()
-    work = [asyncio.create_task(directory.follow()), asyncio.create_task(directory.forget_who_is_gone())]
+    read = await directory.load()
+    if not read:  # a file that has just been set aside as corrupt is a new one at the second look
+        await asyncio.sleep(READ_AGAIN)
+        read = await directory.load()
+    following, forgetting = directory.read_and_follow(read), directory.forget_who_is_gone()
+    work = directory.work = [asyncio.create_task(following), asyncio.create_task(forgetting)]
     try:
         yield directory
     finally:

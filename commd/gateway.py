@@ -72,6 +72,8 @@ class Gateway(asyncio.DatagramProtocol):
 
     def __init__(self, nodes: Mapping[str, str], now: Callable[[], float] = time.monotonic) -> None:
         self.nodes = {name: Node(name, address) for name, address in nodes.items()}
+        self.work: list[asyncio.Task[None]] = []
+        """What goes on for ever, while it serves: whoever opens it watches it."""
         self.counters: Counter[str] = Counter()
         """gateway_in, gateway_out, gateway_malformed, gateway_strangers, gateway_repeated, gateway_dropped,
         gateway_refused, gateway_unsendable, gateway_errors: datagrams so far."""
@@ -98,7 +100,7 @@ class Gateway(asyncio.DatagramProtocol):
     async def serving(self, post: Post) -> AsyncIterator[None]:
         """Carry mail between the nodes and `post` while the block runs."""
         detach = [post.attach(name, self.deliver) for name in self.nodes]
-        running = [asyncio.create_task(self._take(post)), asyncio.create_task(self._seek())]
+        running = self.work = [asyncio.create_task(self._take(post)), asyncio.create_task(self._seek())]
         try:
             yield
         finally:

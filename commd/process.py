@@ -79,7 +79,9 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
     except (AlreadyRunning, BusClosed) as error:
         stderr().write(f"error: {name}: {error}")
         return EXIT_FAILED
-    except Exception as error:
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as error:  # a panic of Zenoh's is no Exception
         if os.environ.get("ARGOSY_DEBUG"):
             raise
         what = f"{type(error).__name__}: {error}"

@@ -99,6 +99,8 @@ class RadioAir:
     """
 
     def __init__(self, bus: Bus, mission: Mission, radio: Radio, board: str) -> None:
+        self.work: list[asyncio.Task[None]] = []
+        """What goes on for ever: whoever opens it watches it."""
         self.counters: Counter[str] = Counter()
         """radio_sent, radio_lost, radio_out_of_range: transmissions so far."""
         self._bus, self._robots = bus, robots_of(mission)
@@ -162,11 +164,12 @@ async def open_air(bus: Bus, mission: Mission, board: str) -> AsyncIterator[Radi
         yield None
         return
     air = RadioAir(bus, mission, mission.radio, board)
-    asking = asyncio.create_task(air.run())
+    air.work = [asyncio.create_task(air.run())]
     try:
         yield air
     finally:
-        asking.cancel()
+        for task in air.work:
+            task.cancel()
 
 
 def robots_of(mission: Mission) -> Mapping[str, str]:

@@ -6,8 +6,10 @@ can write both to disk before either counts.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import TypeAlias
 
 import msgspec
@@ -15,12 +17,16 @@ import msgspec
 from schemas.names import check_name
 from schemas.records import BoardServices
 
+log = logging.getLogger("directory")
+
 MOST_JOINED = 10_000
 """Agents made at run time that one board takes."""
 MOST_SERVICES = 1_000
 """Services that one agent offers."""
 LONGEST_SERVICE = 1_000
 """Characters of the name of a service."""
+MOST_NAMES = 2 * MOST_JOINED
+"""Agents of another board that are known here: those that joined it, and the mission's."""
 Notice: TypeAlias = tuple[str, str, str]
 """A subscriber, and the agent and service that it is to be told of."""
 
@@ -202,6 +208,28 @@ class Services:
 
     def _with(self, **changes: object) -> Services:
         return replace(self, own=msgspec.structs.replace(self.own, **changes))
+
+
+def checked(said: BoardServices) -> BoardServices:
+    """Take from what another board says what can be meant: names that a key can hold, and no more than a board has."""
+    good = {name: _services(what) for name, what in said.agents.items() if _is_name(name)}
+    agents = dict(islice(good.items(), MOST_NAMES))
+    if agents == said.agents:
+        return said
+    log.warning("board=%s what it says is taken in part: %d of %d agents", said.board, len(agents), len(said.agents))
+    return msgspec.structs.replace(said, agents=agents)
+
+
+def _services(offered: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(one for one in offered[:MOST_SERVICES] if 0 < len(one) <= LONGEST_SERVICE)
+
+
+def _is_name(name: str) -> bool:
+    try:
+        check_name(name)
+    except ValueError:
+        return False
+    return True
 
 
 def _without(names: tuple[str, ...], name: str) -> tuple[str, ...]:

@@ -6,6 +6,8 @@ import asyncio
 import signal
 import time
 from argparse import Namespace
+from collections.abc import Awaitable, Callable
+from contextlib import aclosing
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -14,11 +16,13 @@ import pytest
 from commd.bus import Bus, open_bus
 from commd.clock import Clock
 from commd.daemon import serve
-from commd.process import report_health
+from commd.directory import Directory
+from commd.process import _run, report_health
 from schemas import keys
 from schemas.mission import load_mission
-from schemas.records import Health, Record
-from tests.support.buses import FLEET, Connect, on_a_bus, subscribed, until
+from schemas.records import BoardServices, Health, Receipt, Record, ServiceRequest
+from tests.commd.offices import ask, message
+from tests.support.buses import FLEET, Connect, on_a_bus, served, subscribed, until
 from tests.support.processes import running
 from tests.support.promises import least
 
@@ -116,3 +120,82 @@ def test_a_router_that_breaks_ends_commd_so_that_it_is_started_again(
 
     assert asyncio.run(body()) == 1
     assert "the router is broken" in caplog.text
+
+
+def test_mail_for_who_joined_in_a_former_life_is_not_refused_while_commd_starts(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    args = Namespace(board=None, router=endpoint, listen=[], connect=[], state=tmp_path)
+    mission = load_mission(MISSION)
+    real = Directory.load
+
+    async def late(directory: Directory) -> bool:
+        await asyncio.sleep(1)  # a big file on a slow disk
+        return await real(directory)
+
+    async def life(body: Callable[[Bus], Awaitable[None]]) -> None:
+        stop = asyncio.Event()
+        commd = asyncio.create_task(serve(mission, args, stop))
+        try:
+            async with (
+                asyncio.timeout(30),
+                open_bus(endpoint, fleet=mission.fleet, name="uav", daemon="agentd", stamp=time.time_ns) as bus,
+            ):
+                await body(bus)
+        finally:
+            stop.set()
+            assert await asyncio.wait_for(commd, 30) == 0
+
+    async def first(bus: Bus) -> None:
+        key = keys.services(mission.fleet, "local")
+        await served(bus, key)
+        request = ServiceRequest(agent="kid", do="join", stays=True)
+        async with aclosing(bus.query(key, request, BoardServices, 10)) as replies:
+            assert [reply.record.problem async for reply in replies if reply.record is not None] == [""]
+
+    async def second(bus: Bus) -> None:
+        key = keys.outbox(mission.fleet, "uav")
+        await served(bus, key)
+        answers = [await ask(bus, key, message(1, "uav", "kid"))]
+        while not isinstance(answers[-1], Receipt):
+            answers.append(await ask(bus, key, message(1, "uav", "kid")))
+            await asyncio.sleep(0.02)
+        assert answers[-1] == Receipt(taken=1)
+        assert set(answers[:-1]) <= {"board local is still reading who joined it"}
+
+    async def body() -> None:
+        await life(first)
+        monkeypatch.setattr(Directory, "load", late)
+        await life(second)
+
+    asyncio.run(body())
+
+
+@pytest.mark.parametrize("task", ["follow", "forget_who_is_gone"])
+def test_a_directory_that_breaks_ends_commd_so_that_it_is_started_again(
+    task: str, endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def broken(_: Directory) -> None:
+        raise RuntimeError("a defect")
+
+    monkeypatch.setattr(Directory, task, broken)
+    args = Namespace(board=None, router=endpoint, listen=[], connect=[], state=tmp_path)
+
+    async def body() -> int:
+        return await asyncio.wait_for(serve(load_mission(MISSION), args, asyncio.Event()), 20)
+
+    assert asyncio.run(body()) == 1
+    assert "the directory is broken" in caplog.text
+
+
+def test_a_panic_of_the_router_anywhere_ends_a_daemon_with_words(capfd: pytest.CaptureFixture[str]) -> None:
+    class Panic(BaseException):
+        """What a panic of Zenoh's is in Python."""
+
+    async def main(stop: asyncio.Event) -> int:
+        raise Panic("called `Option::unwrap()` on a `None` value")
+
+    assert _run("commd", main) == 1
+    told = capfd.readouterr().err
+    assert "error: commd: defect in argosy: Panic: called `Option::unwrap()` on a `None` value" in told
+    assert "Traceback" not in told

@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, aclosing, asynccontextmanager
 from pathlib import Path
+from sqlite3 import Connection
 
 import pytest
 
@@ -15,11 +16,12 @@ from commd.clock import Clock
 from commd.directory import Directory, open_directory
 from commd.mailroom import open_mailroom
 from commd.peers import FixedDirectory
+from commd.store import Store, StoreFailed
 from schemas import keys
 from schemas.mission import read_mission
 from schemas.records import BoardServices, Mail, Message, Receipt, ServiceRequest
 from schemas.terms import Atom, Structure
-from tests.support.buses import FLEET, session, until
+from tests.support.buses import FLEET, session, subscribed, until
 
 MISSION = """\
 mission: fleet
@@ -53,7 +55,6 @@ class Fleet:
             await bus.claim(name)
             clock = Clock()
             async with open_directory(bus, name, self.mission, mailroom.store, mailroom, clock) as directory:
-                mailroom.directory = directory
                 yield directory
 
     @asynccontextmanager
@@ -253,5 +254,63 @@ def test_two_boards_of_one_name_are_told_of(fleet: Fleet, tmp_path: Path, free_p
             async with fleet.board("pi1"):
                 await until(lambda: pi2.notes() == ["another commd serves board `pi2` as well"], "both are seen")
             await until(lambda: pi2.notes() == [], "they do not see each other any more")
+
+    run(body())
+
+
+def test_a_directory_that_cannot_be_read_for_long_does_not_begin_empty(
+    fleet: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(directory_module, "READ_AGAIN", 0.05)
+    monkeypatch.setattr(directory_module, "READ_EVERY", 0.05)
+    real, failed = Store.read, 0
+
+    async def read(store: Store, question: Callable[[Connection], object]) -> object:
+        nonlocal failed
+        if getattr(question, "__qualname__", "").startswith("Directory.") and failed < 5:
+            failed += 1
+            raise StoreFailed("disk I/O error")
+        return await real(store, question)
+
+    async def body() -> None:
+        async with fleet.board("pi1"), fleet.agent("kid", "pi1") as kid:
+            await kid.ask("join", stays=True)
+        monkeypatch.setattr(Store, "read", read)
+        async with fleet.board("pi1") as pi1, fleet.agent("twin", "pi1") as twin:
+            assert pi1.notes() == ["who joined and who offers what is not read yet: disk I/O error"]
+            assert (await twin.ask("join")).problem == "", "nobody is served before it is read"
+            assert pi1.notes() == []
+            assert failed == 5
+            assert sorted(pi1.names()) == ["a", "b", "c", "kid", "twin"]
+
+    run(body())
+
+
+def test_what_another_board_says_is_taken_as_far_as_it_can_be_meant(fleet: Fleet) -> None:
+    async def body() -> None:
+        async with fleet.board("pi1") as pi1, fleet.agent("pi2", "pi1") as other:
+            names = {"kid": ("cook", "", "x" * 1001), "*": (), "": (), "a>b": (), "a/b": ()}
+            said = BoardServices(board="pi2", version=1, agents=names)
+            key = keys.services(FLEET, "pi2")
+            await subscribed(other.bus, key)
+            other.bus.put(key, said)
+            await until(lambda: pi1.board_of("kid") == "pi2", "what it says is heard")
+            assert sorted(pi1.names()) == ["a", "b", "c", "kid"]
+            assert pi1.services.others["pi2"].agents == {"kid": ("cook",)}
+
+    run(body())
+
+
+def test_a_board_takes_no_more_than_other_boards_hear(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(directory_module, "MOST_SAID", 2_000)
+
+    async def body() -> None:
+        async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
+            assert (await a.ask("register", "x" * 1_000)).problem == ""
+            problem = (await a.ask("register", "y" * 1_000)).problem
+            assert problem.endswith("bytes, and 2000 are the most")
+            assert pi1.services.providers("y" * 1_000) == ()
+            assert (await a.ask("deregister", "x" * 1_000)).problem == ""
+            assert (await a.ask("register", "y" * 1_000)).problem == ""
 
     run(body())
