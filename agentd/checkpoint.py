@@ -18,7 +18,7 @@ from typing import Any, Final
 from agentd.checkpoint_file import CheckpointError, Synchronous, is_corrupt, open_database, remove, set_aside, told
 from agentd.mind.kept_state import MindChanges, StoredMind
 
-NUMBERINGS: Final = 8
+NUMBERINGS: Final = 1_000
 """Of so many numberings of a sender the last number taken is remembered: more are those of lives long over."""
 
 

@@ -18,8 +18,9 @@ from schemas.records import Mail, Message, Receipt
 
 PATIENCE = 5.0
 """Wall seconds for which an answer to commd waits for the mind and the disk; then the rest is to be sent again."""
-NUMBERINGS = 8
-"""Numberings remembered per sender: it has a new one only when it begins without memory of what it sent."""
+NUMBERINGS = 1_000
+"""Numberings remembered per sender: it has a new one only when it begins without memory of what it sent. More than the
+500 that a batch of commd's can bring: the whole batch may come again."""
 
 
 class Refused(ValueError):
@@ -104,6 +105,9 @@ class Inbox:
         later: dict[int, str] = {}
         waits: dict[int, tuple[Numbered, int]] = {}
         full = ""
+        held: set[Numbered] = set()
+        """Of whom a message is refused as too late: were a later one taken, it would pass for taken when it comes again
+        because this answer was lost."""
         for place, message in enumerate(messages):
             whose, seq = Numbered(message.sender, message.header.boot), message.header.seq
             try:
@@ -117,6 +121,10 @@ class Inbox:
                 continue
             if message.ttl is not None and message.ttl <= 0:
                 refused[place] = "expired"
+                held.add(whose)
+                continue
+            if whose in held:
+                later[place] = "it comes after one that is too late"
                 continue
             full = full or self._room()
             if full:

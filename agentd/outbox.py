@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, cast
 import msgspec
 
 from commd.bus import Bus, BusClosed, boot_id
+from commd.letters import adds_up
 from schemas import keys
 from schemas.codec import BadRecord, Wire, codec
 from schemas.records import Header, Mail, Message, Receipt
@@ -183,6 +184,15 @@ class Outbox:
 
     async def _hand_out(self) -> None:
         """One batch at a time, the next one when commd has the last on its disk."""
+        while True:
+            try:
+                await self._hand_out_in_turn()
+            except Exception:  # mail must not wait for ever without a word
+                self.counters["defects"] += 1
+                log.exception("defect in argosy: handing out the mail of agent %s", self._agent)
+                await _at_most(self._again, RETRY_MOST)
+
+    async def _hand_out_in_turn(self) -> None:
         pause = RETRY_FIRST
         while True:
             self._news.clear()
@@ -215,6 +225,7 @@ class Outbox:
                 continue
             for one in waiting:
                 if len(batch) >= BATCH or (batch and size + one.size > BATCH_BYTES):
+                    self._ready.move_to_end(receiver)
                     return batch, None
                 batch.append(one)
                 size += one.size
@@ -288,17 +299,6 @@ def _readable(message: Message, wire: Wire) -> Message:
     """The message with its content as a term again."""
     made = codec(Message)
     return made.decode(made.encode(message, wire), made.encoding(wire))
-
-
-def adds_up(receipt: Receipt, messages: int) -> bool:
-    """Whether a receipt says what became of each message of a batch."""
-    places = {*receipt.refused, *receipt.later}
-    counted = receipt.taken + len(receipt.refused) + len(receipt.later)
-    return (
-        counted == messages
-        and len(places) == len(receipt.refused) + len(receipt.later)
-        and all(0 <= place < messages for place in places)
-    )
 
 
 async def _at_most(event: asyncio.Event, seconds: float | None) -> None:

@@ -12,22 +12,28 @@ import msgspec
 
 from commd import facts
 from commd.letters import Letter, Waiting, letter, undelivered
+from commd.mail_clock import kernel_boot
 from schemas.codec import codec
 from schemas.mission import RESERVED
 from schemas.records import Message
 
-NUMBERINGS = 8
-"""Numberings of a pair whose last numbers are kept; the oldest goes when a sender begins a further one."""
-OFFICES = 1_000
-"""The same for senders such as `mail` and `df`, who have a numbering on each board."""
 BATCH, BATCH_BYTES = 500, 256 * 1024
 """A batch has at most so many messages, and not more bytes than that if it has more than one."""
+REMOTE_BYTES = 64 * 1024
+"""The same for another board: links between boards may be slow."""
+NUMBERINGS = 2 * BATCH
+"""Numberings of a pair whose last numbers are kept; the oldest goes when a sender begins a further one. More than a
+batch can bring: each of its messages may be of another life, and the whole batch may come again."""
 MAILBOX_BYTES = 256 * 1024 * 1024
 """Bytes that may wait for one receiver."""
+FULL_SYNCHRONOUS = 2
+"""What `PRAGMA synchronous` says of a file whose commits are on disk at once."""
 DEAD, DEAD_BYTES = 10_000, 64 * 1024 * 1024
 """Dead letters that are kept, and their bytes; the oldest go first."""
-TAKEN, AGAIN, EXPIRED, FULL = "", "again", "expired", "mailbox full"
-"""What becomes of a message that comes in: written, known already, too late, to be sent again."""
+TAKEN, AGAIN, FULL = "", "again", "mailbox full"
+"""What becomes of a message that comes in: written, known already, to be sent again."""
+EXPIRED = "expired"
+"""Why a message is given up whose time is over."""
 
 
 class Tally:
@@ -61,11 +67,7 @@ class Tally:
         self.dead, self.dead_bytes = db.execute("SELECT count(*), coalesce(sum(size), 0) FROM dead").fetchone()
         (last,) = db.execute("SELECT coalesce(max(place), 0) FROM mail").fetchone()
         self.next = max(self.next, last + 1)
-        own = facts.kept(db, "store").get("numbering")
-        if own is None:
-            own = os.urandom(8).hex().encode()
-            facts.keep(db, "store", "numbering", own)
-        self.numbering = own.decode()
+        self.numbering = _own_numbering(db)
 
     def add(self, line: str, receiver: str, size: int, sign: int = 1) -> None:
         """Count a message that comes, or with sign -1 one that goes."""
@@ -82,8 +84,9 @@ class Tally:
 def put(db: Connection, tally: Tally, letters: Iterable[Letter], now: float, bound: int | None) -> list[str]:
     """Write messages at the ends of their lines. Returns what becomes of each.
 
-    A number that is not above the last one of its numbering was taken before. When `bound` messages wait for a
-    receiver, no more are taken for it; None = all are.
+    A number that is not above the last one of its numbering was taken before. One that is too late is taken too: it is
+    given up here, once, whatever becomes of the answer. When `bound` messages wait for a receiver, no more are taken
+    for it; None = all are.
     """
     last: dict[tuple[str, str, str], int] = {}
     changed: set[tuple[str, str, str]] = set()
@@ -102,8 +105,6 @@ def put(db: Connection, tally: Tally, letters: Iterable[Letter], now: float, bou
         size = len(one.message)
         if number <= known:
             outcomes.append(AGAIN)
-        elif one.expires is not None and one.expires <= now:
-            outcomes.append(EXPIRED)
         elif bound is not None and (tally.messages[receiver] >= bound or tally.bytes[receiver] + size > MAILBOX_BYTES):
             full.add((sender, receiver))
             outcomes.append(FULL)
@@ -122,6 +123,22 @@ def put(db: Connection, tally: Tally, letters: Iterable[Letter], now: float, bou
     return outcomes
 
 
+def _own_numbering(db: Connection) -> str:
+    """Return the board's own numbering.
+
+    It begins anew with each boot of the kernel unless each commit is on disk at once: a power cut takes the last
+    commits, and numbers given in them that receivers know would be given again.
+    """
+    kept, boot = facts.kept(db, "store"), kernel_boot().encode()
+    (synchronous,) = db.execute("PRAGMA synchronous").fetchone()
+    own = kept.get("numbering")
+    if own is None or (synchronous < FULL_SYNCHRONOUS and kept.get("boot", b"") != boot):
+        own = os.urandom(8).hex().encode()
+        facts.keep(db, "store", "numbering", own)
+        facts.keep(db, "store", "boot", boot)
+    return own.decode()
+
+
 def _last(db: Connection, key: tuple[str, str, str]) -> int:
     query = "SELECT number FROM numbers WHERE sender = ? AND receiver = ? AND numbering = ?"
     found = db.execute(query, key).fetchone()
@@ -137,23 +154,24 @@ def _set_last(db: Connection, tally: Tally, key: tuple[str, str, str], number: i
         """DELETE FROM numbers WHERE sender = ?1 AND receiver = ?2 AND numbering <> ?3 AND age NOT IN (
                SELECT age FROM numbers WHERE sender = ?1 AND receiver = ?2 AND numbering <> ?3
                ORDER BY age DESC LIMIT ?4)""",
-        (key[0], key[1], tally.numbering, OFFICES if key[0] in RESERVED else NUMBERINGS),
+        (key[0], key[1], tally.numbering, NUMBERINGS),
     )
 
 
-def front(db: Connection, line: str, after: int) -> tuple[list[Waiting], bool]:
-    """Return the next batch of a line, what stands behind place `after`, and whether more stands behind the batch."""
+def front(db: Connection, line: str, after: int, most: int = BATCH) -> tuple[list[Waiting], bool]:
+    """Return the next batch of a line, at most `most` messages behind place `after`, and whether more stand behind."""
+    most_bytes = REMOTE_BYTES if ">" in line else BATCH_BYTES
     found: list[Waiting] = []
     size = 0
     rows = db.execute(
         """SELECT place, sender, receiver, numbering, number, expires, message FROM mail
            WHERE line = ? AND place > ? ORDER BY place LIMIT ?""",
-        (line, after, BATCH + 1),
+        (line, after, most + 1),
     )
     more = False
     for place, sender, receiver, numbering, number, expires, message in rows:
         size += len(message)
-        if len(found) == BATCH or (found and size > BATCH_BYTES):
+        if len(found) == most or (found and size > most_bytes):
             more = True
             break
         found.append(
@@ -172,9 +190,20 @@ def front(db: Connection, line: str, after: int) -> tuple[list[Waiting], bool]:
 
 
 def move(db: Connection, tally: Tally, line: str, home: bool) -> None:
-    """Let the messages of a line wait for their receivers here (`home`), or for the boards of these."""
-    to = "receiver" if home else "sender || '>' || receiver"
-    db.execute(f"UPDATE mail SET line = {to} WHERE line = ?", (line,))  # noqa: S608 (one of the two texts above)
+    """Let the messages of a line wait for their receivers here (`home`), or for the boards of these.
+
+    Those that go back to other boards go on with numbers of this board: their senders' boards know the old ones.
+    """
+    if home:
+        db.execute("UPDATE mail SET line = receiver WHERE line = ?", (line,))
+    else:
+        rows = db.execute("SELECT place, sender, receiver FROM mail WHERE line = ? ORDER BY place", (line,)).fetchall()
+        for place, sender, receiver in rows:
+            key = (sender, receiver, tally.numbering)
+            number = _last(db, key) + 1
+            _set_last(db, tally, key, number)
+            change = "UPDATE mail SET line = ?, numbering = ?, number = ? WHERE place = ?"
+            db.execute(change, (f"{sender}>{receiver}", tally.numbering, number, place))
     tally.count(db)
 
 

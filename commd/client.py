@@ -151,11 +151,11 @@ class Client:
         """As `search`; whoever offers it later is told by mail from `df`: `provider(Agent, Service)`."""
         return (await self.ask_directory("subscribe", service)).found
 
-    async def ask_directory(self, do: Any, service: str = "") -> BoardServices:
+    async def ask_directory(self, do: Any, service: str = "", stays: bool = False) -> BoardServices:
         """Ask the board's directory. Raises NotJoined if it does not answer in time, or says no."""
         key, request = (
             keys.services(self._bus.fleet, self.board),
-            ServiceRequest(agent=self.name, do=do, service=service),
+            ServiceRequest(agent=self.name, do=do, service=service, stays=stays),
         )
         until = asyncio.get_running_loop().time() + self._patience
         reason = f"no commd serves board `{self.board}`"
@@ -224,7 +224,7 @@ async def join(
         client = Client(bus, name, board or THIS_MACHINE, robots, clock, seen, patience)
         try:
             if not known:
-                await client.ask_directory("join")
+                await client.ask_directory("join", stays=stays)
             yield client
             if not known and not stays:
                 await client.ask_directory("leave")

@@ -16,7 +16,7 @@ from math import inf
 
 from commd import boxes
 from commd.boxes import Tally
-from commd.letters import Waiting
+from commd.letters import Waiting, adds_up
 from commd.mail_clock import MailClock
 from commd.store import Store, StoreFailed
 from schemas.records import Receipt
@@ -27,8 +27,11 @@ RETRY_FIRST, RETRY_MOST = 0.05, 5.0
 """Wall seconds between two attempts, doubling."""
 LATER_MOST = 2.0
 """The same for a peer that is there and has no room."""
-COURIERS, PROBES = 32, 4
-"""Batches on their way at the same time: to peers that answer, and to those that did not."""
+COURIERS, PROBES = 32, 8
+"""Batches on their way at the same time, to receivers here and as many to other boards: to peers that answer, and to
+those that did not."""
+OF_ONE, PROBES_OF_ONE = 16, 2
+"""The same to one process or one board: should it hang, the others are not kept."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,8 @@ class NoAnswer:
     """Whether it is known that nothing was taken: the batch has not left, or there was nobody."""
     away: bool = False
     """Whether the peer is away, and with it for all its lines."""
+    unreadable: bool = False
+    """Whether the peer can read something in the batch neither now nor ever."""
 
 
 @dataclass(eq=False, slots=True)
@@ -61,6 +66,8 @@ class Lane:
     """Something has come since the last look into the file."""
     hung: bool = False
     """The last attempt was in vain: the next one is a probe."""
+    alone: bool = False
+    """The peer could not read the last batch: the next one is a single message, to find which it is."""
     state: str = ""
     removal: asyncio.Task[None] | None = None
     """Takes the last batch out of the file."""
@@ -75,6 +82,37 @@ class Away:
     timer: asyncio.TimerHandle | None = None
 
 
+class _Office:
+    """Lanes that wait for a courier of one kind."""
+
+    def __init__(self) -> None:
+        self.ready: deque[Lane] = deque()
+        self.wanted = asyncio.Semaphore(0)
+        """Counts `ready`."""
+        self.busy: Counter[str] = Counter()
+        """Couriers on their way, by group."""
+        self.held: dict[str, deque[Lane]] = {}
+        """Lanes whose group has as many couriers as it may, by group."""
+
+    def add(self, lane: Lane) -> None:
+        """Let a lane wait for a courier."""
+        self.ready.append(lane)
+        self.wanted.release()
+
+    def free(self, group: str) -> None:
+        """A courier is back from a group: one of its lanes may go, and all of them when it was the last courier (they
+        may belong to another group by now)."""
+        self.busy[group] -= 1
+        held = self.held.get(group, deque())
+        for _ in range(1 if self.busy[group] else len(held)):
+            if held:
+                self.add(held.popleft())
+        if not held:
+            self.held.pop(group, None)
+        if not self.busy[group]:
+            del self.busy[group]
+
+
 class Lanes:
     """All lines that are not empty, and the couriers that empty them."""
 
@@ -86,24 +124,27 @@ class Lanes:
         carry: Callable[[str, Sequence[Waiting]], Awaitable[Receipt | NoAnswer]],
         give_up: Callable[[dict[int, str], set[str]], Awaitable[list[str]]],
         peer_of: Callable[[str], str],
+        group_of: Callable[[str], str],
     ) -> None:
-        """`carry(line, batch)` takes a batch to its peer, which `peer_of(line)` names; `give_up(reasons by place,
-        senders)` buries what the peer has refused, and says in which lines there is news for the senders."""
+        """`carry(line, batch)` takes a batch to its peer, which `peer_of(line)` names; lines of one `group_of(line)`
+        are likely to hang together; `give_up(reasons by place, senders)` buries what the peer has refused, and says in
+        which lines there is news for the senders."""
         self.counters: Counter[str] = Counter()
         self.before = 0
         """The last place of the former life of this daemon: up to it any message may have been taken by its peer."""
         self._store, self._tally, self._clock = store, tally, clock
         self._carry, self._give_up, self._peer_of = carry, give_up, peer_of
+        self._group_of = group_of
         self._lanes: dict[str, Lane] = {}
         self._away: dict[str, Away] = {}
-        self._ready: dict[bool, deque[Lane]] = {False: deque(), True: deque()}
-        self._wanted = {False: asyncio.Semaphore(0), True: asyncio.Semaphore(0)}
+        self._offices = {(remote, probing): _Office() for remote in (False, True) for probing in (False, True)}
         self._loop = asyncio.get_running_loop()
 
     async def run(self) -> None:
         """Empty the lines, for ever."""
-        couriers = [self._work(probing=False) for _ in range(COURIERS)]
-        await asyncio.gather(*couriers, *(self._work(probing=True) for _ in range(PROBES)))
+        each = [(office, PROBES_OF_ONE if probing else OF_ONE) for (_, probing), office in self._offices.items()]
+        couriers = [self._work(*one) for one in each for _ in range(COURIERS if one[1] == OF_ONE else PROBES)]
+        await asyncio.gather(*couriers)
 
     def begin(self) -> None:
         """Take up what waits from the former life of this daemon."""
@@ -126,15 +167,23 @@ class Lanes:
 
     def arrived(self, peer: str) -> None:
         """A peer is there: what waits for it goes at once."""
-        away = self._away.pop(peer, Away())
-        if away.timer is not None:
-            away.timer.cancel()
+        self._back(peer)
         for lane in self._lanes.values():
-            if lane.line in away.lanes or (lane.timer is not None and self._peer_of(lane.line) == peer):
-                if lane.timer is not None:
-                    lane.timer.cancel()
-                lane.timer, lane.pause, lane.hung = None, RETRY_FIRST, False
-                self._queue(lane)
+            if lane.timer is not None and self._peer_of(lane.line) == peer:
+                lane.timer.cancel()
+                self._at_once(lane)
+
+    def _back(self, peer: str) -> None:
+        """A peer that was away answers: the lanes that waited for it go on."""
+        if (away := self._away.pop(peer, None)) is not None:
+            if away.timer is not None:
+                away.timer.cancel()
+            for lane in away.lanes.values():
+                self._at_once(lane)
+
+    def _at_once(self, lane: Lane) -> None:
+        lane.timer, lane.pause, lane.hung, lane.alone = None, RETRY_FIRST, False, False
+        self._queue(lane)
 
     def may_be_taken(self, line: str, place: int) -> bool:
         """Whether the peer may have taken a message that is still in the file."""
@@ -153,13 +202,17 @@ class Lanes:
     def _queue(self, lane: Lane) -> None:
         if not lane.queued:
             lane.queued = True
-            self._ready[lane.hung].append(lane)
-            self._wanted[lane.hung].release()
+            self._offices[">" in lane.line, lane.hung].add(lane)
 
-    async def _work(self, probing: bool) -> None:
+    async def _work(self, office: _Office, of_one: int) -> None:
         while True:
-            await self._wanted[probing].acquire()
-            lane = self._ready[probing].popleft()
+            await office.wanted.acquire()
+            lane = office.ready.popleft()
+            group = self._group_of(lane.line)
+            if office.busy[group] >= of_one:
+                office.held.setdefault(group, deque()).append(lane)
+                continue
+            office.busy[group] += 1
             lane.queued, lane.timer = False, None
             known, lane.sent = lane.sent, inf
             try:
@@ -169,6 +222,8 @@ class Lanes:
             except Exception as error:  # one line's defect must not end what all others live by
                 log.exception("defect in argosy: mail of line %s", lane.line)
                 self._again(lane, known, NoAnswer(f"defect in argosy: {type(error).__name__}: {error}", certain=False))
+            finally:
+                office.free(group)
 
     def _again(self, lane: Lane, known: float, why: NoAnswer) -> None:
         """Begin a line anew at its front: what was taken and is in the file still is sent again, and known there."""
@@ -178,7 +233,8 @@ class Lanes:
     async def _advance(self, lane: Lane, known: float) -> None:
         """Take one batch of a line to its peer and settle what became of it."""
         lane.more = False
-        batch, more = await self._store.read(partial(boxes.front, line=lane.line, after=lane.after))
+        most = 1 if lane.alone else boxes.BATCH
+        batch, more = await self._store.read(partial(boxes.front, line=lane.line, after=lane.after, most=most))
         if not batch:
             await self._finish(lane, known)
             return
@@ -187,7 +243,9 @@ class Lanes:
         doubtful = max(known, self.before)
         going = [one for one in batch if one.expires is None or one.expires > now or one.place <= doubtful]
         answer = await self._carry(lane.line, going) if going else Receipt()
-        if isinstance(answer, Receipt) and answer.taken + len(answer.refused) + len(answer.later) != len(going):
+        if isinstance(answer, NoAnswer) and answer.unreadable and len(going) == 1:
+            answer = Receipt(refused={0: answer.why[:200]})  # it would stand in the way of all behind it for ever
+        if isinstance(answer, Receipt) and not adds_up(answer, len(going)):
             self.counters["bad_receipts"] += 1
             answer = NoAnswer(f"its receipt does not add up to {len(going)}: {answer}"[:200], certain=False)
         if isinstance(answer, NoAnswer):
@@ -195,9 +253,10 @@ class Lanes:
             lane.sent = known if answer.certain else max(known, last)
             self._later(lane, answer)
             return
+        lane.alone = False
         await self._settle(lane, known, going, answer)
-        if self._away:
-            self.arrived(self._peer_of(lane.line))
+        if going:
+            self._back(self._peer_of(lane.line))
         if answer.later:
             lane.after, lane.hung, lane.state = 0, False, next(iter(answer.later.values()))
             if answer.taken:
@@ -217,7 +276,9 @@ class Lanes:
         self.counters["sent"] += len(taken)
         self.counters["refused"] += len(refused)
         await self._removed(lane)  # one at a time: what fails there is tried again from the front
-        lane.sent = max(known, max(taken, default=0))
+        # A receiver that says `later` may have a message in hand, as a program does that is not done with it.
+        in_hand = [one.place for i, one in enumerate(batch) if i in answer.later and ">" not in lane.line]
+        lane.sent = max(known, max(taken + in_hand, default=0))
         if taken:
             lane.removal = self._loop.create_task(self._remove(taken))
         if refused:
@@ -245,14 +306,13 @@ class Lanes:
 
     def _later(self, lane: Lane, answer: NoAnswer) -> None:
         """Try again when the peer is there, or after a pause that doubles."""
-        lane.state, lane.hung = answer.why, True
+        lane.state, lane.hung, lane.alone = answer.why, True, answer.unreadable
         if answer.away:
             peer = self._peer_of(lane.line)
             away = self._away.setdefault(peer, Away())
             away.lanes[lane.line] = lane
             if away.timer is None:
-                away.timer = self._loop.call_later(away.pause, self._probe, peer)
-                away.pause = min(away.pause * 2, RETRY_MOST)
+                self._probe_later(peer, away)
             return
         self._pause(lane, RETRY_MOST)
 
@@ -272,3 +332,9 @@ class Lanes:
         if away.lanes:
             line = next(iter(away.lanes))
             self._queue(away.lanes.pop(line))
+        if away.lanes:  # the one that tries may find its line empty, and not come back
+            self._probe_later(peer, away)
+
+    def _probe_later(self, peer: str, away: Away) -> None:
+        away.timer = self._loop.call_later(away.pause, self._probe, peer)
+        away.pause = min(away.pause * 2, RETRY_MOST)

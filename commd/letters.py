@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import msgspec
 
 from schemas.codec import codec
-from schemas.records import Header, Record
+from schemas.records import Header, Receipt, Record
 from schemas.records import Mail as ReadMail
 from schemas.records import Message as ReadMessage
-from schemas.terms import Atom, Structure, Term
+from schemas.terms import Atom, Map, OpenList, Queue, Set, Structure, Term, Variable
 
 M = TypeVar("M", bound="ReadMessage | Message")
 
@@ -21,6 +22,15 @@ SLACK = 4_096
 """Bytes that a notice may have besides the content of the largest message."""
 OFFICE = "mail"
 """The sender of notices."""
+DEEPEST = 200
+"""Terms within terms that a content may have. How deep a decoder goes depends on where it is called: far less than it
+ever bears, so that whoever takes a message can also hand it on, wrap it into a notice and list it."""
+WRAPPED = 2
+"""Terms around it in a notice."""
+LARGEST_NUMBER = 2**53
+"""No number of a message is above; 64 bits are more than the file takes."""
+LONGEST_NUMBERING = 64
+"""Characters."""
 
 
 class Message(Record, frozen=True, kw_only=True):
@@ -87,9 +97,13 @@ class Waiting(msgspec.Struct, kw_only=True, gc=False):
 
 
 def letter(message: ReadMessage, line: str, expires: float | None) -> Letter:
-    """Return a message as it is kept. Raises BadRecord for one that cannot be encoded."""
+    """Return a message as it is kept. Raises ValueError for one that cannot be kept, BadRecord among them."""
     header = message.header
     numbered = header.seq > 0 and bool(header.boot)
+    if header.seq > LARGEST_NUMBER or len(header.boot) > LONGEST_NUMBERING:
+        raise ValueError(f"its number is above {LARGEST_NUMBER}, or its numbering longer than {LONGEST_NUMBERING}")
+    if too_deep(message.content, DEEPEST + WRAPPED if message.sender == OFFICE else DEEPEST):
+        raise ValueError(f"nested too deeply: more than {DEEPEST} terms within terms")
     return Letter(
         line=line,
         sender=message.sender,
@@ -101,15 +115,61 @@ def letter(message: ReadMessage, line: str, expires: float | None) -> Letter:
     )
 
 
+def too_deep(content: Term, most: int) -> bool:
+    """Whether a content has more than `most` terms within terms."""
+    level: list[Any] = [content]
+    for _ in range(most):
+        level = [part for term in level for part in _parts(term) if not isinstance(part, (str, int, float))]
+        if not level:
+            return False
+    return True
+
+
+def _parts(term: Any) -> Sequence[Any]:
+    """Return the terms that stand directly in a term."""
+    match term:
+        case list() | tuple():
+            return term
+        case Structure():
+            return (*term.args, *term.annotations)
+        case Variable():
+            return term.annotations
+        case OpenList():
+            return (*term.items, term.tail)
+        case Map():
+            return [part for entry in term.entries for part in entry]
+        case Set() | Queue():
+            return term.items
+    return ()
+
+
+def shown(message: ReadMessage) -> ReadMessage:
+    """Return a message as it can be told of: without its content if that is too deep to be wrapped into anything."""
+    if too_deep(message.content, DEEPEST + 1):
+        return msgspec.structs.replace(message, content="(nested too deeply to be shown)")
+    return message
+
+
 def undelivered(message: ReadMessage, reason: str) -> ReadMessage:
     """Return the notice that tells a sender what became of its message."""
-    told = (_name(message.receiver), _name(message.performative), message.content, reason)
+    told = (_name(message.receiver), _name(message.performative), shown(message).content, reason)
     return ReadMessage(
         id=f"undelivered.{message.id}",
         sender=OFFICE,
         performative="signal",
         receiver=message.sender,
         content=Structure("undelivered", told),
+    )
+
+
+def adds_up(receipt: Receipt, messages: int) -> bool:
+    """Whether a receipt says what became of each message of a batch."""
+    places = {*receipt.refused, *receipt.later}
+    counted = receipt.taken + len(receipt.refused) + len(receipt.later)
+    return (
+        counted == messages
+        and len(places) == len(receipt.refused) + len(receipt.later)
+        and all(0 <= place < messages for place in places)
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from sqlite3 import Connection
 
+from commd.letters import shown
 from schemas.codec import codec
 from schemas.records import DeadLetter, Mailboxes, Message, Queue
 
@@ -45,6 +46,6 @@ def _newest_dead(db: Connection) -> list[DeadLetter]:
         left -= size
         if found and left < 0:
             break
-        found.append(DeadLetter(message=read(message, encoding), reason=reason, stamp=stamp))
+        found.append(DeadLetter(message=shown(read(message, encoding)), reason=reason, stamp=stamp))
     rows.close()
     return found[::-1]

@@ -30,7 +30,7 @@ from commd.store import Store, StoreFailed, open_store
 from commd.undelivered import Undelivered
 from schemas import keys
 from schemas.codec import codec
-from schemas.mission import MailRules
+from schemas.mission import RESERVED, MailRules
 from schemas.names import check_name
 from schemas.records import Health, Mail, Mailboxes, Message, Receipt
 
@@ -59,7 +59,10 @@ class Mailroom:
         self._bus, self._tally, self._clock, self._rules = bus, tally, clock, rules
         self._peers = Peers(bus, clock, directory, air)
         self._undelivered = Undelivered(store, tally, clock, self._line)
-        self._lanes = Lanes(store, tally, clock, self._peers.carry, self._undelivered.give_up, self._peers.of)
+        peers = self._peers
+        self._lanes = Lanes(store, tally, clock, peers.carry, self._undelivered.give_up, peers.of, peers.group_of)
+        self.everybody_known = True
+        """Whether the directory knows by now who joined in former lives: else it refuses nobody."""
         self._hosted: dict[str, tuple[Callable[[], None], ...]] = {}
         self._moving: asyncio.Task[bool] | None = None
 
@@ -70,7 +73,7 @@ class Mailroom:
 
     @directory.setter
     def directory(self, directory: Directory) -> None:
-        self._peers.directory = directory
+        self._peers.directory, self.everybody_known = directory, True
 
     @property
     def names(self) -> Collection[str]:
@@ -163,7 +166,9 @@ class Mailroom:
         self.counters["posted"] += len(messages)
         now = self._clock.now()
         letters = [self._kept(one, self._line(one.sender, one.receiver), now, self._rules.ttl) for one in messages]
-        return await self._write(letters, now, also)
+        # What this board's own offices tell stands in no mailbox's way: nobody keeps it until there is room.
+        own = all(one.sender in RESERVED for one in messages)
+        return await self._write(letters, now, None if own else self._rules.mailbox, also)
 
     async def _post(self, query: Query[Mail]) -> None:
         """Serve an outbox."""
@@ -172,6 +177,9 @@ class Mailroom:
             return
         self.counters["posted"] += len(query.record.messages)
         sender, now = keys.parse(query.key)[1], self._clock.now()  # type: ignore[index]
+        if not self.everybody_known and any(self._line("", one.receiver) is None for one in query.record.messages):
+            query.reply_error(f"board {self._bus.name} is still reading who joined it")
+            return
         letters = [
             self._kept(one, self._line(sender, one.receiver), now, self._rules.ttl)
             if one.sender == sender
@@ -198,7 +206,7 @@ class Mailroom:
 
     async def _answer(self, query: Query[Mail], letters: Sequence[Letter | str], now: float) -> None:
         try:
-            query.reply(await self._write(letters, now))
+            query.reply(await self._write(letters, now, self._rules.mailbox))
         except StoreFailed as failed:  # nothing is taken: it will come again
             query.reply_error(str(failed))
 
@@ -221,7 +229,11 @@ class Mailroom:
         return len(codec(Message).encode(message, self._bus.wire))
 
     async def _write(
-        self, letters: Sequence[Letter | str], now: float, also: Callable[[Connection], None] | None = None
+        self,
+        letters: Sequence[Letter | str],
+        now: float,
+        bound: int | None,
+        also: Callable[[Connection], None] | None = None,
     ) -> Receipt:
         """Put a batch on disk, and let it go on from there. Reasons stand where messages are refused."""
         good = [one for one in letters if isinstance(one, Letter)]
@@ -229,7 +241,7 @@ class Mailroom:
         def write(db: Connection) -> list[str]:
             if also is not None:
                 also(db)
-            return boxes.put(db, self._tally, good, now, self._rules.mailbox)
+            return boxes.put(db, self._tally, good, now, bound)
 
         outcomes = iter(await self.store.write(write) if good or also is not None else ())
         refused: dict[int, str] = {}
@@ -286,18 +298,24 @@ async def open_mailroom(
     folder: Path,
     air: Air | None = None,
     clock: MailClock | None = None,
+    everybody_known: bool = True,
 ) -> AsyncIterator[Mailroom]:
     """Open the mail of the board `bus.name`, kept in `folder`, and carry it on until the end.
 
-    Raises Findings if its file cannot be used.
+    Without `everybody_known` it refuses no receiver as unknown until it has another directory. Raises Findings if its
+    file cannot be used.
     """
     tally, clock = Tally(), clock or MailClock()
 
-    async with open_store(folder / f"{bus.name}.mail", rules.synchronous, tally.count) as store:
-        await store.read(clock.load)
+    def count(db: Connection) -> None:  # the first time as soon as there is a file: it may not be readable yet
+        clock.load_once(db)
+        tally.count(db)
+
+    async with open_store(folder / f"{bus.name}.mail", rules.synchronous, count) as store:
         with suppress(StoreFailed):  # what is told of a message's age may be less than the truth then
             await store.write(clock.save)
         mailroom = Mailroom(bus, store, tally, clock, directory, rules, air)
+        mailroom.everybody_known = everybody_known
         for name in directory.names():
             if directory.board_of(name) == bus.name:
                 mailroom.host(name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from contextlib import aclosing
 from typing import Protocol, TypeAlias
@@ -13,12 +13,16 @@ from commd.letters import Mail, Waiting, opened
 from commd.mail_clock import MailClock
 from commd.radio import Air
 from schemas import keys
+from schemas.codec import BadRecord
 from schemas.records import Message, Receipt
 
-ANSWER_TIMEOUT = 5.0
-"""Wall seconds that another board has to commit a batch."""
+ANSWER_TIMEOUT, SLOWEST = 5.0, 10_000
+"""Wall seconds that another board has to commit a batch, and bytes per second of the slowest link to it: the batch has
+so much longer as it and those before it need on the way."""
 ABSORB_TIMEOUT = 10.0
 """Wall seconds that a receiver has to take a batch in."""
+TOO_DEEP = "nested too deeply"
+"""What is said of a record that no time will make readable (`schemas.codec`)."""
 RECEIPT_SIZE = 64
 """Bytes of a receipt on the air."""
 
@@ -61,6 +65,8 @@ class Peers:
         self.attached: dict[str, Deliver] = {}
         """Receivers in this process."""
         self._bus, self._clock = bus, clock
+        self._on_their_way: Counter[str] = Counter()
+        """Bytes by board, of the batches that wait for their receipts."""
         self._alive: defaultdict[str, set[str]] = defaultdict(set)
 
     def watch(self, arrived: Callable[[str], None]) -> None:
@@ -85,6 +91,13 @@ class Peers:
         _, remote, receiver = line.partition(">")
         return (self.directory.board_of(receiver) or receiver) if remote else line
 
+    def group_of(self, line: str) -> str:
+        """Return with what a line is likely to hang: the process of a receiver of this board, or another board."""
+        peer = self.of(line)
+        if ">" not in line and len(alive := self._alive.get(peer, ())) == 1:
+            return next(iter(alive))
+        return peer
+
     async def carry(self, line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
         """Hand a batch of a line to whoever takes it."""
         now = self._clock.now()
@@ -97,8 +110,13 @@ class Peers:
         size = sum(len(one.message) for one in batch)
         if self.air is not None and not await self.air.carries(sender, receiver, size):
             return NoAnswer("lost on the air", certain=True)
-        key = keys.mail(self._bus.fleet, receiver, sender)
-        answer = await self._ask(self.of(line), key, mail, ANSWER_TIMEOUT)
+        key, board = keys.mail(self._bus.fleet, receiver, sender), self.of(line)
+        self._on_their_way[board] += size
+        try:
+            patience = ANSWER_TIMEOUT + self._on_their_way[board] / SLOWEST
+            answer = await self._ask(board, key, mail, patience)
+        finally:
+            self._on_their_way[board] -= size
         if (
             self.air is not None
             and isinstance(answer, Receipt)
@@ -113,9 +131,12 @@ class Peers:
         try:
             async with aclosing(self._bus.query(key, mail, Receipt, timeout)) as replies:
                 async for reply in replies:
-                    answer = reply.record or NoAnswer(f"{peer} does not take it: {reply.error}", certain=False)
+                    told = f"{peer} does not take it: {reply.error}"
+                    answer = reply.record or NoAnswer(told, certain=False, unreadable=TOO_DEEP in reply.error)
         except BusClosed as closed:
             return NoAnswer(str(closed), certain=True)
+        except BadRecord as bad:
+            return NoAnswer(f"it cannot be written: {bad}", certain=True, unreadable=True)
         if answer is not None:
             return answer
         if there or peer in self._alive:

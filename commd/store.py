@@ -18,7 +18,7 @@ from threading import Condition, Thread
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from commd.mail_schema import TooNew, migrate
-from commd.store_file import CORRUPT, DISK, PASSING, alone, check, code_of, connect, set_aside, words_for
+from commd.store_file import CORRUPT, DISK, PASSING, alone, check, code_of, connect, may_pass, set_aside, words_for
 from schemas.findings import Finding, Findings
 
 T = TypeVar("T")
@@ -29,6 +29,8 @@ QUEUE = 1_000
 """Transactions that may wait for the writer; further ones fail at once."""
 GROUP = 256
 """Transactions that share one commit at most."""
+OPEN_AGAIN = 1.0
+"""Wall seconds until a file that could not be opened at the start is tried again."""
 PATIENCE = 30.0
 """Wall seconds that a caller waits for the disk."""
 
@@ -90,6 +92,8 @@ class Store:
         return await self._loop.run_in_executor(self._reader, self._read, question)
 
     def _read(self, question: Transaction[T]) -> T:
+        if not self._generation:
+            raise StoreFailed(self.note)
         try:
             if self._reading is None or self._reading[0] != self._generation:
                 if self._reading is not None:
@@ -114,10 +118,13 @@ class Store:
         while True:
             with self._ready:
                 while not (self._waiting or self._closing or self._suspect):
-                    self._ready.wait()
+                    if not self._ready.wait(OPEN_AGAIN if self._db is None else None) and self._db is None:
+                        break  # an empty group opens it
                 if not self._waiting and self._closing:
                     break
                 group = [self._waiting.popleft() for _ in range(min(GROUP, len(self._waiting)))]
+                # What a caller was told to have failed, or waits for no longer, is not written after all.
+                group = [one for one in group if not one[1].done()]
             outcomes = self._commit([transaction for transaction, _ in group])
             with suppress(RuntimeError):  # the loop is closed: nobody waits any more
                 self._loop.call_soon_threadsafe(_settle, [future for _, future in group], outcomes)
@@ -224,12 +231,16 @@ class Store:
     async def open(self) -> None:
         """Open the file, check it and bring it to this version; a corrupt one is set aside.
 
-        Raises Findings for a file that cannot be used: of a newer version, or where nothing can be written.
+        With a disk that is full or failing the store begins without its file, and opens it when the disk allows: a
+        board without mail is still a router. Raises Findings for a file that can never be used: of a newer version, or
+        where nothing may be written.
         """
         try:
             await asyncio.to_thread(self._open)
         except (TooNew, OSError, sqlite3.Error) as error:
-            raise Findings([Finding(str(self.path), 0, 0, f"cannot keep mail in this file: {error}")]) from None
+            if not may_pass(self.path, error):
+                raise Findings([Finding(str(self.path), 0, 0, f"cannot keep mail in this file: {error}")]) from None
+            self._failed(error)
         self._writer.start()
 
     async def close(self) -> None:

@@ -25,6 +25,8 @@ LOOK_EVERY = 20
 """Sweeps between two looks for lines that nobody empties: there should be none."""
 DOUBT = 60.0
 """Seconds beyond its time for which a message is kept that may have arrived, until its receiver's side says so."""
+STRANGER = 60.0
+"""Wall seconds for which mail waits for a receiver whom nobody knows."""
 SWEEP = 500
 """Messages given up in one transaction."""
 LATE = 2_000
@@ -38,6 +40,8 @@ class Undelivered:
         """`line_of(sender, receiver)` says where a message waits; None = nobody knows the receiver."""
         self.counters: Counter[str] = Counter()
         self._store, self._tally, self._clock, self._line_of = store, tally, clock, line_of
+        self._strangers: dict[str, float] = {}
+        """Receivers of mail whom nobody knows: since when, on the event loop's clock."""
 
     async def give_up(self, reasons: Mapping[int, str], senders: Iterable[str]) -> list[str]:
         """Give up messages, with the reasons by place. Returns the lines in which notices wait now."""
@@ -52,7 +56,9 @@ class Undelivered:
 
     async def give_up_all(self, receiver: str, reason: str, lanes: Lanes) -> None:
         """Give up all that waits for a receiver."""
-        while found := await self._store.read(partial(boxes.places_for, receiver=receiver, most=SWEEP)):
+        while self._tally.messages[receiver] and (
+            found := await self._store.read(partial(boxes.places_for, receiver=receiver, most=SWEEP))
+        ):
             reasons = {place: reason for place, _ in found}
             for line in await self.give_up(reasons, {sender for _, sender in found}):
                 lanes.more(line)
@@ -65,9 +71,11 @@ class Undelivered:
             rounds += 1
             if rounds % LOOK_EVERY == 0:
                 lanes.look()
-            if not self._tally.expiring:
-                continue
             try:
+                if rounds % LOOK_EVERY == 0:
+                    await self._give_up_strangers(lanes)
+                if not self._tally.expiring:
+                    continue
                 now = self._clock.now()
                 if now - saved >= SAVE_EVERY:
                     await self._store.write(self._clock.save)
@@ -75,6 +83,16 @@ class Undelivered:
                 await self._give_up_late(lanes)
             except StoreFailed:
                 self.counters["sweeps_failed"] += 1
+
+    async def _give_up_strangers(self, lanes: Lanes) -> None:
+        """Give up what waits for somebody whom nobody has known for a while: one that left just as the mail came, or
+        that the mission does not name any more."""
+        now = asyncio.get_running_loop().time()
+        unknown = [one for one in list(self._tally.messages) if self._line_of(OFFICE, one) is None]
+        self._strangers = {one: self._strangers.get(one, now) for one in unknown}
+        for one, since in self._strangers.items():
+            if now - since >= STRANGER:
+                await self.give_up_all(one, "receiver_left", lanes)
 
     async def _give_up_late(self, lanes: Lanes) -> None:
         late = await self._store.read(partial(boxes.expired, now=self._clock.now(), most=LATE))

@@ -107,7 +107,10 @@ def test_the_last_number_taken_never_falls(path: Path) -> None:
     assert stored.absorbed == {("ann", "n"): 5}
 
 
-def test_of_each_sender_the_last_eight_numberings_that_were_used_are_remembered(path: Path) -> None:
+def test_of_each_sender_the_last_numberings_that_were_used_are_remembered(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agentd.checkpoint.NUMBERINGS", 8)
     checkpoint = Checkpoint.open(path, "scout")
     for number in range(12):
         checkpoint.save(Saving(absorbed={("ann", f"n{number}"): 1, ("cid", "n"): number, ("ann", "n0"): number}))

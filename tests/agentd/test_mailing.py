@@ -6,10 +6,12 @@ import asyncio
 from collections.abc import Callable
 
 import pytest
+from msgspec.structs import replace
 
 from agentd.inbox import Inbox, Numbered, Refused
-from agentd.outbox import LARGEST, Outbox, Unsendable, adds_up
+from agentd.outbox import LARGEST, Outbox, Unsendable
 from commd.bus import Bus, Query
+from commd.letters import adds_up
 from schemas import keys
 from schemas.records import Header, Mail, Message, Receipt
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
@@ -149,6 +151,46 @@ def test_a_full_mailbox_holds_up_its_own_pair_only(endpoint: str) -> None:
         assert desk.told("b") == []
         full = False
         await until(lambda: desk.told("b") == [1, 3, 5, 7, 9], "the mailbox has room again, in order")
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_receiver_with_much_mail_does_not_keep_the_others_from_theirs(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        desk = await a_desk(connect)
+        outbox, _ = an_outbox(await connect("a"))
+        for number in range(3000):
+            send(outbox, number)
+        send(outbox, 0, "c")
+        keep(outbox)
+        await until(lambda: outbox.counters["sent"] == 3001, "all are handed over")
+        assert [one.receiver for one in desk.taken].index("c") <= 500
+        assert desk.told("b") == list(range(3000))
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_defect_in_telling_of_a_refusal_is_counted_and_does_not_end_the_mail(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agentd.outbox.RETRY_MOST", 0.1)
+
+    def breaks(message: Message, why: str) -> None:
+        raise KeyError(why)
+
+    async def body(connect: Connect) -> None:
+        desk = await a_desk(connect)
+        outbox = Outbox(await connect("a"), "a", breaks)
+        desk.answer = lambda messages: (
+            Receipt(refused={0: "no"}, taken=len(messages) - 1)
+            if messages[0].header.seq == 1
+            else Receipt(taken=len(messages))
+        )
+        for number in range(3):
+            send(outbox, number)
+        keep(outbox)
+        await until(lambda: desk.told("b") == [1, 2] and not len(outbox), "the others leave")
+        assert outbox.counters["defects"] == 1
 
     on_a_bus(endpoint, body)
 
@@ -356,7 +398,40 @@ def test_what_cannot_be_taken_now_or_ever_is_said_message_by_message(endpoint: s
     on_a_bus(endpoint, body)
 
 
-def test_the_last_numberings_of_a_sender_are_remembered(endpoint: str) -> None:
+def test_a_message_behind_one_that_is_too_late_waits_so_that_the_refusal_is_heard_though_its_answer_is_lost(
+    endpoint: str,
+) -> None:
+    async def body(connect: Connect) -> None:
+        reader = await a_reader(connect)
+        batch = (replace(numbered(1), ttl=0.0), numbered(2))
+        for _ in range(2):  # the first answer is lost
+            told = await reader.hand_over(*batch)
+            assert (told.taken, told.refused, list(told.later)) == (0, {0: "expired"}, [1])
+        answer = asyncio.create_task(reader.hand_over(numbered(2)))
+        await until(lambda: reader.fed == [2], "commd knows, and goes on behind it")
+        reader.absorb()
+        assert await answer == Receipt(taken=1)
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_batch_in_which_each_message_is_of_another_life_is_known_when_it_comes_again(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        reader = await a_reader(connect)
+        batch = [numbered(1, content=life, numbering=f"n{life}") for life in range(500)]
+        for _ in range(2):  # the first answer is lost
+            answer = asyncio.create_task(reader.hand_over(*batch))
+            await until(lambda: len(reader.fed) == 500, "it is fed")
+            reader.absorb()
+            assert await answer == Receipt(taken=500)
+        assert reader.fed == list(range(500))
+
+    on_a_bus(endpoint, body)
+
+
+def test_the_last_numberings_of_a_sender_are_remembered(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("agentd.inbox.NUMBERINGS", 8)
+
     async def body(connect: Connect) -> None:
         reader = await a_reader(connect)
         for number in range(12):

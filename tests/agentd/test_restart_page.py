@@ -34,4 +34,4 @@ def test_the_figures_of_the_page_are_those_of_the_code() -> None:
     }
     assert [one for one in said if one not in PAGE] == []
     assert 1 / keeping.OTHERS_EVERY == 2
-    assert inbox.NUMBERINGS == 8
+    assert inbox.NUMBERINGS == 1_000

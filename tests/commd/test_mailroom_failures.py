@@ -176,17 +176,20 @@ def test_what_may_have_arrived_in_time_is_asked_for_before_it_is_given_up(endpoi
     on_a_bus(endpoint, body)
 
 
-def test_what_comes_too_late_after_a_try_in_vain_is_refused_by_the_receivers_board(
+def test_what_comes_too_late_is_given_up_once_by_the_receivers_board_whatever_becomes_of_the_answer(
     endpoint: str, tmp_path: Path
 ) -> None:
     async def body(connect: Connect) -> None:
-        async with board(connect, "pi2", tmp_path):
+        async with board(connect, "pi2", tmp_path) as mailroom:
             bus, between = await connect("pi1"), keys.mail(FLEET, "b", "a")
             await served(bus, between)
-            assert await ask(bus, between, message(1)) == Receipt(taken=1)
-            assert await ask(bus, between, message(1, ttl=0.0), message(2, ttl=0.0)) == Receipt(
-                taken=1, refused={1: "expired"}
-            )
+            late = (message(1, ttl=0.0), message(2))
+            assert await ask(bus, between, *late) == Receipt(taken=2)
+            assert await ask(bus, between, *late) == Receipt(taken=2), "its answer was lost, it comes again"
+            await until(lambda: mailroom.counters_now["given_up"] == 1, "it is given up")
+            told = await listed(bus, "pi2")
+            assert [(one.message.content, one.reason) for one in told.dead] == [(1, "expired")]
+            assert {(queue.sender, queue.receiver) for queue in told.queues} == {("a", "b"), ("mail", "a")}
 
     on_a_bus(endpoint, body)
 
@@ -364,7 +367,10 @@ def test_dead_letters_are_kept_up_to_a_bound_the_newest_ones(monkeypatch: pytest
     assert (counted.dead, counted.dead_bytes, counted.lines) == (tally.dead, tally.dead_bytes, tally.lines)
 
 
-def test_the_last_numbers_of_a_few_numberings_of_a_pair_are_kept_and_always_this_boards_own() -> None:
+def test_the_last_numbers_of_a_few_numberings_of_a_pair_are_kept_and_always_this_boards_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(boxes, "NUMBERINGS", 8)
     db, tally = memory()
 
     def put(*messages: Message) -> list[str]:

@@ -1,0 +1,101 @@
+"""What is done with messages in a board's mail file, without a board."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from commd import boxes
+from commd.letters import DEEPEST, letter, undelivered
+from commd.mail_listing import list_mailboxes
+from commd.mail_schema import migrate
+from commd.store_file import connect
+from schemas.codec import codec
+from schemas.records import Mail, Mailboxes, Message
+from schemas.terms import Structure, Term
+from tests.commd.offices import message
+
+
+def memory() -> tuple[sqlite3.Connection, boxes.Tally]:
+    db, tally = sqlite3.connect(":memory:", isolation_level=None), boxes.Tally()
+    migrate(db)
+    tally.count(db)
+    return db, tally
+
+
+def nested(depth: int) -> Term:
+    content: Term = 1
+    for _ in range(depth):
+        content = (content,)
+    return content
+
+
+def test_a_batch_in_which_each_message_is_of_another_life_is_known_when_it_comes_again() -> None:
+    db, tally = memory()
+    batch = [letter(message(1, life=f"life{number}"), "b", None) for number in range(boxes.BATCH)]
+    assert boxes.put(db, tally, batch, 0.0, None) == [boxes.TAKEN] * boxes.BATCH
+    assert boxes.put(db, tally, batch, 0.0, None) == [boxes.AGAIN] * boxes.BATCH
+
+
+def test_what_goes_back_to_a_board_that_has_sent_it_goes_with_new_numbers_in_its_order() -> None:
+    """Board pi1 has sent 1 to 8 to pi2, where b lived; b moves to pi1, and what it has not fetched there goes back."""
+    (first, tally1), (second, tally2) = memory(), memory()
+    sent = [letter(message(number), "a>b", None) for number in range(1, 9)]
+    boxes.put(first, tally1, sent, 0.0, None)
+    boxes.remove(first, tally1, list(range(1, 9)))
+    boxes.put(second, tally2, [letter(message(number), "b", None) for number in range(5, 9)], 0.0, None)
+    boxes.move(second, tally2, "b", home=False)
+    found, _ = boxes.front(second, "a>b", 0)
+    back = [one.carried(0.0) for one in found]
+    assert [(one.header.boot, one.header.seq) for one in back] == [(tally2.numbering, n) for n in range(1, 5)]
+    mail = codec(Mail).decode(codec(Mail).encode(Mail(messages=tuple(one.read() for one in found))))
+    kept = [letter(one, "b", None) for one in mail.messages]
+    assert boxes.put(first, tally1, kept, 0.0, None) == [boxes.TAKEN] * 4
+    assert boxes.put(first, tally1, kept, 0.0, None) == [boxes.AGAIN] * 4
+    assert [one.read().content for one in boxes.front(first, "b", 0)[0]] == [5, 6, 7, 8]
+
+
+@pytest.mark.parametrize("header", [{"number": 2**63}, {"number": 2**53 + 1}, {"number": 1, "life": "x" * 65}])
+def test_a_number_that_no_file_takes_is_refused_message_by_message(header: dict[str, int | str]) -> None:
+    with pytest.raises(ValueError, match="its number is above"):
+        letter(message(**header), "b", None)  # type: ignore[arg-type]
+
+
+def test_the_deepest_content_that_is_taken_can_be_wrapped_listed_and_sent_on() -> None:
+    db, tally = memory()
+    with pytest.raises(ValueError, match="nested too deeply"):
+        letter(message(1, content=nested(DEEPEST + 1)), "a>b", None)
+    deepest = letter(message(1, content=nested(DEEPEST)), "a>b", None)
+    boxes.put(db, tally, [deepest], 0.0, None)
+    assert boxes.bury(db, tally, {1: "expired"}, {"a": "a"}, 0.0) == ["a"]
+    (notice,), _ = boxes.front(db, "a", 0)
+    assert isinstance(notice.read().content, Structure)
+    told = codec(Mailboxes).decode(codec(Mailboxes).encode(list_mailboxes(db, 0.0, lambda _: "")))
+    assert isinstance(told.dead[0].message.content, (list, tuple)), "it is shown as it was"
+
+
+def test_what_is_too_deep_in_an_older_file_is_told_of_without_its_content() -> None:
+    deep = message(1, content=nested(DEEPEST + 50))
+    db, tally = memory()
+    db.execute("INSERT INTO dead VALUES(1, 'expired', 0, 1, ?)", (codec(Message).encode(deep, "msgpack"),))
+    assert list_mailboxes(db, 0.0, lambda _: "").dead[0].message.content == "(nested too deeply to be shown)"
+    assert "nested too deeply" in str(undelivered(deep, "expired").content)
+    assert tally.dead == 0
+
+
+@pytest.mark.parametrize(("synchronous", "anew"), [("normal", True), ("full", False)])
+def test_a_board_numbers_anew_after_a_boot_that_may_have_taken_its_last_commits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, synchronous: str, anew: bool
+) -> None:
+    own = []
+    for boot in ("one", "one", "two"):
+        monkeypatch.setattr(boxes, "kernel_boot", lambda boot=boot: boot)
+        db, tally = connect(tmp_path / "b.mail", synchronous), boxes.Tally()
+        migrate(db)
+        tally.count(db)
+        own.append(tally.numbering)
+        db.close()
+    assert own[0] == own[1]
+    assert (own[1] != own[2]) == anew

@@ -1,0 +1,162 @@
+"""Which line gets a courier when, with peers that are away, full, hanging or cannot read what they get."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from commd import boxes
+from commd.lanes import OF_ONE, Lanes, NoAnswer
+from commd.letters import Waiting, letter
+from commd.mail_clock import MailClock
+from commd.store import open_store
+from schemas.records import Receipt
+from tests.commd.offices import message
+from tests.support.buses import until
+
+Carry = Callable[[str, Sequence[Waiting]], Awaitable[Receipt | NoAnswer]]
+
+
+@asynccontextmanager
+async def lanes_of(
+    folder: Path, lines: Sequence[str], carry: Carry, each: int = 1
+) -> AsyncIterator[tuple[Lanes, boxes.Tally, dict[int, str]]]:
+    """Lines with so many messages each; a line belongs to the peer, and hangs with the group, that its name ends on."""
+    tally, refused = boxes.Tally(), dict[int, str]()
+
+    async def give_up(reasons: dict[int, str], senders: set[str]) -> list[str]:
+        refused.update(reasons)
+        await store.write(lambda db: boxes.remove(db, tally, list(reasons)))
+        return []
+
+    def group(line: str) -> str:
+        return line[-1]
+
+    async with open_store(folder / "x.mail", "normal", tally.count) as store:
+        letters = [
+            letter(message(number, line.partition(">")[0], line.rpartition(">")[2]), line, None)
+            for line in lines
+            for number in range(1, each + 1)
+        ]
+        await store.write(lambda db: boxes.put(db, tally, letters, 0.0, None))
+        lanes = Lanes(store, tally, MailClock(), carry, give_up, group, group)
+        lanes.begin()
+        task = asyncio.create_task(lanes.run())
+        try:
+            yield lanes, tally, refused
+        finally:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+
+
+def test_lines_of_a_full_peer_do_not_wake_one_another_while_a_third_board_is_away(tmp_path: Path) -> None:
+    tries: Counter[str] = Counter()
+
+    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+        tries[line] += 1
+        if line.endswith("z"):
+            return NoAnswer("z is away", certain=True, away=True)
+        return Receipt(later=dict.fromkeys(range(len(batch)), "mailbox full"))
+
+    async def body() -> None:
+        async with lanes_of(tmp_path, ["a>b", "c>b", "a>z"], carry):
+            await until(lambda: tries["a>b"] >= 4, "it is tried again, with pauses that double")
+            assert tries["c>b"] <= 6
+
+    asyncio.run(body())
+
+
+def test_a_line_that_is_empty_when_it_tries_for_a_peer_that_is_away_leaves_the_others_trying(tmp_path: Path) -> None:
+    tries: Counter[str] = Counter()
+    there = asyncio.Event()
+
+    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+        tries[line] += 1
+        return Receipt(taken=len(batch)) if there.is_set() else NoAnswer("z is away", certain=True, away=True)
+
+    async def body() -> None:
+        async with lanes_of(tmp_path, ["a>z", "c>z"], carry) as (lanes, tally, _):
+            await until(lambda: tries["a>z"] > 0 < tries["c>z"], "both know that it is away")
+            first = next(iter(lanes._away["z"].lanes))
+            empty = [place for place, line in ((1, "a>z"), (2, "c>z")) if line == first]
+            await lanes._store.write(lambda db: boxes.remove(db, tally, empty))
+            there.set()  # without a token that would tell
+            await until(lambda: not tally.lines, "the other one is tried again")
+
+    asyncio.run(body())
+
+
+def test_a_process_that_hangs_with_many_receivers_leaves_couriers_for_others(tmp_path: Path) -> None:
+    hanging: set[str] = set()
+    got: list[str] = []
+
+    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+        if line.endswith("h"):
+            hanging.add(line)
+            await asyncio.Event().wait()
+        got.append(line)
+        return Receipt(taken=len(batch))
+
+    async def body() -> None:
+        lines = [f"n{number}h" for number in range(150)] + ["b"]
+        async with lanes_of(tmp_path, lines, carry):
+            await until(lambda: got == ["b"], "it is served beside them")
+            assert len(hanging) == OF_ONE
+
+    asyncio.run(body())
+
+
+def test_lines_that_wait_for_a_courier_of_their_process_all_go_in_the_end(tmp_path: Path) -> None:
+    got: list[str] = []
+
+    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+        await asyncio.sleep(0)
+        got.append(line)
+        return Receipt(taken=len(batch))
+
+    async def body() -> None:
+        lines = [f"n{number}h" for number in range(100)]
+        async with lanes_of(tmp_path, lines, carry) as (_, tally, _):
+            await until(lambda: not tally.lines, "all lines are empty")
+            assert sorted(got) == sorted(lines)
+
+    asyncio.run(body())
+
+
+def test_what_a_peer_will_never_read_is_refused_alone_and_the_others_arrive(tmp_path: Path) -> None:
+    taken: list[int] = []
+
+    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+        numbers = [one.number for one in batch]
+        if 2 in numbers:
+            return NoAnswer("Mail: nested too deeply", certain=False, unreadable=True)
+        taken.extend(numbers)
+        return Receipt(taken=len(batch))
+
+    async def body() -> None:
+        async with lanes_of(tmp_path, ["b"], carry, each=4) as (_, tally, refused):
+            await until(lambda: not tally.lines, "the line is empty")
+            assert taken == [1, 3, 4]
+            assert refused == {2: "Mail: nested too deeply"}
+
+    asyncio.run(body())
+
+
+@pytest.mark.parametrize("wrong", [Receipt(taken=1, refused={9: "x"}), Receipt(taken=1, later={-1: "x"})])
+def test_a_receipt_for_messages_that_were_not_in_the_batch_is_no_answer(tmp_path: Path, wrong: Receipt) -> None:
+    answers = [wrong]
+
+    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+        return answers.pop() if answers else Receipt(taken=len(batch))
+
+    async def body() -> None:
+        async with lanes_of(tmp_path, ["b"], carry, each=2) as (lanes, tally, _):
+            await until(lambda: not tally.lines, "it is sent again")
+            assert lanes.counters["bad_receipts"] == 1
+
+    asyncio.run(body())
