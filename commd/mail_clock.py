@@ -49,10 +49,17 @@ class MailClock:
         self._since_boot, self._boot = since_boot, kernel_boot() if boot is None else boot
         self._zero = since_boot()
         """What the kernel's clock shows when this one shows 0."""
+        self._loaded = False
 
     def now(self) -> float:
         """Return the time by which mail is dated."""
         return self._since_boot() - self._zero
+
+    def load_once(self, db: Connection) -> None:
+        """Go on from what a file says, unless that was done before."""
+        if not self._loaded:
+            self.load(db)
+            self._loaded = True
 
     def load(self, db: Connection) -> None:
         """Go on from what a file says. In another boot at least the time since it began has passed in between."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import logging
 import os
@@ -91,6 +92,13 @@ def set_aside(path: Path, why: str) -> Path:
 def code_of(error: BaseException) -> int:
     """Return SQLite's primary error code, 0 for what has none."""
     return int(getattr(error, "sqlite_errorcode", None) or 0) & 0xFF
+
+
+def may_pass(path: Path, error: Exception) -> bool:
+    """Whether a file that cannot be opened now may be opened later: its disk is full or fails."""
+    if code_of(error) in DISK - {sqlite3.SQLITE_PERM, sqlite3.SQLITE_READONLY}:
+        return not path.is_dir() and os.access(path if path.exists() else path.parent, os.R_OK | os.W_OK)
+    return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
 def words_for(error: Exception) -> str:

@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 
 from commd import facts, mail_schema
+from commd import store as store_module
 from commd.store import QUEUE, Store, StoreFailed, open_store
 from schemas.findings import Findings
 from tests.support.buses import until
@@ -193,6 +194,49 @@ def test_a_file_system_that_is_full_keeps_nothing_until_there_is_room(small_disk
         assert list(await store.read(kept)) == ["before", "big"]
 
     in_store(small_disk / "pi1.mail", body)
+
+
+def fill_up(folder: Path, name: str) -> None:
+    with (folder / name).open("wb", buffering=0) as filler, suppress(OSError):
+        while True:
+            filler.write(bytes(4096))
+
+
+def test_a_board_that_starts_on_a_full_disk_after_a_power_cut_has_its_mail_when_there_is_room(
+    small_disk: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(store_module, "OPEN_AGAIN", 0.1)
+    path = small_disk / "pi1.mail"
+    program = """if True:
+        import asyncio, os, sys
+        from pathlib import Path
+        from commd import facts
+        from commd.store import open_store
+        async def main():
+            async with open_store(Path(sys.argv[1])) as store:
+                await store.write(lambda db: facts.keep(db, "test", "a", b"1"))
+                os.kill(os.getpid(), 9)
+        asyncio.run(main())
+    """
+    assert subprocess.run([sys.executable, "-c", program, str(path)], timeout=30).returncode == -9
+    fill_up(small_disk, "filler")
+    Path(f"{path}-shm").unlink()  # as after a boot
+    fill_up(small_disk, "more")
+
+    async def body(store: Store) -> None:
+        assert store.note.startswith("no mail is taken: "), "it starts all the same"
+        with pytest.raises(StoreFailed):
+            await store.write(keep("b"))
+        with pytest.raises(StoreFailed):
+            await store.read(kept)
+        (small_disk / "filler").unlink()
+        (small_disk / "more").unlink()
+        await until(lambda: store.note == "", "it opens its file by itself")
+        assert await store.read(kept) == {"a": b"1"}
+        await store.write(keep("b"))
+
+    in_store(path, body)
+    assert caplog.text.count("mail_store_failing") == 1
 
 
 def test_a_corrupt_file_is_set_aside_and_a_new_one_begins(path: Path, caplog: pytest.LogCaptureFixture) -> None:
