@@ -29,7 +29,7 @@ from agentd.mind.inputs import (
 )
 from agentd.mind.keeping import Keeper
 from agentd.performing import NoJournal, Performing
-from agentd.restart import come_back
+from agentd.restart import come_back, raise_interrupted
 from agentd.roster import Roster
 from agentd.telling import line_of
 from agentd.viewing import decisions_of, intentions_of
@@ -139,7 +139,7 @@ class Host:
             self._keeping or NoJournal(),
             self._feed,
             self._spawn,
-            lambda literal: self._feed(SignalRaised(literal)),
+            self._interrupted,
         )
         self._hide = bus.serve(keys.mind(bus.fleet, part.name), MindView, self._show)
 
@@ -166,6 +166,12 @@ class Host:
         interrupted = await self._performing.take_up(self._memory.actions())
         come_back(self._mind, self._keeper, self._memory.life, interrupted, self.part.on_restart)
         self._memory.stored = None
+
+    def _interrupted(self, literal: Literal) -> None:
+        """An action of a former life has ended, and no plan has waited for it."""
+        if self._keeper is not None:
+            raise_interrupted(self._mind, self._keeper, literal)
+            self._wake.set()
 
     def hurry(self) -> None:
         """Mail that had to wait may find commd again."""

@@ -94,5 +94,9 @@ class Mailing:
 
     def _undelivered(self, message: Message, why: str) -> None:
         """Tell the mind of a message that commd has refused for good."""
-        told = (atom(message.receiver), atom(message.performative), from_wire(message.content), why)
+        try:
+            content = from_wire(message.content)
+        except BadTerm:
+            content = str(message.content)
+        told = (atom(message.receiver), atom(message.performative), content, why)
         self.tell(Mail(OFFICE, "signal", Literal(signature("undelivered", 4), told)))

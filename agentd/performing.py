@@ -102,6 +102,8 @@ class Performing:
             done = await self._outcome(effect)
         except Exception as error:  # the intention must not wait for ever for an answer that cannot come
             reason = f"defect in agentd: {type(error).__name__}: {error}"
+            if identity := self._identities.get(effect.id):
+                self._journal.ended(identity)
             self._feed(ActionDone(effect.id, False, reason, "failed"))
             raise
         finally:
@@ -119,6 +121,8 @@ class Performing:
             parameters = tuple(map(to_wire, effect.parameters))
         except BadTerm as bad:
             return ActionDone(effect.id, False, f"{effect.name}: {bad}", "refused")
+        if effect.id in self._dropped:
+            return ActionDone(effect.id, False, "the agent has dropped it", "cancelled")
         if left := self._same(effect.name, parameters):
             status = await self._join(effect.id, left)
         else:
@@ -139,12 +143,15 @@ class Performing:
         Returns `interrupted(Action, State, Reason)` for each that has ended. A plan that performs one which still runs
         joins it; `on_interrupted` hears of the end of those that no plan has joined.
         """
+        gone: list[Literal] = []
         if self._acting is None:
-            return [_interrupted(one, "failed", "the agent has no robot any more") for one in actions]
+            for action in actions:
+                self._journal.ended(action.id)
+                gone.append(_interrupted(action, "failed", "the agent has no robot any more"))
+            return gone
         left = [_Left(action) for action in actions]
         if not left:
             return []
-        gone: list[Literal] = []
         early = True
 
         async def follow(one: _Left) -> None:

@@ -30,7 +30,7 @@ def come_back(
     decides = bool(mind.plans.relevant("+", "", RESTARTED).plans)
     raise_event(mind, Literal(RESTARTED, (float(life),)))
     for one in interrupted:
-        raise_event(mind, one)
+        raise_interrupted(mind, keeper, one)
     own = not decides and instead is None
     posted = keeper.resume(own=own)
     log.info("agent=%s restarted=%d resumed=%d", mind.name, life, posted)
@@ -38,6 +38,16 @@ def come_back(
         log.info("agent=%s left to the program: %s", mind.name, "; ".join(map(str, keeper.pending_own)))
     if instead is not None and not decides:
         mind.add_goal(Instantiation({}, FunctionsOf(mind)).term(instead.literal), instead.operator)
+
+
+def raise_interrupted(mind: Mind, keeper: Keeper, literal: Literal) -> None:
+    """Say how an action of a former life has ended. What is pending of that goes on in any case in further lives:
+    the action itself is forgotten when this is kept.
+    """
+    before = len(mind.events)
+    raise_event(mind, literal)
+    if len(mind.events) > before:
+        keeper.give_in_any_case(mind.events[-1])
 
 
 def raise_event(mind: Mind, literal: Literal) -> None:

@@ -95,6 +95,10 @@ class Keeper:
                 count += 1
         return count
 
+    def give_in_any_case(self, event: Any) -> None:
+        """A queued event of the mind's own is given again like those of others: the mind has no other word of it."""
+        self._origins.mark(event, Origin.OTHERS)
+
     def feed(self, mail: Mail, mark: Any) -> None:
         """Feed the mind a message; ``mark`` is in `MindChanges.absorbed` once the mind has taken it."""
         mailbox = self._mind.mailbox

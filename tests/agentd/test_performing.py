@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import asyncio
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 
-from agentd.language.terms import atom
-from agentd.mind.inputs import Mail
+from agentd.language.terms import Literal, atom
+from agentd.mind.effects import PerformAction
+from agentd.mind.inputs import ActionDone, Mail
+from agentd.performing import NoJournal, Performing
+from commd.acting import Acting
 from commd.bus import Bus, Query
 from schemas import keys
 from schemas.records import FINAL_STATES, Action, ActionStatus, Cancel, State
@@ -228,3 +232,78 @@ def test_a_bridge_that_knows_nothing_of_an_action_begins_nothing_and_the_agent_i
         await second.end()
 
     on_a_bus(endpoint, body)
+
+
+def test_the_end_of_an_action_is_told_again_until_a_plan_has_answered_it(endpoint: str, tmp_path: Path) -> None:
+    program = """\
+!begin.
++!begin <- !!deliver.
++!deliver <- drop(1).
++restarted(N) <- .print("back ", N).
++interrupted(A, S, R) <- .print(A, " ", S); .wait(300000).
+"""
+
+    async def body(connect: Connect) -> None:
+        bridge = await a_bridge(connect)
+        agent = await a_life(connect, program, tmp_path)
+        await until(lambda: len(bridge.begun) == 1, "the action begins")
+        await agent.die()
+        await bridge.end("succeeded")
+        for life in (1, 2):
+            await hears([f"back {life}", "drop(1) succeeded"], await a_life(connect, program, tmp_path))
+
+    async def hears(told: list[str], agent: Hosted) -> None:
+        await until(lambda: agent.prints == told, "its end is told")
+        await until(lambda: any(saving.ended for saving in agent.disk.savings) or "back 2" in told, "that is kept")
+        await agent.die()
+
+    on_a_bus(endpoint, body)
+
+
+def test_an_agent_that_has_lost_its_robot_is_told_once_what_was_interrupted(endpoint: str, tmp_path: Path) -> None:
+    async def body(connect: Connect) -> None:
+        bridge = await a_bridge(connect)
+        agent = await a_life(connect, FLIES, tmp_path)
+        await until(lambda: len(bridge.begun) == 1, "the action begins")
+        await agent.die()
+        agent = await host_on(await connect("a"), "a", FLIES, tmp_path)
+        lost = "goto(1,2,3) failed the agent has no robot any more"
+        await until(lambda: lost in agent.prints, "the agent hears of it")
+        await until(lambda: any(saving.ended for saving in agent.disk.savings), "that is kept")
+        await agent.end()
+        agent = await host_on(await connect("a"), "a", FLIES, tmp_path)
+        await until(lambda: any(saving.mind for saving in agent.disk.savings), "it goes on")
+        assert lost not in agent.prints
+        await agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_plan_that_is_dropped_at_once_does_not_join_what_still_runs() -> None:
+    over = asyncio.Event()
+    told: list[object] = []
+
+    class Hands:
+        async def perform(self, identity: str, name: str, *_: object, **asked: Any) -> ActionStatus:
+            status = ActionStatus(id=identity, state="running", name=name)
+            asked["on_status"](status)
+            await over.wait()
+            return ActionStatus(id=identity, state="succeeded", name=name)
+
+    async def body() -> None:
+        tasks: list[asyncio.Task[None]] = []
+
+        def spawn(work: Any) -> None:
+            tasks.append(asyncio.get_running_loop().create_task(work))
+
+        performing = Performing("a", "2", cast(Acting, Hands()), NoJournal(), told.append, spawn, told.append)
+        assert await performing.take_up([Action(id="a:1:1", agent="a", name="goto", parameters=(1,))]) == []
+        performing.begin(PerformAction(7, "goto", (1.0,)))
+        performing.cancel(7)
+        await asyncio.sleep(0)
+        over.set()
+        await asyncio.gather(*tasks)
+        assert told[0] == ActionDone(7, False, "the agent has dropped it", "cancelled")
+        assert [one.sig.functor for one in told[1:] if isinstance(one, Literal)] == ["interrupted"]
+
+    asyncio.run(body())
