@@ -158,15 +158,15 @@ def report_control(outcome: Outcome) -> list[str]:
 def report(post: Post, outcome: Outcome, seed: int) -> list[str]:
     """Return the section of the report."""
     verdict = outcome.verdict
-    kills = sum(count for what, count in outcome.happened.items() if what.startswith("kill"))
+    kills = {what: count for what, count in sorted(outcome.happened.items()) if what.startswith("kill")}
     lines = [
         f"**{verdict.sent:,} messages** among {len(post.agents)} agents on {len(BOARDS)} boards (network namespaces, a "
         f"router each): **{verdict.lost} lost, {verdict.duplicated} duplicated, {verdict.disordered} out of order**, "
         "by the final beliefs of all agents.",
         "",
-        f"Meanwhile, by seed {seed}: {kills} kills -9 "
-        f"({', '.join(f'{count} {what}' for what, count in sorted(outcome.happened.items()))}); cuts of "
-        f"{', '.join(f'{cut:g} s' for cut in CUTS)}; {FULL[1]:g} s without a byte free on the disk of {FULL[0]}. "
+        f"Meanwhile, by seed {seed}: {sum(kills.values())} kills -9 at random "
+        f"({', '.join(f'{count} of {what[5:]}' for what, count in kills.items())}); cuts of "
+        f"{', '.join(f'{cut:g} s' for cut in CUTS)} (silent, announced, between two boards in turns); {FULL[1]:g} s without a byte free on the disk of {FULL[0]}. "
         f"Daemons that ended by themselves: {len(outcome.ended_by_themselves)}. It took {outcome.seconds:.0f} s, "
         f"{verdict.sent / outcome.seconds:.0f} messages/s; at the end {outcome.waiting} messages waited, and "
         f"{outcome.dead} were dead letters.",
