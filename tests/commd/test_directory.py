@@ -12,9 +12,10 @@ import pytest
 
 from commd import directory as directory_module
 from commd.bus import Bus, Query
+from commd.client import join
 from commd.clock import Clock
 from commd.directory import Directory, open_directory
-from commd.mailroom import open_mailroom
+from commd.mailroom import Mailroom, open_mailroom
 from commd.peers import FixedDirectory
 from commd.store import Store, StoreFailed
 from schemas import keys
@@ -312,5 +313,41 @@ def test_a_board_takes_no_more_than_other_boards_hear(fleet: Fleet, monkeypatch:
             assert pi1.services.providers("y" * 1_000) == ()
             assert (await a.ask("deregister", "x" * 1_000)).problem == ""
             assert (await a.ask("register", "y" * 1_000)).problem == ""
+
+    run(body())
+
+
+def test_a_program_that_stays_keeps_its_name_however_long_it_is_away(
+    fleet: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(directory_module, "GONE_FOR_GOOD", 0.5)
+    monkeypatch.setattr(directory_module, "LOOK_EVERY", 0.1)
+
+    async def body() -> None:
+        async with fleet.board("pi1") as pi1:
+            async with join("planner", fleet=FLEET, board="pi1", router=fleet.endpoints["pi1"], stays=True):
+                assert pi1.board_of("planner") == "pi1"
+            async with fleet.agent("kid", "pi1") as kid:
+                await kid.ask("join")
+            await until(lambda: pi1.board_of("kid") is None, "who does not stay is forgotten")
+            assert pi1.board_of("planner") == "pi1"
+
+    run(body())
+
+
+def test_the_other_boards_hear_who_has_left_though_the_disk_does_not_give_its_mail_up(
+    fleet: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def unhost(mailroom: Mailroom, name: str) -> None:
+        raise StoreFailed("the disk is full")
+
+    async def body() -> None:
+        async with fleet.board("pi1") as pi1, fleet.board("pi2") as pi2, fleet.agent("kid", "pi1") as kid:
+            await kid.ask("join")
+            await until(lambda: pi2.board_of("kid") == "pi1", "pi2 knows kid")
+            monkeypatch.setattr(Mailroom, "unhost", unhost)
+            assert (await kid.ask("leave")).problem == ""
+            assert pi1.board_of("kid") is None
+            await until(lambda: pi2.board_of("kid") is None, "pi2 hears that kid has left")
 
     run(body())

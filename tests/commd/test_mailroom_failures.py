@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from commd import boxes
-from commd.bus import Bus, open_bus
-from commd.letters import LARGEST
+from commd import boxes, undelivered
+from commd.bus import Bus, Query, open_bus
+from commd.letters import LARGEST, letter
 from commd.mail_schema import migrate
+from commd.peers import FixedDirectory
 from schemas import keys
 from schemas.mission import MailRules
 from schemas.records import Mail, Message, Receipt
@@ -312,6 +313,38 @@ async def _answers(bus: Bus, key: str) -> int:
     return len([one async for one in bus.query(key, Mail(), Receipt, 5)])
 
 
+def test_what_waits_for_somebody_whom_nobody_knows_any_more_is_given_up_and_its_sender_told(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(undelivered, "STRANGER", 0.5)
+    monkeypatch.setattr(undelivered, "LOOK_EVERY", 1)
+
+    async def body(connect: Connect) -> None:
+        async with board(connect, "pi1", tmp_path) as mailroom:
+            sender = await connect("a")
+            told = Receiver(sender, "a")
+            assert await post(sender, message(1)) == Receipt(taken=1)
+            mailroom.directory = FixedDirectory({"a": "pi1"})  # b has left, and nothing more is said of it
+            await until(lambda: len(told.got) == 1, "the sender is told")
+            assert told.got[0].content == notice("b", 1, "receiver_left")
+            await until(lambda: mailroom.waiting == 0, "nothing waits")
+
+    on_a_bus(endpoint, body)
+
+
+def test_what_the_directory_promised_to_tell_finds_room_in_a_full_mailbox(endpoint: str, tmp_path: Path) -> None:
+    async def body(connect: Connect) -> None:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD, rules=MailRules(mailbox=1)) as mailroom:
+            sender = await connect("a")
+            assert await post(sender, message(1), message(2)) == Receipt(taken=1, later={1: "mailbox full"})
+            told = Message(id="df.1", sender="df", performative="tell", receiver="b", content="provider")
+            assert await mailroom.take([told]) == Receipt(taken=1)
+            receiver = Receiver(await connect("b"), "b")
+            await until(lambda: receiver.contents == [1, "provider"], "it arrives")
+
+    on_a_bus(endpoint, body)
+
+
 def test_what_waits_is_listed_with_its_age_and_what_it_waits_for(endpoint: str, tmp_path: Path) -> None:
     async def body(connect: Connect) -> None:
         now = Time()
@@ -353,7 +386,7 @@ def test_the_age_of_what_waits_goes_on_over_a_restart(endpoint: str, tmp_path: P
 def test_dead_letters_are_kept_up_to_a_bound_the_newest_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(boxes, "DEAD", 3)
     db, tally = memory()
-    letters = [boxes.letter(message(number), "a>b", None) for number in range(1, 6)]
+    letters = [letter(message(number), "a>b", None) for number in range(1, 6)]
     assert boxes.put(db, tally, letters, 0.0, None) == [boxes.TAKEN] * 5
     noticed = boxes.bury(db, tally, dict.fromkeys(range(1, 6), "gone"), {"a": "a"}, 0.0)
     assert noticed == ["a"]
@@ -374,7 +407,7 @@ def test_the_last_numbers_of_a_few_numberings_of_a_pair_are_kept_and_always_this
     db, tally = memory()
 
     def put(*messages: Message) -> list[str]:
-        return boxes.put(db, tally, [boxes.letter(one, "b", None) for one in messages], 0.0, None)
+        return boxes.put(db, tally, [letter(one, "b", None) for one in messages], 0.0, None)
 
     by_hand = Message(id="1", sender="a", performative="tell", receiver="b", content=1)
     assert put(by_hand) == [boxes.TAKEN]
@@ -392,7 +425,7 @@ def test_a_batch_that_is_rolled_back_leaves_no_trace_in_what_is_counted() -> Non
     db, tally = memory()
     before = deepcopy(vars(tally))
     db.execute("BEGIN")
-    boxes.put(db, tally, [boxes.letter(message(1, ttl=5.0), "b", 5.0)], 0.0, None)
+    boxes.put(db, tally, [letter(message(1, ttl=5.0), "b", 5.0)], 0.0, None)
     assert (tally.messages, tally.expiring) == ({"b": 1}, 1)
     db.execute("ROLLBACK")
     tally.count(db)
@@ -440,3 +473,83 @@ def test_mail_survives_a_commd_that_is_killed_and_one_that_is_told_to_go(endpoin
         start()
         asyncio.run(body())
         assert (tmp_path / "test" / "local.mail").exists()
+
+
+def test_a_batch_has_as_long_for_its_receipt_as_it_needs_on_a_slow_link(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("commd.peers.ANSWER_TIMEOUT", 0.1)
+
+    async def body(connect: Connect) -> None:
+        other, batches = await connect("pi2", "commd"), list[int]()
+
+        async def slow(query: Query[Mail]) -> None:
+            assert query.record is not None
+            batches.append(len(query.record.messages))
+            await asyncio.sleep(0.5)
+            query.reply(Receipt(taken=len(query.record.messages)))
+
+        other.serve(keys.mail(FLEET, "b", "*"), Mail, slow)
+        other.token(keys.alive(FLEET, "pi2", "commd", other.boot))
+        async with board(connect, "pi1", tmp_path) as mailroom:
+            sender = await connect("a")
+            await post(sender, *(message(number, content="x" * 20_000) for number in range(1, 7)))
+            await until(lambda: mailroom.waiting == 0, "all are taken")
+            assert mailroom.counters_now["unanswered"] == 0
+            assert batches == [3, 3], "a batch for another board is small"
+
+    on_a_bus(endpoint, body)
+
+
+def test_mail_for_somebody_whom_nobody_knows_any_more_is_given_up_after_a_while(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("commd.undelivered.STRANGER", 0.5)
+    monkeypatch.setattr("commd.undelivered.LOOK_EVERY", 1)
+
+    async def body(connect: Connect) -> None:
+        sender = await connect("a")
+        async with board(connect, "pi1", tmp_path):
+            await post(sender, message(1))
+        told = Receiver(sender, "a")
+        async with board(connect, "pi1", tmp_path, homes={"a": "pi1"}) as mailroom:
+            await until(lambda: len(told.got) == 1, "the sender is told")
+            assert told.got[0].content == notice("b", 1, "receiver_left")
+            await until(lambda: mailroom.waiting == 0, "nothing waits for ever")
+
+    on_a_bus(endpoint, body)
+
+
+def test_notices_of_the_board_itself_find_room_in_a_full_mailbox(endpoint: str, tmp_path: Path) -> None:
+    async def body(connect: Connect) -> None:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD, rules=MailRules(mailbox=1)) as mailroom:
+            await post(await connect("a"), message(1))
+            told = Message(id="df.1", sender="df", performative="tell", receiver="b", content="provider")
+            assert await mailroom.take([told]) == Receipt(taken=1)
+            assert await mailroom.take([message(2)]) == Receipt(later={0: "mailbox full"})
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_message_that_a_program_has_in_hand_when_its_time_ends_is_not_told_to_have_expired(
+    endpoint: str, tmp_path: Path
+) -> None:
+    async def body(connect: Connect) -> None:
+        now, done = Time(), asyncio.Event()
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD, now=now) as mailroom:
+            sender, bus = await connect("a"), await connect("b")
+
+            def answer(batch: Mail) -> Receipt:
+                taken = len(batch.messages)
+                return Receipt(taken=taken) if done.is_set() else Receipt(later=dict.fromkeys(range(taken), "in hand"))
+
+            program, told = Receiver(bus, "b", answer), Receiver(sender, "a")
+            await post(sender, message(1, ttl=10.0))
+            await until(lambda: bool(program.batches), "the program has it in hand")
+            now.seconds += 20
+            await asyncio.sleep(0.6)
+            done.set()
+            await until(lambda: mailroom.waiting == 0, "the program is done with it")
+            assert (mailroom.counters_now["given_up"], told.got) == (0, [])
+
+    on_a_bus(endpoint, body)

@@ -202,6 +202,32 @@ def fill_up(folder: Path, name: str) -> None:
             filler.write(bytes(4096))
 
 
+def test_what_was_said_to_have_failed_is_not_written_after_all(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("commd.store.PATIENCE", 0.5)
+
+    async def body(store: Store) -> None:
+        slow, began = threading.Event(), threading.Event()
+
+        def hangs(db: Connection) -> None:
+            began.set()
+            slow.wait(20)
+
+        first = asyncio.create_task(store.write(hangs))
+        await until(began.is_set, "the disk hangs")
+        with pytest.raises(StoreFailed, match="has not answered"):
+            await store.write(keep("late"))
+        given_up = asyncio.create_task(store.write(keep("given_up")))
+        await asyncio.sleep(0)
+        given_up.cancel()
+        await asyncio.wait((given_up, first))
+        slow.set()
+        monkeypatch.setattr("commd.store.PATIENCE", 20.0)
+        await store.write(keep("b"))
+        assert list(await store.read(kept)) == ["b"]
+
+    in_store(path, body)
+
+
 def test_a_board_that_starts_on_a_full_disk_after_a_power_cut_has_its_mail_when_there_is_room(
     small_disk: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
