@@ -10,11 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from commd import boxes, undelivered
+from commd import boxes
 from commd.bus import Bus, Query, open_bus
 from commd.letters import LARGEST, letter
 from commd.mail_schema import migrate
-from commd.peers import FixedDirectory
 from schemas import keys
 from schemas.mission import MailRules
 from schemas.records import Mail, Message, Receipt
@@ -311,38 +310,6 @@ def test_who_joins_is_served_from_then_on_and_what_waits_when_they_leave_is_give
 
 async def _answers(bus: Bus, key: str) -> int:
     return len([one async for one in bus.query(key, Mail(), Receipt, 5)])
-
-
-def test_what_waits_for_somebody_whom_nobody_knows_any_more_is_given_up_and_its_sender_told(
-    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(undelivered, "STRANGER", 0.5)
-    monkeypatch.setattr(undelivered, "LOOK_EVERY", 1)
-
-    async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path) as mailroom:
-            sender = await connect("a")
-            told = Receiver(sender, "a")
-            assert await post(sender, message(1)) == Receipt(taken=1)
-            mailroom.directory = FixedDirectory({"a": "pi1"})  # b has left, and nothing more is said of it
-            await until(lambda: len(told.got) == 1, "the sender is told")
-            assert told.got[0].content == notice("b", 1, "receiver_left")
-            await until(lambda: mailroom.waiting == 0, "nothing waits")
-
-    on_a_bus(endpoint, body)
-
-
-def test_what_the_directory_promised_to_tell_finds_room_in_a_full_mailbox(endpoint: str, tmp_path: Path) -> None:
-    async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD, rules=MailRules(mailbox=1)) as mailroom:
-            sender = await connect("a")
-            assert await post(sender, message(1), message(2)) == Receipt(taken=1, later={1: "mailbox full"})
-            told = Message(id="df.1", sender="df", performative="tell", receiver="b", content="provider")
-            assert await mailroom.take([told]) == Receipt(taken=1)
-            receiver = Receiver(await connect("b"), "b")
-            await until(lambda: receiver.contents == [1, "provider"], "it arrives")
-
-    on_a_bus(endpoint, body)
 
 
 def test_what_waits_is_listed_with_its_age_and_what_it_waits_for(endpoint: str, tmp_path: Path) -> None:
