@@ -74,7 +74,7 @@ def _left(status: Status, robot: RobotSeen) -> str:
 
 def _daemons(status: Status) -> list[str]:
     counts, health, meter = status.picture.counts, status.picture.health.values(), status.meter
-    mail = sum(int(one.counters.get("delivered", 0)) for one in health)
+    mail = sum(int(one.counters.get("mail_received", 0)) for one in health)
     drops, bad = sum(one.drops for one in health), sum(one.bad_input for one in health)
     heard = f"{counts['percepts']} percepts, {counts['statuses']} statuses, {mail} letters"
     lines = [_field("bus", f"{heard}; {drops} dropped, {bad} bad inputs"), "", f"  {TOGETHER}"]

@@ -180,7 +180,7 @@ class MailRules(FileModel, frozen=True, kw_only=True):
     ttl: Duration | None = None
     """Wall seconds after which a message that was not delivered is given up; none = never."""
     mailbox: Annotated[int, msgspec.Meta(ge=1, le=10_000_000)] = 100_000
-    """Messages that may wait for one receiver at one board; to send more fails."""
+    """Messages that may wait for one receiver at one board; further ones wait where they come from."""
     synchronous: Literal["full", "normal"] = "full"
     """SQLite's: `normal` may lose the last moments when the power fails, not when a daemon dies."""
 
@@ -389,11 +389,7 @@ def _check(mission: Mission) -> list[Finding]:
     except ValueError as error:
         wrong(("router", "endpoint"), f"router.endpoint: {str(error)[:1].lower()}{str(error)[1:]}")
     vehicles: dict[tuple[str, str, int], str] = {}
-    for name, board in mission.boards.items():
-        try:
-            host_and_port(board.address or "none", DEFAULT_PORT)
-        except ValueError as error:
-            wrong(("boards", name, "address"), f"boards.{name}.address: {error}")
+    _check_addresses(mission, wrong)
     if mission.gateway is not None:
         _check_gateway(mission, mission.gateway, wrong)
     for name, robot in mission.robots.items():
@@ -410,6 +406,20 @@ def _check(mission: Mission) -> list[Finding]:
             elif ending.agent not in mission.agents:
                 wrong(path, f"there is no agent `{ending.agent}`{did_you_mean(ending.agent, mission.agents)}")
     return findings
+
+
+def _check_addresses(mission: Mission, wrong: Any) -> None:
+    taken: dict[tuple[str, int], str] = {}
+    for name, board in mission.boards.items():
+        if not board.address:
+            continue
+        try:
+            other = taken.setdefault(host_and_port(board.address, DEFAULT_PORT), name)
+        except ValueError as error:
+            wrong(("boards", name, "address"), f"boards.{name}.address: {error}")
+            continue
+        if other != name:
+            wrong(("boards", name, "address"), f"boards.{name}.address: `{board.address}` is board `{other}` already")
 
 
 def _check_gateway(mission: Mission, gateway: Gateway, wrong: Any) -> None:

@@ -100,8 +100,9 @@ def update(mind: Any, item: PerceptReplaced | PerceptAdded | PerceptRemoved, add
                 if old != args:
                     _remove(mind, place, old)
         case PerceptRemoved(key=key):
+            annots = sorted_annots((*literal.annots, *PERCEPT)) if literal.annots else PERCEPT
             for old in place.agreeing(args, key):
-                _remove(mind, place, old)
+                _remove(mind, place, old, annots)
             return
     if args not in place.args:
         _add(mind, place, literal, args, added)
@@ -135,8 +136,11 @@ def _add(mind: Any, place: Perceived, literal: Literal, args: tuple[Any, ...], a
         added.append((place, args, new))
 
 
-def _remove(mind: Any, place: Perceived, args: tuple[Any, ...]) -> None:
-    """A percept holds no longer: the belief loses source(percept), and stays if another source holds it."""
+def _remove(mind: Any, place: Perceived, args: tuple[Any, ...], annots: tuple[Any, ...] = PERCEPT) -> None:
+    """A percept holds no longer: the belief loses source(percept), and stays if another source holds it.
+
+    Its event has ``annots``: those that the news of its end had.
+    """
     place.drop(args)
     predicate = place.predicate
     fact = predicate.entries.get(args)
@@ -150,4 +154,4 @@ def _remove(mind: Any, place: Perceived, args: tuple[Any, ...]) -> None:
         return
     mind.changes += 1
     if place.lost.plans or mind.listeners or mind.plans.has_nested:
-        raise_event(mind, None, place.lost, args, PERCEPT)
+        raise_event(mind, None, place.lost, args, annots)

@@ -43,7 +43,8 @@ class Boards:
         self.folder = folder
         (folder / "m.yaml").write_text(MISSION)
         for name in ("a", "b", "quiet"):
-            (folder / f"{name}.asl").write_text("+online(X)[board(B)] <- +came(X, B). -online(X) <- +went(X).\n")
+            program = "+online(X)[board(B)] <- +came(X, B). -online(X)[board(B)] <- +went(X, B).\n"
+            (folder / f"{name}.asl").write_text(program)
         self.mission: Mission = load_mission(folder / "m.yaml")
         self.link = f"tcp/127.0.0.1:{port()}"
         self.endpoints = {board: f"tcp/127.0.0.1:{port()}" for board in ("pi1", "pi2")}
@@ -107,7 +108,7 @@ def test_an_agent_believes_who_is_there_and_where_and_learns_who_comes_and_goes(
             async with boards.agents("pi2", "b") as second:
                 await believes(first, "a", HERE, CAME)
                 await believes(second, "b", "online(a)[board(pi1),source(percept)]", "came(a,pi1)[source(self)]")
-            await believes(first, "a", "went(b)[source(self)]")
+            await believes(first, "a", "went(b,pi2)[source(self)]")
             assert HERE not in beliefs(first, "a")
             assert beliefs(first, "quiet") == [], "it has not asked for it"
 
@@ -146,7 +147,7 @@ def test_an_agent_made_at_run_time_is_online_on_the_other_board_until_it_ends(bo
             assert "kid" in first.roster.names
             await until(lambda: "kid" in second.hosts, "kid has begun")
             second.hosts["b"].take(SignalRaised.named("stop"))
-            await believes(first, "a", "went(kid)[source(self)]")
+            await believes(first, "a", "went(kid,pi2)[source(self)]")
             await until(lambda: "kid" not in first.roster.names, "kid is forgotten")
 
     run(body())
@@ -170,7 +171,7 @@ def test_a_router_that_restarts_takes_no_agent_with_it(boards: Boards, board: st
                 assert HERE in beliefs(first, "a")
                 assert not any(belief.startswith("went") for belief in beliefs(first, "a"))
                 second.hosts["b"].close()
-                await believes(first, "a", "went(b)[source(self)]")
+                await believes(first, "a", "went(b,pi2)[source(self)]")
 
     run(body())
 
@@ -186,7 +187,7 @@ def test_without_a_router_for_long_only_those_of_the_same_daemon_are_there(
                 first = await agents.enter_async_context(boards.agents("pi1", "a", "quiet"))
                 await agents.enter_async_context(boards.agents("pi2", "b"))
                 await believes(first, "a", HERE)
-            await believes(first, "a", "went(b)[source(self)]")
+            await believes(first, "a", "went(b,pi2)[source(self)]")
             assert "online(quiet)[board(pi1),source(percept)]" in beliefs(first, "a")
             async with boards.commd("pi1"):
                 await believes(first, "a", HERE)

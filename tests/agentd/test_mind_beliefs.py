@@ -109,3 +109,11 @@ def test_the_text_of_a_belief_shows_its_annotations_in_order() -> None:
     world = run("b(1)[zeta, alpha, 3].")
     assert [b.annotated for b in world.mind.belief_views()] == ["b(1)[3,alpha,source(self),zeta]"]
     assert text(Var("X")) == "X"
+
+
+def test_the_end_of_a_percept_has_the_annotations_that_its_news_has() -> None:
+    world = run('-at(X)[room(R)] <- .print("left", X, R). -at(X) <- .print("gone", X).')
+    world.feed(PerceptAdded(term("at(1)[room(hall)]")), PerceptAdded(term("at(2)[room(hall)]")))
+    world.feed(PerceptRemoved(term("at(1)[room(hall)]"), (0,)))
+    world.feed(PerceptRemoved(term("at(2)"), (0,)))
+    assert world.prints == ["left1hall", "gone2"]

@@ -119,6 +119,44 @@ def test_all_mistakes_are_told_in_one_run() -> None:
     assert [line.split(": ", 1)[0] for line in findings(text)] == ["m.yaml:5:5", "m.yaml:12:10", "m.yaml:13:8"]
 
 
+FLEET = GOOD.replace(
+    "agents:\n  uav:", "boards: {a: {address: 10.0.0.1}, b: {address: 10.0.0.2}}\nagents:\n  uav:\n    board: a"
+)
+FLEET = FLEET.replace("  uav1:\n", "  uav1:\n    board: a\n")
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("boards: {a: {address: 10.0.0.1}, b: {address: '10.0.0.1:7447'}}", "`10.0.0.1:7447` is board `a` already"),
+        ("boards: {a: {}, b: {address: '10.0.0.1:99999'}}", "Expected HOST or HOST:PORT such as `10.0.0.7:9000`"),
+        ("clients: {planner: {board: c}}", "clients.planner: there is no board `c`"),
+        ("clients: {uav: {board: a}}", "`uav` is in agents already"),
+        ("clients: {mail: {board: a}}", "`mail` is the sender of notices"),
+        ("gateway: {board: c, listen: '127.0.0.1:9000', nodes: {}}", "gateway: there is no board `c`"),
+        ("gateway: {board: a, listen: '9000', nodes: {}}", "gateway.listen: Expected HOST:PORT"),
+        ("gateway: {board: a, listen: 'h:1', nodes: {old: h}}", "gateway.nodes.old: Expected HOST:PORT"),
+        ("gateway: {board: a, listen: 'h:1', nodes: {df: 'h:2'}}", "`df` is the sender of notices"),
+        ("radio: {range: far}", "radio.range: expected a distance such as `300m` or `1.5km`, got `far`"),
+        ("radio: {loss: 1}", "radio.loss"),
+        ("mail: {mailbox: 0}", "mail.mailbox"),
+    ],
+)
+def test_a_mistake_about_a_fleet_is_told(line: str, expected: str) -> None:
+    kept = [one for one in FLEET.splitlines() if one.partition(":")[0] != line.partition(":")[0]]
+    assert any(expected in one for one in findings("\n".join([*kept, line])))
+
+
+def test_a_fleet_reads() -> None:
+    line = (
+        "gateway: {board: b, listen: 'h:1', nodes: {old: 'h:2'}}\nclients: {planner: {board: b}}\nradio: {range: 1.5km}"
+    )
+    mission = read(FLEET + line)
+    assert mission.mailboxes == {"uav": "a", "planner": "b", "old": "b"}
+    assert mission.radio is not None
+    assert mission.radio.range == 1500.0
+
+
 def test_robots_share_a_link_if_they_are_different_systems() -> None:
     robot = "  uav2:\n    manifest: arducopter\n    link: udpin:127.0.0.1:14550\n"
     assert findings(GOOD.replace("done:", robot + "done:")) == [
