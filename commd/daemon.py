@@ -6,17 +6,16 @@ import asyncio
 import logging
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Sequence
+from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Literal
 
 from commd.bus import open_bus
 from commd.clock import Clock
 from commd.directory import open_directory
-from commd.gateway import open_gateway
 from commd.mailroom import open_mailroom
 from commd.peers import FixedDirectory
 from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, endpoint_argument, report_health, run_daemon
-from commd.radio import open_air
 from commd.routers import router_of
 from commd.state import state_directory
 from schemas.findings import Finding, Findings
@@ -69,20 +68,29 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
         await bus.claim(board)
         known = FixedDirectory(mission.mailboxes)
         folder = state_directory(args.state) / mission.fleet
-        async with (
-            open_air(bus, mission, board) as air,
-            open_gateway(mission, board) as gateway,
-            open_mailroom(bus, known, mission.mail, folder, air, everybody_known=False) as mailroom,
-            open_directory(bus, board, mission, mailroom.store, mailroom, clock) as directory,
-            gateway.serving(mailroom),
-        ):
-            parts = (mailroom.health, directory.health, gateway.health, *((air.health,) if air is not None else ()))
+        async with AsyncExitStack() as parts_of:
+            enter = parts_of.enter_async_context
+            # What few missions have is loaded for those: it takes memory on each board.
+            air = gateway = None
+            if mission.radio is not None:
+                from commd.radio import open_air
+
+                air = await enter(open_air(bus, mission, board))
+            if mission.gateway is not None and mission.gateway.board == board:
+                from commd.gateway import open_gateway
+
+                gateway = await enter(open_gateway(mission, board))
+            mailroom = await enter(open_mailroom(bus, known, mission.mail, folder, air, everybody_known=False))
+            directory = await enter(open_directory(bus, board, mission, mailroom.store, mailroom, clock))
+            if gateway is not None:
+                await enter(gateway.serving(mailroom))
+            parts = [mailroom.health, directory.health, *(part.health for part in (gateway, air) if part is not None)]
             log.info("%s board=%s endpoint=%s", mode, board, endpoint)
             health = asyncio.create_task(report_health(bus, board, clock, lambda: together(parts)))
             stopping = asyncio.create_task(stop.wait())
             work: dict[asyncio.Task[None], str] = {health: "the router"}
             work |= dict.fromkeys(directory.work, "the directory")
-            work |= dict.fromkeys(gateway.work, "the gateway")
+            work |= dict.fromkeys(gateway.work if gateway is not None else (), "the gateway")
             work |= dict.fromkeys(air.work if air is not None else (), "the radio")
             await asyncio.wait((*work, stopping), return_when=asyncio.FIRST_COMPLETED)
             broken = [task for task in work if task.done()]

@@ -24,8 +24,8 @@ ANSWER_WITHIN = 2.0
 """Wall seconds after which `commd` is told how far the program has come; what it is not done with is offered again."""
 ROOM = 10_000
 """Messages that wait here for the program at most; the others wait at `commd`."""
-NUMBERINGS = 8
-"""Numberings (lives) of a sender that are told apart."""
+NUMBERINGS = 1_000
+"""Numberings (lives) of a sender that are told apart: more than the 500 that a batch of commd's can bring."""
 LEAVE = 1.0
 """Wall seconds for the last answers."""
 
@@ -76,6 +76,8 @@ class Inbox:
         """What the program is not done with, and when it expires; the first one may be in its hands."""
         self._known: set[tuple[str, str, int]] = set()
         """Whose numbers wait."""
+        self._late: OrderedDict[tuple[str, str, int], None] = OrderedDict()
+        """The last ones whose time was over before the program came to them."""
         self._changed = asyncio.Event()
         """Set and replaced whenever something came or is done."""
         self._answering = 0
@@ -101,7 +103,10 @@ class Inbox:
             if reader is not self._reader:
                 raise RuntimeError("another loop reads the messages of this client by now")
             while self._waiting and self._waiting[0][1] < asyncio.get_running_loop().time():
-                self._drop_first()  # its sender is told by commd
+                self._late[_number(self._waiting[0][0])] = None  # commd is told, and tells its sender
+                if len(self._late) > ROOM:
+                    self._late.popitem(last=False)
+                self._drop_first()
             if self._waiting:
                 return self._waiting[0][0]
             await self._changed.wait()
@@ -130,10 +135,16 @@ class Inbox:
         self._answering += 1
         try:
             batch, refused = query.record.messages, dict[int, str]()
+            held: set[tuple[str, str]] = set()
+            """Of whom a message is refused as too late: were a later one done, it would pass for done when it comes
+            again because this answer was lost."""
             for place, message in enumerate(batch):
                 if not message.header.seq or message.receiver != self._name:
                     refused[place] = f"expected a numbered message to {self._name}, as commd hands it over"
-                else:
+                elif self._too_late(message):
+                    refused[place] = "expired"
+                    held.add((message.sender, message.header.boot))
+                elif (message.sender, message.header.boot) not in held:
                     self._queue(message)
             self._notify()
             with suppress(TimeoutError):
@@ -153,9 +164,21 @@ class Inbox:
             self._known.add(number)
             self._waiting.append((message, until))
 
+    def _too_late(self, message: Message) -> bool:
+        """Whether the program will not come to a message any more, as its time was over before."""
+        number = _number(message)
+        if number in self._late:
+            return True
+        over = message.ttl is not None and message.ttl <= 0
+        return over and number not in self._known and not self._seen.has(message)
+
     def _not_done(self, batch: tuple[Message, ...], refused: dict[int, str]) -> list[int]:
         """The places in a batch of what the program is not done with."""
-        return [place for place, one in enumerate(batch) if place not in refused and not self._seen.has(one)]
+        return [
+            place
+            for place, one in enumerate(batch)
+            if place not in refused and (not self._seen.has(one) or _number(one) in self._late)
+        ]
 
 
 class Messages:

@@ -14,6 +14,7 @@ from contextlib import asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
 from sqlite3 import Connection
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
@@ -25,7 +26,6 @@ from commd.letters import LARGEST, SLACK, Letter, letter
 from commd.mail_clock import MailClock
 from commd.mail_listing import list_mailboxes
 from commd.peers import Deliver, Directory, Peers
-from commd.radio import Air
 from commd.store import Store, StoreFailed, open_store
 from commd.undelivered import Undelivered
 from schemas import keys
@@ -33,6 +33,9 @@ from schemas.codec import codec
 from schemas.mission import RESERVED, MailRules
 from schemas.names import check_name
 from schemas.records import Health, Mail, Mailboxes, Message, Receipt
+
+if TYPE_CHECKING:
+    from commd.radio import Air
 
 log = logging.getLogger("mail")
 

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from contextlib import aclosing
-from typing import Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from commd.bus import Bus, BusClosed
 from commd.lanes import NoAnswer
 from commd.letters import Mail, Waiting, opened
 from commd.mail_clock import MailClock
-from commd.radio import Air
 from schemas import keys
 from schemas.codec import BadRecord
 from schemas.records import Message, Receipt
+
+if TYPE_CHECKING:
+    from commd.radio import Air
 
 ANSWER_TIMEOUT, SLOWEST = 5.0, 10_000
 """Wall seconds that another board has to commit a batch, and bytes per second of the slowest link to it: the batch has

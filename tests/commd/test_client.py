@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from commd import inbox
 from commd.bus import AlreadyRunning, Bus
@@ -239,8 +240,30 @@ def test_what_expires_while_it_waits_is_not_handed_out(endpoint: str, monkeypatc
         assert await commd.offer(late, mail(2)) == Receipt(
             later=dict.fromkeys((0, 1), "the program is not done with it")
         )
+        messages = me.messages()
+        message = await anext(messages)
+        assert message.content == 2
+        me.done(message)
+        for _ in range(2):  # the first answer is lost
+            assert await commd.offer(replace(late, ttl=0.0), mail(2)) == Receipt(taken=1, refused={0: "expired"})
+
+    as_planner(endpoint, body)
+
+
+def test_what_comes_behind_a_message_that_is_too_late_waits_until_that_is_known(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(inbox, "ANSWER_WITHIN", 0.1)
+
+    async def body(me: Client, commd: ScriptedCommd) -> None:
+        for _ in range(2):  # the first answer is lost
+            told = await commd.offer(mail(1, ttl=0.0), mail(2))
+            assert told == Receipt(refused={0: "expired"}, later={1: "the program is not done with it"})
+        offered = asyncio.create_task(commd.offer(mail(2)))
         message = await anext(me.messages())
         assert message.content == 2
+        me.done(message)
+        assert await offered in (Receipt(taken=1), Receipt(later={0: "the program is not done with it"}))
 
     as_planner(endpoint, body)
 
@@ -310,13 +333,13 @@ def test_a_program_joins_and_leaves_the_directory_and_asks_it(endpoint: str) -> 
         with pytest.raises(ZeroDivisionError):
             async with join("planner", fleet=FLEET, router=endpoint):
                 raise ZeroDivisionError
-        assert [(one.agent, one.do, one.service) for one in commd.asked] == [
-            ("planner", "join", ""),
-            ("planner", "register", "plan"),
-            ("planner", "search", "camera"),
-            ("planner", "leave", ""),
-            ("planner", "join", ""),
-            ("planner", "join", ""),
+        assert [(one.agent, one.do, one.service, one.stays) for one in commd.asked] == [
+            ("planner", "join", "", False),
+            ("planner", "register", "plan", False),
+            ("planner", "search", "camera", False),
+            ("planner", "leave", "", False),
+            ("planner", "join", "", True),
+            ("planner", "join", "", False),
         ]
 
     on_a_bus(endpoint, everything)
