@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Collection, Coroutine, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Coroutine, Sequence
 from contextlib import aclosing, asynccontextmanager, suppress
 from dataclasses import replace
 from sqlite3 import Connection
@@ -37,6 +37,9 @@ GONE_FOR_GOOD = 60.0
 """Wall seconds without a token after which an agent that joined at run time has left: its daemon was killed. One that
 is started again within that time keeps its mail."""
 LOOK_EVERY = 1.0
+AROUND_EVERY = 1.0
+"""Wall seconds between two times that all boards are asked for somebody whom nobody here knows, and what it takes at
+most."""
 PUT_EVERY = 0.1
 """Wall seconds between two puts at least."""
 READ_AGAIN = 0.5
@@ -65,6 +68,7 @@ class Post(Protocol):
     async def take(self, messages: Sequence[Message], also: Callable[[Connection], None] | None = None) -> Receipt: ...
 
     directory: peers.Directory
+    ask_around: Callable[[], Awaitable[None]] | None
 
     def host(self, name: str) -> None: ...
 
@@ -93,6 +97,8 @@ class Directory:
         """The tokens of the commd of each board, this one too."""
         self._put_at = -PUT_EVERY
         self._putting: asyncio.TimerHandle | None = None
+        self._around: asyncio.Task[None] | None = None
+        self._around_at = -AROUND_EVERY
         self.work: list[asyncio.Task[None]] = []
         """What goes on for ever."""
         self._tasks: set[asyncio.Task[None]] = set()
@@ -110,6 +116,18 @@ class Directory:
     def names(self) -> Collection[str]:
         """Everybody who can be sent to, there or away."""
         return self._homes.keys()
+
+    async def ask_around(self) -> None:
+        """Hear what the other boards know now: an agent may hear of who joined there before this board does."""
+        if self._around is None or (self._around.done() and self._clock.wall() >= self._around_at + AROUND_EVERY):
+            boards = [board for board, boots in self._boards.items() if boots and board != self._board]
+            self._around, self._around_at = asyncio.create_task(self._ask_all(boards)), self._clock.wall()
+            self._tasks.add(self._around)
+            self._around.add_done_callback(self._ended)
+        await asyncio.wait((self._around,), timeout=AROUND_EVERY)
+
+    async def _ask_all(self, boards: Sequence[str]) -> None:
+        await asyncio.gather(*map(self._asked, boards))
 
     def notes(self) -> list[str]:
         """What is wrong now, in words."""
@@ -148,7 +166,7 @@ class Directory:
             log.error("directory_unreadable why=%s: it begins empty", bad)
             known = {}
         self._now_is(replace(services, others=known))
-        self._post.directory = self
+        self._post.directory, self._post.ask_around = self, self.ask_around
         for name in self.services.own.joined:
             self._post.host(name)
             self._absent[name] = self._clock.wall()

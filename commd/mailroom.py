@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Collection, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Sequence
 from contextlib import asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -64,6 +64,8 @@ class Mailroom:
         self._undelivered = Undelivered(store, tally, clock, self._line)
         peers = self._peers
         self._lanes = Lanes(store, tally, clock, peers.carry, self._undelivered.give_up, peers.of, peers.group_of)
+        self.ask_around: Callable[[], Awaitable[None]] | None = None
+        """Lets the directory hear who has joined other boards just now; asked before a receiver is refused."""
         self.everybody_known = True
         """Whether the directory knows by now who joined in former lives: else it refuses nobody."""
         self._hosted: dict[str, tuple[Callable[[], None], ...]] = {}
@@ -183,6 +185,8 @@ class Mailroom:
         if not self.everybody_known and any(self._line("", one.receiver) is None for one in query.record.messages):
             query.reply_error(f"board {self._bus.name} is still reading who joined it")
             return
+        if self.ask_around is not None and any(self._line("", one.receiver) is None for one in query.record.messages):
+            await self.ask_around()
         letters = [
             self._kept(one, self._line(sender, one.receiver), now, self._rules.ttl)
             if one.sender == sender

@@ -22,6 +22,7 @@ from schemas import keys
 from schemas.mission import read_mission
 from schemas.records import BoardServices, Mail, Message, Receipt, ServiceRequest
 from schemas.terms import Atom, Structure
+from tests.commd.offices import message, post
 from tests.support.buses import FLEET, session, subscribed, until
 
 MISSION = """\
@@ -349,5 +350,27 @@ def test_the_other_boards_hear_who_has_left_though_the_disk_does_not_give_its_ma
             assert (await kid.ask("leave")).problem == ""
             assert pi1.board_of("kid") is None
             await until(lambda: pi2.board_of("kid") is None, "pi2 hears that kid has left")
+
+    run(body())
+
+
+def test_mail_for_who_has_just_joined_another_board_is_not_refused_though_this_board_has_not_heard_of_it(
+    fleet: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def body() -> None:
+        async with (
+            fleet.board("pi1") as pi1,
+            fleet.board("pi2") as pi2,
+            fleet.agent("a", "pi1") as a,
+            fleet.agent("kid", "pi2") as kid,
+        ):
+            await until(lambda: {"pi1", "pi2"} <= set(pi1.services.others) | {"pi1"}, "pi1 has heard of pi2")
+            monkeypatch.setattr(pi1, "_concerns_us", lambda _: False)  # what pi2 puts is lost
+            await kid.ask("join")
+            assert pi2.board_of("kid") == "pi2"
+            assert pi1.board_of("kid") is None
+            assert await post(a.bus, message(1, "a", "kid")) == Receipt(taken=1)
+            assert await post(a.bus, message(1, "a", "nobody")) == Receipt(refused={0: "receiver_not_found"})
+            await until(lambda: [one.content for one in kid.mail] == [1], "it arrives")
 
     run(body())
