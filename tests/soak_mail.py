@@ -166,7 +166,8 @@ def report(post: Post, outcome: Outcome, seed: int) -> list[str]:
         "",
         f"Meanwhile, by seed {seed}: {sum(kills.values())} kills -9 at random "
         f"({', '.join(f'{count} of {what[5:]}' for what, count in kills.items())}); cuts of "
-        f"{', '.join(f'{cut:g} s' for cut in CUTS)} (silent, announced, between two boards in turns); {FULL[1]:g} s without a byte free on the disk of {FULL[0]}. "
+        f"{', '.join(f'{cut:g} s' for cut in CUTS)} (silent, announced, between two boards in turns); "
+        f"{FULL[1]:g} s without a byte free on the disk of {FULL[0]}. "
         f"Daemons that ended by themselves: {len(outcome.ended_by_themselves)}. It took {outcome.seconds:.0f} s, "
         f"{verdict.sent / outcome.seconds:.0f} messages/s; at the end {outcome.waiting} messages waited, and "
         f"{outcome.dead} were dead letters.",
