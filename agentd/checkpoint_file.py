@@ -94,6 +94,7 @@ def _connected(path: Path, synchronous: Synchronous, statements: int) -> sqlite3
     database = sqlite3.connect(
         path, timeout=LOCK_PATIENCE, isolation_level=None, check_same_thread=False, cached_statements=statements
     )
+    database.text_factory = lambda data: data.decode(errors="replace")  # a damaged row is one that is not ours
     try:
         for statement in (
             f"PRAGMA page_size={PAGE}",

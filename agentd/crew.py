@@ -135,8 +135,7 @@ class Crew:
             watch.cancel()
             for work in self._work:
                 work.cancel()
-            for host in self.hosts.values():
-                await host.part_with(forget=self.stopped is not None)
+            await asyncio.gather(*(host.part_with(forget=self.stopped is not None) for host in self.hosts.values()))
             self._writer.shutdown(wait=False)
 
     def _hurry(self, there: bool) -> None:

@@ -56,6 +56,8 @@ ASK_TIMEOUT = 30.0
 LAST_PRINTS = 20
 DECISIONS = 200
 """Decisions and failures that an agent remembers if nobody says otherwise."""
+ATOMIC_END = 0.5
+"""Wall seconds that an atomic plan has to come to its end when the agent leaves."""
 LEAVE = 2.0
 """Wall seconds that mail and cancellations have to leave when the agent ends."""
 
@@ -163,7 +165,7 @@ class Host:
         for what in self._keeper.left_out:
             log.warning("agent=%s cannot be what it was: %s", self.part.name, what)
         await self._keeping.count_life()
-        interrupted = await self._performing.take_up(self._memory.actions())
+        interrupted = await self._performing.take_up(self._memory.actions)
         come_back(self._mind, self._keeper, self._memory.life, interrupted, self.part.on_restart)
         self._memory.stored = None
 
@@ -216,6 +218,7 @@ class Host:
             self._carry_out(note)
         self._mailing.inbox.close()
         if self._keeping is not None:
+            await self._end_atomic_plan()
             await self._keeping.finish()
         else:
             self._mailing.forget()
@@ -225,6 +228,16 @@ class Host:
         await asyncio.gather(*self._tasks, return_exceptions=True)
         if self._keeping is not None:
             await self._keeping.finish()
+
+    async def _end_atomic_plan(self) -> None:
+        """An atomic plan is kept whole: what is left of one that does not wait is done, within `ATOMIC_END`."""
+        mind, clock = self._mind, self._clock
+        until = asyncio.get_running_loop().time() + ATOMIC_END
+        while mind.atomic is not None and mind.ready and asyncio.get_running_loop().time() < until:
+            for effect in mind.run(clock.now(), 1):
+                if not isinstance(effect, PerformAction):  # the next life decides about it
+                    self._carry_out(effect)
+            await asyncio.sleep(0)
 
     async def part_with(self, forget: bool) -> None:
         """Close what the agent has on disk; `forget`: it is over, and begins anew when it is started again."""

@@ -38,6 +38,8 @@ RETRY_FIRST, RETRY_MOST = 0.2, 5.0
 """Wall seconds between two attempts of a save that failed, doubling."""
 LAST_PATIENCE = 3.0
 """Wall seconds that the last save of an agent that leaves may take."""
+CLOSE_PATIENCE = 10.0
+"""Wall seconds that the disk has to close the file, or to remove it; all agents of a daemon share its writer."""
 
 
 class Keeping:
@@ -90,6 +92,7 @@ class Keeping:
         """Note that an action is about to be asked for; waits until that is on disk, but not for long."""
         self._begun[action.id] = ActionInFlight(action.name, codec(Action).encode(action, self._wire))
         if self.problem:
+            self.counters["actions_unkept"] += 1
             return
         waiting = asyncio.get_running_loop().create_future()
         self._waiting.append(waiting)
@@ -102,6 +105,8 @@ class Keeping:
 
     def ended(self, identity: str) -> None:
         """The mind is being told how an action ended: it need not be remembered when the mind has taken that."""
+        if self.problem and self._begun.pop(identity, None) is not None:
+            return  # a disk that is full does not make a list of what it has missed
         self._ended.append(identity)
 
     # --- when ---
@@ -121,7 +126,7 @@ class Keeping:
         now = asyncio.get_running_loop().time()
         if self._since is None:
             self._since = now
-        if self._begun:
+        if self._begun and (quiet or self._mind.atomic is None):
             due = now
         else:
             due = self._last + (MAIL_EVERY if mail else OTHERS_EVERY)
@@ -152,10 +157,10 @@ class Keeping:
             for one in sent
         ]
         if not self._mind.mailbox:  # the mind has heard of what commd has refused
-            saving.delivered = mailing.outbox.take_gone()
+            saving.delivered += mailing.outbox.take_gone()
         saving.next_seq = {one.message.receiver: one.message.header.seq + 1 for one in sent}
         if not self._mind.inputs:  # what an action came to is in the mind, not on its way
-            saving.ended, self._ended = self._ended, []
+            saving.ended, self._ended = saving.ended + self._ended, []
         saving.actions = {one: action for one, action in self._begun.items() if one not in saving.ended}
         self._begun = {}
         saving.soft = not (sent or absorbed)
@@ -222,6 +227,8 @@ class Keeping:
             await asyncio.gather(self._saving, return_exceptions=True)
         work = self._checkpoint.forget if forget else self._checkpoint.close
         try:
-            await asyncio.get_running_loop().run_in_executor(self._writer, work)
+            await asyncio.wait_for(asyncio.get_running_loop().run_in_executor(self._writer, work), CLOSE_PATIENCE)
+        except TimeoutError:
+            log.error("agent=%s its file is left as it is: the disk does not answer", self._agent)
         except CheckpointError as error:
             log.error("agent=%s %s", self._agent, error)

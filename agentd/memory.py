@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
-from agentd.checkpoint import ActionInFlight, Checkpoint, CheckpointError, Saving, Stored
+from agentd.checkpoint import Checkpoint, CheckpointError, Saving, Stored
 from agentd.checkpoint_file import remove
 from agentd.inbox import Numbered
 from agentd.mailing import Mailing
 from agentd.outbox import Waiting
-from schemas.codec import Codec, R, codec
+from schemas.codec import BadRecord, Codec, R, codec
 from schemas.records import Action, Message
 
 log = logging.getLogger("keeping")
@@ -36,25 +35,37 @@ class Memory:
     writer: Executor
     """Has the one thread in which the checkpoints of a daemon are written."""
     synchronous: Literal["full", "normal"]
+    actions: list[Action] = field(default_factory=list)
+    """What the last life had begun, or was about to begin."""
+    _unread: Saving = field(default_factory=Saving)
+    """The rows that cannot be read, to be removed."""
 
     @property
     def life(self) -> int:
         """How often the agent has been started again, this time included; 0: it begins."""
         return 0 if self.stored is None else self.stored.lives
 
-    def actions(self) -> list[Action]:
-        """What the last life had begun, or was about to begin."""
-        stored: Mapping[str, ActionInFlight] = {} if self.stored is None else self.stored.actions
-        return [_read(codec(Action), kept.parameters) for kept in stored.values()]
-
     def restore(self, mailing: Mailing) -> None:
-        """Give the mail of the agent what the last life had not handed over, and what it has taken."""
+        """Give the mail of the agent what the last life had not handed over, and what it has taken.
+
+        A row that is damaged is told and left out: it must not keep a daemon from beginning.
+        """
         stored = self.stored
         if stored is None:
             return
-        messages = [
-            Waiting(one.number, _read(codec(Message), one.message), len(one.message)) for one in stored.outgoing
-        ]
+        messages: list[Waiting] = []
+        for one in stored.outgoing:
+            try:
+                messages.append(Waiting(one.number, _read(codec(Message), one.message), len(one.message)))
+            except BadRecord as bad:
+                self._unread.delivered.append(one.number)
+                self._lost(f"message {one.seq} to {one.receiver}", bad)
+        for identity, kept in stored.actions.items():
+            try:
+                self.actions.append(_read(codec(Action), kept.parameters))
+            except BadRecord as bad:
+                self._unread.ended.append(identity)
+                self._lost(f"the action {kept.name} ({identity}), which may have begun,", bad)
         numbering, numbers = stored.numbering, {receiver: seq - 1 for receiver, seq in stored.next_seq.items()}
         if self.synchronous == "normal" and stored.extra.get("boot") != _boot():
             # The last messages may be forgotten here and known to commd: their numbers must not be given again.
@@ -65,7 +76,12 @@ class Memory:
     def first_saving(self, mailing: Mailing, program: bytes) -> Saving:
         """Return what the first save of this life holds in any case; `program` stands for what the agent runs."""
         extra = {"boot": _boot(), "program": program}
-        return Saving(numbering=mailing.outbox.numbering, lives=self.life + 1, extra=extra)
+        return replace(self._unread, numbering=mailing.outbox.numbering, lives=self.life + 1, extra=extra)
+
+    def _lost(self, what: str, why: BadRecord) -> None:
+        note = f"{self.checkpoint.path}: {what} cannot be read and is lost: {why}"
+        log.error("%s", note)
+        self.checkpoint.notes.append(note)
 
     def is_of(self, program: bytes) -> bool:
         """Whether the last life has run the same program."""

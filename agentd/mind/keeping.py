@@ -135,6 +135,8 @@ class Keeper:
 
     def _absorbed(self) -> list[Any]:
         fed = self._fed
+        if not fed:
+            return []
         waiting = {id(mail) for mail in self._mind.mailbox}
         if not waiting:
             self._fed = deque()

@@ -30,7 +30,7 @@ class Disk:
         self.open = threading.Event()
         self.open.set()
         self.full = ""
-        self.notes = checkpoint.notes
+        self.notes, self.path = checkpoint.notes, checkpoint.path
         self._checkpoint = checkpoint
 
     def save(self, saving: Saving) -> None:

@@ -12,10 +12,12 @@ import pytest
 
 from agentd.checkpoint import CheckpointError, Saving
 from agentd.keeping import Keeping
+from agentd.language.terms import atom
 from agentd.memory import open_memory
+from agentd.mind.inputs import Mail as Told
 from commd.bus import Bus, Query
 from schemas import keys
-from schemas.records import Mail, Message, Receipt
+from schemas.records import Action, Mail, Message, Receipt
 from schemas.terms import Structure
 from tests.agentd.hosts import host_on
 from tests.agentd.test_mailing import a_desk, numbered
@@ -254,3 +256,90 @@ def test_a_file_that_is_refused_gives_way_to_an_agent_that_is_to_begin_anew(tmp_
         writer.shutdown()
 
     asyncio.run(body())
+
+
+def test_what_cannot_be_read_of_mail_and_actions_is_told_and_left_out_once(endpoint: str, tmp_path: Path) -> None:
+    program = "!go.\n+!go <- .send(c, tell, one); .send(c, tell, two); .print(sent).\n"
+    file = tmp_path / "a" / "mind.sqlite"
+
+    async def body(connect: Connect) -> None:
+        bus = await connect("a")
+        agent = await host_on(bus, "a", program, tmp_path, others=("c",))
+        await until(lambda: any(saving.outgoing for saving in agent.disk.savings), "the messages are kept")
+        await agent.die()
+        with closing(sqlite3.connect(file)) as database:
+            database.execute("UPDATE outgoing SET message = cast(x'83' || message AS BLOB) WHERE seq = 1")
+            database.execute("INSERT INTO action VALUES ('a:1:1', cast(x'67ff' AS TEXT), x'83')")
+            database.commit()
+        again = await host_on(bus, "a", program, tmp_path, others=("c",))
+        await until(lambda: any(saving.delivered for saving in again.disk.savings), "they are removed")
+        notes = again.host.health().notes
+        assert ["message 1 to c cannot be read" in notes[0], "which may have begun, cannot be read" in notes[1]] == [
+            True,
+            True,
+        ]
+        desk = await a_desk(connect)
+        again.host.hurry()
+        await until(lambda: len(desk.taken) == 1, "the other one leaves")
+        assert desk.taken[0].header.seq == 2
+        await again.end()
+        third = await host_on(bus, "a", program, tmp_path, others=("c",))
+        assert third.host.health().notes == ()
+        await third.end()
+
+    on_a_bus(endpoint, body)
+
+
+@pytest.mark.parametrize("ends", ["the agent leaves", "an action begins"])
+def test_an_atomic_plan_is_kept_whole_though(
+    ends: str, endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agentd.host.ATOMIC_END", 20.0)
+    program = """\
++!kqml_received(_, tell, go, _) <- !!go.
+@p[atomic] +!go <- +begun; for (.range(I, 1, 5000)) { .print(I) }; +ended.
++restarted(_).
+"""
+
+    async def body(connect: Connect) -> None:
+        bus = await connect("a")
+        agent = await host_on(bus, "a", program, tmp_path)
+        await until(lambda: bool(agent.disk.savings), "it is kept once")
+        agent.tell(Told("b", "tell", atom("go")))
+        await until(lambda: bool(agent.prints), "the plan has begun")
+        if ends == "an action begins":
+            keeping = agent.host._keeping
+            assert keeping is not None
+            await keeping.begun(Action(id="a:1:1", agent="a", name="goto"))
+            assert "5000" in agent.prints or keeping.counters["actions_unkept"]
+            await agent.die()
+        else:
+            await agent.end()
+        again = await host_on(bus, "a", program, tmp_path)
+        believed = {belief.partition("[")[0] for belief in again.beliefs} & {"begun", "ended"}
+        await again.end()
+        assert believed in (set(), {"begun", "ended"})
+        assert believed or ends == "an action begins"
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_disk_that_does_not_answer_does_not_keep_an_agent_from_ending(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    for name in ("LAST_PATIENCE", "CLOSE_PATIENCE"):
+        monkeypatch.setattr(f"agentd.keeping.{name}", 0.3)
+
+    async def body(connect: Connect) -> None:
+        agent = await host_on(await connect("a"), "a", HEARS, tmp_path)
+        await until(lambda: bool(agent.disk.savings), "it is kept once")
+        agent.disk.open.clear()
+        agent.tell(Told("b", "tell", atom("x")))
+        await until(lambda: agent.prints == ["got(x)"], "it has something to keep")
+        agent._stop.set()
+        await agent._life
+        await asyncio.wait_for(agent.host.part_with(forget=False), 10)
+        assert "its file is left as it is: the disk does not answer" in caplog.text
+        agent.disk.open.set()
+
+    on_a_bus(endpoint, body)
