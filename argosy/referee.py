@@ -128,7 +128,13 @@ def run(args: Namespace) -> int:
     except Findings as findings:
         print(findings, file=sys.stderr)
         return EXIT_BAD_INPUT
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        told = (
+            f"{error.filename}: {error.strerror}: was it flown with `argosy run {args.mission} --report {args.report}`?"
+        )
+        print(f"error: {told}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
     print(verdict)

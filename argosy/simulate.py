@@ -109,7 +109,9 @@ def _machine(mission: Mission, asked: str | None, known: list[str]) -> str:
             raise Findings([_finding(mission, f"which machine is this? Say it by --board: {there}")])
         return known[0]
     if asked not in known:
-        raise Findings([_finding(mission, f"nothing is simulated on `{asked}`{did_you_mean(asked, known) or there}")])
+        raise Findings(
+            [_finding(mission, f"nothing is simulated on `{asked}`{did_you_mean(asked, known) or f': {there}'}")]
+        )
     return asked
 
 

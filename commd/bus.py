@@ -527,7 +527,8 @@ async def open_bus(
         except zenoh.ZError as error:
             if mode == "router":
                 where = " or ".join((endpoint, *listen))
-                raise BusClosed(f"cannot listen at {where}: is another router running there? ({error})") from None
+                why = str(error).partition(" at /")[0]  # what follows are paths of Zenoh's sources
+                raise BusClosed(f"cannot listen at {where}: is another router running there? ({why})") from None
             if loop.time() >= until or (stop is not None and stop.is_set()):
                 raise BusClosed(f"no router at {endpoint}: is commd running?") from None
             if not said:

@@ -158,7 +158,7 @@ class Client:
             ServiceRequest(agent=self.name, do=do, service=service, stays=stays),
         )
         until = asyncio.get_running_loop().time() + self._patience
-        reason = f"no commd serves board `{self.board}`"
+        reason = f"no commd of fleet `{self._bus.fleet}` serves board `{self.board}`"
         while True:
             try:
                 async with aclosing(self._bus.query(key, request, BoardServices, self._patience)) as replies:

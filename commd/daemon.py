@@ -42,12 +42,21 @@ def run(args: Namespace) -> int:
     return run_daemon("commd", lambda stop: serve(load_mission(args.mission), args, stop))
 
 
+def chosen(mission: Mission, asked: str | None) -> str:
+    """Return the board that this is. Raises Findings for one that the mission has not, or if it has to be said."""
+    boards = list(mission.boards) or [THIS_MACHINE]
+    if asked is None and len(boards) > 1:
+        text = f"which board is this? Say it by --board: the mission has {', '.join(boards)}"
+        raise Findings([Finding(str(mission.path), 0, 0, text)])
+    if asked is not None and asked not in boards:
+        raise Findings([Finding(str(mission.path), 0, 0, f"no board `{asked}`{did_you_mean(asked, mission.boards)}")])
+    return asked or boards[0]
+
+
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
     """Route for the board; keep its directory, and its mail: from `{agent}/outbox` or other boards to its agents."""
     clock = Clock()
-    board = args.board or next(iter(mission.boards), THIS_MACHINE)
-    if board not in (mission.boards or {THIS_MACHINE}):
-        raise Findings([Finding(str(mission.path), 0, 0, f"no board `{board}`{did_you_mean(board, mission.boards)}")])
+    board = chosen(mission, args.board)
     endpoint = args.router or mission.router.endpoint
     listen, connect = args.listen, args.connect
     if not (listen or connect) and not mission.router.external:

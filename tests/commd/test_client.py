@@ -358,7 +358,7 @@ def test_a_program_that_is_not_let_in_is_told_why(endpoint: str) -> None:
 
 def test_without_commd_or_router_a_program_does_not_wait_for_ever(endpoint: str) -> None:
     async def everything(connect: Connect) -> None:
-        with pytest.raises(NotJoined, match=r"join: no commd serves board `local` \(0.5 s\)"):
+        with pytest.raises(NotJoined, match=r"join: no commd of fleet `test` serves board `local` \(0.5 s\)"):
             async with join("planner", fleet=FLEET, router=endpoint, patience=0.5):
                 pass
 

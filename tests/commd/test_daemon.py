@@ -92,6 +92,14 @@ def test_a_bad_mission_ends_commd_with_its_findings(tmp_path: Path, endpoint: st
         ]
 
 
+def test_of_several_boards_the_one_that_it_is_has_to_be_said(tmp_path: Path, endpoint: str) -> None:
+    mission = tmp_path / "m.yaml"
+    mission.write_text("mission: m\nboards: {one: {}, two: {}}\nagents: {a: {program: a.asl, board: one}}\n")
+    with running("commd", "serve", str(mission), "--router", endpoint) as commd:
+        assert commd.ends() == 2
+        assert "which board is this? Say it by --board: the mission has one, two" in commd.text
+
+
 @pytest.mark.parametrize("endpoint", ["carrier-pigeon/here", "tcp/127.0.0.1:99999", "127.0.0.1:7447", ""])
 def test_what_is_no_endpoint_is_refused_with_what_is_one(endpoint: str) -> None:
     with running("commd", "serve", MISSION, "--router", endpoint) as commd:
