@@ -8,6 +8,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+KEPT = "mind.sqlite"
+"""What the names of an agent's checkpoint and of what belongs to it begin with, in the same folder."""
 MOST_SAVED = 16 * 2**20
 """Bytes of program text that ``.save_agent`` writes at most."""
 
@@ -50,6 +52,8 @@ class AgentFiles:
         target = (folder / path).resolve()
         if not target.is_relative_to(folder) or target == folder:
             raise NotAllowed(f"{path} is outside of {folder}, where agents save")
+        if target.name.startswith(KEPT):
+            raise NotAllowed(f"{path} is where the agent itself is kept")
         target.parent.mkdir(parents=True, exist_ok=True)
         beginning = target.with_name(f".{target.name}.{os.getpid()}")
         try:

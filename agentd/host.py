@@ -150,6 +150,7 @@ class Host:
         if memory is None or self._keeper is None:
             return None
         memory.restore(self._mailing)
+        self._roster.remember(memory.correspondents)
         if not memory.is_of(self.part.digest):
             log.warning("agent=%s its program has changed: beliefs and goals are those of the old one", self.part.name)
         keeping = Keeping(

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+from agentd.agent_files import KEPT
 from agentd.checkpoint import Checkpoint, CheckpointError, Saving, Stored
 from agentd.checkpoint_file import remove
 from agentd.inbox import Numbered
@@ -19,7 +20,7 @@ from schemas.records import Action, Message
 
 log = logging.getLogger("keeping")
 
-FILE = "mind.sqlite"
+FILE = KEPT
 """In the agent's folder of state."""
 BOOT = Path("/proc/sys/kernel/random/boot_id")
 """Tells one start of the machine from another."""
@@ -44,6 +45,12 @@ class Memory:
     def life(self) -> int:
         """How often the agent has been started again, this time included; 0: it begins."""
         return 0 if self.stored is None else self.stored.lives
+
+    @property
+    def correspondents(self) -> set[str]:
+        """Whom the agent has written to, and who has written to it."""
+        stored = self.stored
+        return set() if stored is None else {*stored.next_seq, *(sender for sender, _ in stored.absorbed)}
 
     def restore(self, mailing: Mailing) -> None:
         """Give the mail of the agent what the last life had not handed over, and what it has taken.

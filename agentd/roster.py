@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import aclosing, suppress
 
 from commd.bus import Bus, BusClosed
@@ -44,6 +44,8 @@ class Roster:
         """Those that this daemon has ended, until their board says so too."""
         self._met: dict[str, None] = {}
         """Those that have written to us before any board told of them."""
+        self._remembered: dict[str, None] = {}
+        """Those whom agents of this daemon knew in a former life, until a board's directory has answered."""
         self._ask = asyncio.Event()
 
     async def watch(self, boards: Collection[str]) -> None:
@@ -91,6 +93,12 @@ class Roster:
             self._ask.set()
             self._settle()
 
+    def remember(self, names: Iterable[str]) -> None:
+        """An agent of this daemon has had mail for or from these in a former life; the directory may know better."""
+        if not self._said:
+            self._remembered |= {name: None for name in names if name not in RESERVED}
+            self._settle()
+
     def told(self, said: BoardServices) -> None:
         """A board has said who lives there."""
         known = self._said.get(said.board)
@@ -108,7 +116,7 @@ class Roster:
         self._ended &= homes.keys()
         self._met = {name: None for name in self._met if name not in homes}
         homes = {name: board for name, board in homes.items() if name not in self._ended} | self._here
-        homes = homes | dict.fromkeys(self._met, "") | dict(self.mission)
+        homes = dict.fromkeys(self._remembered, "") | homes | dict.fromkeys(self._met, "") | dict(self.mission)
         if homes == self.names:
             return
         for name in [name for name in self.names if name not in homes]:
@@ -130,7 +138,9 @@ class Roster:
                 async for reply in replies:
                     if reply.record is not None:
                         answered = True
+                        self._remembered = {}
                         self.told(reply.record)
+                        self._settle()
         except BusClosed as closed:
             log.debug("not_asked board=%s why=%s", board, closed)
         if answered and self._met:

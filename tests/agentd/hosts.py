@@ -98,7 +98,12 @@ async def host_on(
     memory = await open_memory(folder / name, name, writer, "full", fresh=False)
     memory.checkpoint = cast(Checkpoint, Disk(memory.checkpoint))
     program = compile_program(parse_program(source, f"{name}.asl"))
-    roster = cast(Roster, SimpleNamespace(names=dict.fromkeys((name, *others), "board"), met=lambda name: None))
+    roster = cast(
+        Roster,
+        SimpleNamespace(
+            names=dict.fromkeys((name, *others), "board"), met=lambda name: None, remember=lambda names: None
+        ),
+    )
     made = Part(name=name, program=program, **{"robot": None, "done": {}, "failed": {}, **part})
     host = Host(bus, Clock(), made, roster, _no_team, bus.token(f"test/{name}/{bus.boot}"), memory)
     return Hosted(host, memory)

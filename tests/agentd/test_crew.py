@@ -241,6 +241,12 @@ def test_nothing_is_saved_outside_of_the_folder_of_state(tmp_path: Path, path: s
     assert not (tmp_path / "state").exists()
 
 
+@pytest.mark.parametrize("path", ["mind.sqlite", "./mind.sqlite-wal"])
+def test_nothing_is_saved_over_what_the_agent_is_kept_in(tmp_path: Path, path: str) -> None:
+    with pytest.raises(NotAllowed, match="where the agent itself is kept"):
+        AgentFiles([tmp_path], tmp_path / "state").save(path, "p.")
+
+
 def test_what_is_saved_is_there_whole_can_be_read_again_and_is_bounded(tmp_path: Path) -> None:
     files = AgentFiles([tmp_path / "m"], tmp_path / "state")
     files.save("a/b.asl", "p.")
