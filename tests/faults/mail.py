@@ -17,7 +17,7 @@ from schemas.records import Mail, Message, Receipt
 from tests.faults.office import FLEET, MISSION, Office, expect_all, grown, held, read, row_of, waits
 from tests.faults.real import resident
 from tests.faults.rows import Row
-from tests.support.buses import until
+from tests.support.buses import served, until
 from tests.support.ports import free_port
 from tests.support.processes import Daemon
 
@@ -96,6 +96,8 @@ def records(state: Path) -> Row:
         async with office.bus() as bus, office.program("ann") as ann, office.program("bob") as bob:
             refused = 0
             targets = [keys.outbox(FLEET, "ann"), keys.mail(FLEET, "ann", "bob"), keys.inbox(FLEET, "bob")]
+            for target in targets:
+                await served(bus, target)
             for number in range(RECORDS):
                 errors = await _ask(bus, targets[number % 3], _broken(chance))
                 refused += any(errors)
