@@ -69,8 +69,8 @@ class Store:
     async def write(self, transaction: Transaction[T]) -> T:
         """Run `transaction(connection)` in the writer's thread and return its result when it is on disk.
 
-        Raises StoreFailed if it is not, and what the transaction itself raises; nothing of it is kept then, unless the disk
-        takes at last what it had begun to write when `PATIENCE` was over.
+        Raises StoreFailed if it is not, and what the transaction itself raises; nothing of it is kept then, unless the
+        disk takes at last what it had begun to write when `PATIENCE` was over.
         """
         future: asyncio.Future[T] = self._loop.create_future()
         with self._ready:
