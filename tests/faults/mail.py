@@ -98,6 +98,8 @@ def records(state: Path) -> Row:
             targets = [keys.outbox(FLEET, "ann"), keys.mail(FLEET, "ann", "bob"), keys.inbox(FLEET, "bob")]
             for target in targets:
                 await served(bus, target)
+            for key in targets:
+                await served(bus, key)
             for number in range(RECORDS):
                 errors = await _ask(bus, targets[number % 3], _broken(chance))
                 refused += any(errors)
