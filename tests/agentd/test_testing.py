@@ -513,7 +513,8 @@ def _valid(root: ElementTree.Element) -> None:
 
 
 def test_the_tests_of_the_first_mission_pass_with_a_vehicle_that_pretends() -> None:
-    command = [sys.executable, "-m", "agentd", "test", "--env", "missions/single_uav/vehicle.py:Vehicle", "missions"]
+    folder = "missions/single_uav"
+    command = [sys.executable, "-m", "agentd", "test", "--env", f"{folder}/vehicle.py:Vehicle", folder]
     done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, timeout=120, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.count("ok ") == 5

@@ -217,7 +217,7 @@ def test_the_papers_listings_drive_it_unchanged(endpoint: str, tmp_path: Path) -
 
 
 def test_the_missions_agent_draws_a_square(endpoint: str, tmp_path: Path) -> None:
-    speed = 10.0
+    speed = 5.0
     file = MISSIONS / "turtle.yaml"
 
     async def body(studio: Studio) -> None:
@@ -225,10 +225,10 @@ def test_the_missions_agent_draws_a_square(endpoint: str, tmp_path: Path) -> Non
         with running("agentd", "serve", str(file), "artist", *options) as agent:
             await asyncio.to_thread(agent.says, "[artist] drawn")
         turtle = studio.turtle
-        assert (turtle.x, turtle.y) == (pytest.approx(3, abs=0.2), pytest.approx(3, abs=0.2))
+        assert (turtle.x, turtle.y) == (pytest.approx(3, abs=0.4), pytest.approx(3, abs=0.4))
         drawn = [stroke.end for stroke in turtle.strokes if not stroke.pen.off]
         for corner in ((8, 3), (8, 8), (3, 8)):
-            assert min(math.dist(corner, end) for end in drawn) < 0.2, corner
+            assert min(math.dist(corner, end) for end in drawn) < 0.4, corner
         off_the_edges = [(x, y) for x, y in drawn if min(abs(x - 3), abs(x - 8), abs(y - 3), abs(y - 8)) > 0.5]
         assert off_the_edges == []
 
