@@ -135,7 +135,7 @@ def test_a_message_expires_at_the_receivers_board_too_and_the_notice_comes_back(
             now.seconds += 11
             await until(lambda: len(told.got) == 1, "the sender is told")
             assert told.got[0].content == notice("b", 1, "expired")
-            assert second.waiting == 0
+            await until(lambda: second.waiting == 0, "nothing waits any more, the notice was the last")
 
     on_a_bus(endpoint, body)
 
