@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from agentd.services import Do, NotDone, Services
 from commd.bus import AlreadyRunning, Bus, BusClosed, Token
 from commd.clock import Clock
 from commd.process import report_health
+from commd.tasks import Tasks
 from schemas import keys
 from schemas.mission import RESERVED, Mission
 from schemas.names import check_name
@@ -74,7 +75,7 @@ class Crew:
         self._stop = asyncio.Event()
         self._services = Services(bus)
         self._company = Company(bus, self.roster, clock)
-        self._work: set[asyncio.Task[None]] = set()
+        self._work = Tasks("working for the agents")
         self._fresh = fresh
         self._writer = ThreadPoolExecutor(1, "keeping")
         """Writes the checkpoints of all agents, one after the other."""
@@ -115,9 +116,9 @@ class Crew:
         """Let the agents reason until `stop` is set or a program stops the team."""
         boards = sorted(set(self._homes.values()))
         await self.roster.watch(boards)
-        self._spawn(self.roster.follow(boards))
+        self._work.spawn(self.roster.follow(boards))
         if any(host.part.presence for host in self.hosts.values()):
-            self._spawn(self._company.follow())
+            self._work.spawn(self._company.follow())
         self._bus.on_router(self._hurry)
         for board in boards:
             self._bus.watch(keys.alive(self._bus.fleet, board, "commd", "*"), lambda _, alive: self._hurry(alive))
@@ -133,8 +134,7 @@ class Crew:
                     task.result()
         finally:
             watch.cancel()
-            for work in self._work:
-                work.cancel()
+            self._work.cancel()
             await asyncio.gather(*(host.part_with(forget=self.stopped is not None) for host in self.hosts.values()))
             self._writer.shutdown(wait=False)
 
@@ -159,7 +159,7 @@ class Crew:
         if host.part.presence:
             self._company.tell(host.part.name, host.take)
         if host.begins and host.part.name not in self._made:
-            self._spawn(self._forget_services(host.part.name))
+            self._work.spawn(self._forget_services(host.part.name))
 
     async def _forget_services(self, name: str) -> None:
         """An agent begins anew: what it offered and wanted in a former life does not count any more."""
@@ -167,17 +167,6 @@ class Crew:
             await self._ask(name, "leave")
         except NotDone as why:
             log.warning("agent=%s may still be listed with the services of a former life: %s", name, why)
-
-    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.create_task(work)
-        self._work.add(task)
-        task.add_done_callback(self._worked)
-
-    def _worked(self, task: asyncio.Task[None]) -> None:
-        self._work.discard(task)
-        if not task.cancelled() and (error := task.exception()) is not None:
-            context = {"message": "working for the agents", "exception": error, "task": task}
-            asyncio.get_running_loop().call_exception_handler(context)
 
     async def _live(self, host: Host, end: asyncio.Event) -> None:
         """Run one agent; when its program stops the team, all agents of this daemon end."""

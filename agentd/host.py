@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter, deque
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from agentd.keeping import Keeping
 from agentd.language.compile import CompiledProgram
@@ -40,6 +40,7 @@ from commd.bus import Bus, Query, Token
 from commd.clock import Clock
 from commd.output import stdout
 from commd.perceiving import Perceiving
+from commd.tasks import Tasks, wait_at_most
 from schemas import keys
 from schemas.records import Health, MindView, Perception
 
@@ -124,7 +125,7 @@ class Host:
         )
         self._wake = asyncio.Event()
         self._prints: deque[str] = deque(maxlen=LAST_PRINTS)
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._tasks = Tasks(f"working for agent {part.name}")
         self._mailing = Mailing(bus, part.name, self._mind, self._take_mail, lambda: roster.names)
         self._keeping = self._keep_in(memory)
         self._perceiving: Perceiving | None = None
@@ -133,14 +134,14 @@ class Host:
             self._perceiving = Perceiving(bus, part.name, part.robot, self._perceive)
             watch = BridgeWatch(bus, part.robot, self._bridge_up, self._bridge_gone)
             self._acting = Acting(bus, part.name, self._perceiving, watch, clock.to_wall)
-            self._spawn(self._perceiving.run())
+            self._tasks.spawn(self._perceiving.run())
         self._performing = Performing(
             part.name,
             bus.boot,
             self._acting,
             self._keeping or NoJournal(),
             self._feed,
-            self._spawn,
+            self._tasks.spawn,
             self._interrupted,
         )
         self._hide = bus.serve(keys.mind(bus.fleet, part.name), MindView, self._show)
@@ -201,7 +202,7 @@ class Host:
                 pauses = [] if due is None else [max(0.0, clock.to_wall(due - clock.now()))]
                 if look_at is not None:
                     pauses.append(look_at)
-                await _wait(self._wake, min(pauses, default=None))
+                await wait_at_most(self._wake, min(pauses, default=None))
         finally:
             waiting.cancel()
             await self._leave()
@@ -224,9 +225,7 @@ class Host:
         else:
             self._mailing.forget()
         await self._mailing.outbox.drain(LEAVE)
-        for task in list(self._tasks):
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self._tasks.end()
         if self._keeping is not None:
             await self._keeping.finish()
 
@@ -266,17 +265,6 @@ class Host:
         self._mind.feed(item)
         self._wake.set()
 
-    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.get_running_loop().create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._ended)
-
-    def _ended(self, task: asyncio.Task[None]) -> None:
-        self._tasks.discard(task)
-        if not task.cancelled() and (error := task.exception()) is not None:
-            context = {"message": f"working for agent {self.part.name}", "exception": error, "task": task}
-            asyncio.get_running_loop().call_exception_handler(context)
-
     # --- out of the mind ---
 
     def _carry_out(self, effect: Effect) -> None:
@@ -293,7 +281,7 @@ class Host:
             case StopTeam(delay=delay):
                 self._stop_after(effect, delay)
             case TeamRequest():
-                self._spawn(self._ask_team(effect))
+                self._tasks.spawn(self._ask_team(effect))
 
     def _stop_after(self, order: StopTeam, delay: float) -> None:
         """Stop the team, at once or after a delay that the agent is told of (Jason: `+jag_shutting_down(Ms)`)."""
@@ -381,17 +369,6 @@ class Host:
             counters={**{name: float(count) for name, count in sorted(counters.items())}, "percepts_missed": missed},
             notes=() if self._keeping is None else self._keeping.notes(),
         )
-
-
-async def _wait(event: asyncio.Event, seconds: float | None) -> None:
-    """Wait for an event, at most so many wall seconds (None: until an input comes)."""
-    if seconds is None:
-        await event.wait()
-        return
-    try:
-        await asyncio.wait_for(event.wait(), seconds)
-    except TimeoutError:
-        return
 
 
 _BRIDGE_UP = Literal(signature("bridge", 1), (atom("up"),))

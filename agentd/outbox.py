@@ -16,7 +16,8 @@ from typing import Any, NamedTuple, cast
 import msgspec
 
 from commd.bus import Bus, BusClosed, boot_id
-from commd.letters import adds_up
+from commd.letters import LARGEST, adds_up
+from commd.tasks import wait_at_most
 from schemas import keys
 from schemas.codec import BadRecord, Wire, codec
 from schemas.records import Header, Mail, Message, Receipt
@@ -24,8 +25,6 @@ from schemas.terms import Term
 
 log = logging.getLogger("mail")
 
-LARGEST = 2**20
-"""Bytes that one message takes at most as it travels (1 MB)."""
 MOST_FOR_ONE = 10_000
 """Messages of an agent that may wait for one receiver here, before commd has taken them; to send more fails."""
 MOST_BYTES = 64 * 2**20
@@ -190,7 +189,7 @@ class Outbox:
             except Exception:  # mail must not wait for ever without a word
                 self.counters["defects"] += 1
                 log.exception("defect in argosy: handing out the mail of agent %s", self._agent)
-                await _at_most(self._again, RETRY_MOST)
+                await wait_at_most(self._again, RETRY_MOST)
 
     async def _hand_out_in_turn(self) -> None:
         pause = RETRY_FIRST
@@ -199,7 +198,7 @@ class Outbox:
             batch, next_at = self._batch()
             if not batch:
                 wait = None if next_at is None else max(0.0, next_at - asyncio.get_running_loop().time())
-                await _at_most(self._news, wait)
+                await wait_at_most(self._news, wait)
                 continue
             self._again.clear()
             receipt = await self._ask(batch)
@@ -210,7 +209,7 @@ class Outbox:
             self.counters["not_answered"] += 1
             level = logging.WARNING if pause == RETRY_FIRST else logging.DEBUG
             log.log(level, "agent=%s mail_waits messages=%d why=%s", self._agent, len(self), receipt)
-            await _at_most(self._again, pause)
+            await wait_at_most(self._again, pause)
             pause = RETRY_FIRST if self._again.is_set() else min(pause * 2, RETRY_MOST)
 
     def _batch(self) -> tuple[list[Waiting], float | None]:
@@ -299,14 +298,3 @@ def _readable(message: Message, wire: Wire) -> Message:
     """The message with its content as a term again."""
     made = codec(Message)
     return made.decode(made.encode(message, wire), made.encoding(wire))
-
-
-async def _at_most(event: asyncio.Event, seconds: float | None) -> None:
-    """Wait for an event, at most so many wall seconds (None: until something is sent)."""
-    if seconds is None:
-        await event.wait()
-        return
-    try:
-        await asyncio.wait_for(event.wait(), seconds)
-    except TimeoutError:
-        return

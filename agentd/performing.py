@@ -71,7 +71,7 @@ class Performing:
         acting: Acting | None,
         journal: Journal,
         feed: Callable[[ActionDone], None],
-        spawn: Callable[[Coroutine[Any, Any, None]], None],
+        spawn: Callable[[Coroutine[Any, Any, None]], object],
         on_interrupted: Callable[[Literal], None],
     ) -> None:
         """`life` makes the ids of this life's actions its own; `on_interrupted` hears of what ended without a plan that

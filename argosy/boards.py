@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 from argosy.endpoint import in_use
-from schemas.mission import THIS_MACHINE, Mission
+from schemas.mission import Mission
 
 _PORT = re.compile(r"(?P<before>.+:)(?P<port>\d+)")
 _HIGHEST = 65_535
@@ -39,17 +39,12 @@ class Place:
         return [*told, *(word for endpoint in self.connect for word in ("--connect", endpoint))]
 
 
-def boards_of(mission: Mission) -> list[str]:
-    """Return the boards of a mission; one that declares none has this machine."""
-    return list(mission.boards) or [THIS_MACHINE]
-
-
 def places(mission: Mission, router: str, taken: Collection[int] = ()) -> dict[str, Place]:
     """Return where the routers of the mission's boards are: the first at `router`, the others at the next free ports.
 
     Ports in `taken` are left to others. Raises NoPort.
     """
-    boards = boards_of(mission)
+    boards = mission.board_names
     if mission.router.external:
         return dict.fromkeys(boards, Place(router))
     if len(boards) == 1 and not (boards[0] in mission.boards and mission.boards[boards[0]].address):

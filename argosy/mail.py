@@ -11,7 +11,6 @@ from pathlib import Path
 
 import msgspec
 
-from argosy.boards import boards_of
 from argosy.journal import printable
 from argosy.operator_bus import Where, add_router_argument, on_the_bus
 from commd.bus import Bus
@@ -75,7 +74,7 @@ def run(args: Namespace) -> int:
 
 def _wanted(mission: Mission, board: str | None) -> list[str]:
     """Return the boards that are to answer. Raises Findings for one that the mission has not."""
-    boards = boards_of(mission)
+    boards = mission.board_names
     if board is not None and board not in boards:
         raise Findings([Finding(str(mission.path), 0, 0, f"no board `{board}`{did_you_mean(board, boards)}")])
     return [board] if board is not None else boards

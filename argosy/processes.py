@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from argosy import simulators
-from argosy.boards import Place, boards_of
+from argosy.boards import Place
 from argosy.links import together
 from schemas.mission import Mission
 
@@ -134,7 +134,7 @@ def _board_of_agents(setup: Setup, agents: str) -> str:
 KINDS: tuple[Kind, ...] = (
     Kind(
         "commd",
-        lambda s: boards_of(s.mission),
+        lambda s: s.mission.board_names,
         lambda s, board: ["commd", "serve", s.file, "--board", board, *s.place(board).arguments, *_state(s)],
     ),
     Kind(
@@ -193,7 +193,7 @@ def python_command() -> tuple[str, ...]:
 
 def _process(setup: Setup, kind: Kind, subject: str) -> Process:
     board = kind.board(setup, subject)
-    several = len(boards_of(setup.mission)) > 1
+    several = len(setup.mission.board_names) > 1
     label = kind.label(board, subject) if several else subject if kind.name != "commd" else ""
     return Process(
         kind, subject, (*python_command(), *kind.command(setup, subject)), kind.orphaned(setup, subject), label, board

@@ -7,7 +7,6 @@ import time
 from math import inf
 from pathlib import Path
 
-from argosy.boards import boards_of
 from argosy.observe import Observer
 from argosy.status import Status
 from argosy.supervise import Child
@@ -51,7 +50,7 @@ class Watchdog:
         kind, board, lost = child.process.kind.name, child.process.board, self.observer.router_lost is not None
         status = self._status
         if kind == "commd":  # of another board maybe only the link is cut
-            return lost and board == boards_of(status.setup.mission)[0]
+            return lost and board == status.setup.mission.board_names[0]
         if lost or not status.picture.is_alive(board, "commd"):
             return False
         old = status.now() - HEALTHY * status.setup.speed

@@ -16,7 +16,7 @@ from bridged.manifests import load_robot_manifest
 from bridged.orders import Step, read_steps
 from schemas.findings import Finding, Findings
 from schemas.manifest import Manifest
-from schemas.mission import THIS_MACHINE, Mission, Robot
+from schemas.mission import Mission, Robot
 from schemas.positions import Steps, did_you_mean
 
 
@@ -39,7 +39,7 @@ def chosen(mission: Mission, robots: list[str], board: str | None) -> list[str]:
         return robots
     if board is None and len(mission.boards) > 1:
         raise Findings([_said(mission, f"which robots? Name them, or by --board one of {', '.join(mission.boards)}")])
-    if board is not None and board not in (mission.boards or {THIS_MACHINE}):
+    if board is not None and board not in mission.board_names:
         raise Findings([_said(mission, f"there is no board `{board}`{did_you_mean(board, mission.boards)}")])
     found = [name for name, robot in mission.robots.items() if board in (None, robot.board)]
     if not found:

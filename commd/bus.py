@@ -21,6 +21,7 @@ import zenoh
 from commd.raw import RawBus
 from commd.routers import addresses_to_come
 from commd.session import session_config
+from commd.tasks import Tasks
 from schemas import keys
 from schemas.codec import MAX_BYTES, BadRecord, Wire, codec
 from schemas.records import Header, Record
@@ -107,7 +108,7 @@ class Bus:
         self._stamp = stamp
         self._loop = asyncio.get_running_loop()
         self._seq: Counter[tuple[str, str]] = Counter()
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._tasks = Tasks("serving a query")
         self._held: list[Token] = []
         self._seen_keys: set[str] = set()
         """Keys whose first record has been looked through for fields that this version does not know."""
@@ -192,9 +193,7 @@ class Bus:
             if len(self._tasks) >= room:
                 self._refuse(query, "dropped", "busy: too many queries at once")
                 return
-            task = self._loop.create_task(self._serve(query, record, handler))
-            self._tasks.add(task)
-            task.add_done_callback(self._served)
+            self._tasks.spawn(self._serve(query, record, handler))
 
         queryable = self._session.declare_queryable(key, self._hand_over(deliver, refuse=_drop_query))
 
@@ -211,11 +210,6 @@ class Bus:
         self.counters[counter] += 1
         with query:
             Query(self, query, None, why).reply_error(why)
-
-    def _served(self, task: asyncio.Task[None]) -> None:
-        self._tasks.discard(task)
-        if not task.cancelled() and (error := task.exception()) is not None:
-            self._loop.call_exception_handler({"message": "serving a query", "exception": error, "task": task})
 
     async def _serve(self, query: zenoh.Query, record: type[R], handler: Callable[[Query[R]], Awaitable[None]]) -> None:
         with query:
@@ -446,9 +440,7 @@ class Bus:
 
     async def close(self) -> None:
         """End what is being served, then leave the bus."""
-        for task in list(self._tasks):
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self._tasks.end()
         closed = asyncio.Event()
 
         def close() -> None:

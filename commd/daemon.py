@@ -19,7 +19,7 @@ from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, endpoint_
 from commd.routers import router_of
 from commd.state import state_directory
 from schemas.findings import Finding, Findings
-from schemas.mission import THIS_MACHINE, Mission, load_mission
+from schemas.mission import Mission, load_mission
 from schemas.positions import did_you_mean
 from schemas.records import Health
 
@@ -44,7 +44,7 @@ def run(args: Namespace) -> int:
 
 def chosen(mission: Mission, asked: str | None) -> str:
     """Return the board that this is. Raises Findings for one that the mission has not, or if it has to be said."""
-    boards = list(mission.boards) or [THIS_MACHINE]
+    boards = mission.board_names
     if asked is None and len(boards) > 1:
         text = f"which board is this? Say it by --board: the mission has {', '.join(boards)}"
         raise Findings([Finding(str(mission.path), 0, 0, text)])

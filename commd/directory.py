@@ -22,6 +22,7 @@ from commd.bus import Bus, BusClosed, Query
 from commd.clock import Clock
 from commd.services import Notice, Own, Problem, Services, checked
 from commd.store import StoreFailed
+from commd.tasks import Tasks
 from schemas import keys
 from schemas.codec import BadRecord, codec
 from schemas.mission import THIS_MACHINE, Mission
@@ -101,7 +102,7 @@ class Directory:
         self._around_at = -AROUND_EVERY
         self.work: list[asyncio.Task[None]] = []
         """What goes on for ever."""
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._tasks = Tasks("directory of services")
         self._said_doubles: set[str] = set()
         self._unread = ""
         """Why what is on disk is not known yet, in words."""
@@ -121,9 +122,7 @@ class Directory:
         """Hear what the other boards know now: an agent may hear of who joined there before this board does."""
         if self._around is None or (self._around.done() and self._clock.wall() >= self._around_at + AROUND_EVERY):
             boards = [board for board, boots in self._boards.items() if boots and board != self._board]
-            self._around, self._around_at = asyncio.create_task(self._ask_all(boards)), self._clock.wall()
-            self._tasks.add(self._around)
-            self._around.add_done_callback(self._ended)
+            self._around, self._around_at = self._tasks.spawn(self._ask_all(boards)), self._clock.wall()
         await asyncio.wait((self._around,), timeout=AROUND_EVERY)
 
     async def _ask_all(self, boards: Sequence[str]) -> None:
@@ -403,23 +402,13 @@ class Directory:
             work.close()
             self.counters["dropped"] += 1
             return
-        task = asyncio.get_running_loop().create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._ended)
-
-    def _ended(self, task: asyncio.Task[None]) -> None:
-        self._tasks.discard(task)
-        if not task.cancelled() and (error := task.exception()) is not None:
-            context = {"message": "directory of services", "exception": error, "task": task}
-            asyncio.get_running_loop().call_exception_handler(context)
+        self._tasks.spawn(work)
 
     async def close(self) -> None:
         """End what is under way."""
         if self._putting is not None:
             self._putting.cancel()
-        for task in list(self._tasks):
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self._tasks.end()
 
 
 @asynccontextmanager

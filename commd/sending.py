@@ -7,13 +7,12 @@ from collections import defaultdict
 from contextlib import aclosing
 
 from commd.bus import Bus, BusClosed
+from commd.letters import LARGEST
 from schemas import keys
 from schemas.codec import BadRecord, codec
 from schemas.records import Mail, Message, Receipt
 from schemas.terms import Term
 
-MAX_MESSAGE = 1024 * 1024
-"""Bytes of a message, encoded."""
 ANSWER_TIMEOUT = 8.0
 """Wall seconds that `commd` has for one answer: a full disk is waited for there."""
 RETRY = 0.2
@@ -84,8 +83,8 @@ class Sending:
             size = len(codec(Message).encode(message, self._bus.wire))
         except BadRecord as bad:
             raise TooLarge(message, str(bad)) from None
-        if size > MAX_MESSAGE:
-            raise TooLarge(message, f"{size} bytes, expected at most {MAX_MESSAGE}")
+        if size > LARGEST:
+            raise TooLarge(message, f"{size} bytes, expected at most {LARGEST}")
         loop = asyncio.get_running_loop()
         until = loop.time() + patience
         while True:

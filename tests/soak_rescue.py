@@ -16,7 +16,6 @@ import os
 import random
 import re
 import signal
-import socket
 import sys
 import tempfile
 import time
@@ -29,6 +28,7 @@ from typing import TextIO
 from argosy.referee import Verdict, judge_run
 from schemas.mission import load_mission
 from tests.soak_report import ROOT, write_section
+from tests.support.ports import neighbouring_ports
 from tests.support.relay import Relay
 
 RUNS = 20
@@ -70,25 +70,6 @@ class Course:
     def good(self) -> bool:
         """Whether the mission was done, as it says itself and as the referee says."""
         return self.code == 0 and self.verdict is not None and self.verdict.good
-
-
-def ports(count: int) -> list[int]:
-    """Return neighbouring loopback ports that nobody uses now."""
-    while True:
-        first = random.randrange(12_000, 30_000)
-        found = [first + index for index in range(count)]
-        if all(_free(port) for port in found):
-            return found
-
-
-def _free(port: int) -> bool:
-    for kind in (socket.SOCK_STREAM, socket.SOCK_DGRAM):
-        with socket.socket(socket.AF_INET, kind) as probe:
-            try:
-                probe.bind(("127.0.0.1", port))
-            except OSError:
-                return False
-    return True
 
 
 def write_mission(folder: Path, seed: int, links: list[int], victims: int | None = None) -> Path:
@@ -173,7 +154,7 @@ class Troubles:
 async def fly(number: int, folder: Path, victims: int | None = None) -> Course:
     """Fly one run with its troubles, and let the referee judge it; with so many victims, or the mission's."""
     course = Course(number)
-    routers, vehicles, between = ports(6), ports(3), ports(3)
+    routers, vehicles, between = neighbouring_ports(6), neighbouring_ports(3), neighbouring_ports(3)
     mission = write_mission(folder, number, vehicles, victims)
     first, second = routers[3], routers[4]  # where pi1 and pi2 listen for other boards, by `argosy.boards.places`
     pairs = list(zip((first, first, second), between, strict=True))

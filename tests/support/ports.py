@@ -32,6 +32,17 @@ def free_port() -> int:
     raise AssertionError(f"no free port between {LOWEST} and {_HIGHEST}")
 
 
+def neighbouring_ports(count: int) -> list[int]:
+    """Return loopback ports that follow one another and that nobody uses now."""
+    for _ in range(10_000):
+        first = _chance.randrange(LOWEST, _HIGHEST - count)
+        found = [first + index for index in range(count)]
+        if not _given.intersection(found) and all(map(_is_free, found)):
+            _given.update(found)
+            return found
+    raise AssertionError(f"no {count} free ports side by side between {LOWEST} and {_HIGHEST}")
+
+
 def _is_free(port: int) -> bool:
     for kind in (socket.SOCK_STREAM, socket.SOCK_DGRAM):
         with socket.socket(socket.AF_INET, kind) as probe:

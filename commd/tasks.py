@@ -1,0 +1,53 @@
+"""Work beside the one that began it: a task that fails is told as a defect, and all end together."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Coroutine
+from typing import Any
+
+
+class Tasks:
+    """The tasks of one owner; `len` is how many are under way."""
+
+    def __init__(self, what: str) -> None:
+        """`what` they do, in words, for what is told of one that fails."""
+        self._what = what
+        self._running: set[asyncio.Task[None]] = set()
+
+    def __len__(self) -> int:
+        return len(self._running)
+
+    def spawn(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        """Begin a task."""
+        task = asyncio.get_running_loop().create_task(work)
+        self._running.add(task)
+        task.add_done_callback(self._ended)
+        return task
+
+    def cancel(self) -> None:
+        """Cancel all of them."""
+        for task in list(self._running):
+            task.cancel()
+
+    async def end(self) -> None:
+        """Cancel all of them and wait until they have ended."""
+        self.cancel()
+        await asyncio.gather(*self._running, return_exceptions=True)
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        self._running.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            context = {"message": self._what, "exception": error, "task": task}
+            asyncio.get_running_loop().call_exception_handler(context)
+
+
+async def wait_at_most(event: asyncio.Event, seconds: float | None) -> None:
+    """Wait for an event, at most so many wall seconds (None: until it comes)."""
+    if seconds is None:
+        await event.wait()
+        return
+    try:
+        await asyncio.wait_for(event.wait(), seconds)
+    except TimeoutError:
+        return
