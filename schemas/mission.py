@@ -210,6 +210,15 @@ class World(FileModel, frozen=True, kw_only=True):
     """South, west, north and east border of where they may be, in degrees."""
 
 
+class Security(FileModel, frozen=True, kw_only=True):
+    """Who may reach the boards' routers besides the boards, each by a certificate of the fleet with that name."""
+
+    operators: tuple[str, ...] = ()
+    """They see everything, stop robots, change their manifests and list the mail."""
+    observers: tuple[str, ...] = ()
+    """They see everything and change nothing."""
+
+
 class MissionFile(FileModel, frozen=True, kw_only=True):
     """What stands at the top of a mission file; boards, agents and robots are read one by one."""
 
@@ -230,6 +239,7 @@ class MissionFile(FileModel, frozen=True, kw_only=True):
     mail: MailRules = MailRules()
     radio: Radio | None = None
     world: World | None = None
+    security: Security = Security()
     inject: bool = False
 
 
@@ -266,6 +276,7 @@ class Mission:
     radio: Radio | None
     """None: mail between boards meets the real network alone."""
     world: World | None
+    security: Security
     inject: bool
     path: Path
     positions: Positions
@@ -273,6 +284,11 @@ class Mission:
     def relative(self, path: str) -> Path:
         """Return a path of the mission file as seen from here: they are relative to the mission file."""
         return self.path.parent / path
+
+    @property
+    def board_names(self) -> list[str]:
+        """The boards in the order of the file; a mission that declares none has this machine."""
+        return list(self.boards) or [THIS_MACHINE]
 
     @property
     def mailboxes(self) -> dict[str, str]:
@@ -323,6 +339,7 @@ def read_mission(text: str, path: Path) -> Mission:
         mail=top.mail,
         radio=top.radio,
         world=top.world,
+        security=top.security,
         inject=top.inject,
         path=path,
         positions=positions,
@@ -379,7 +396,7 @@ def _check(mission: Mission) -> list[Finding]:
     }
     for kind, parts in homes.items():
         for name, part in parts.items():
-            if part.board not in (mission.boards or {THIS_MACHINE}):
+            if part.board not in mission.board_names:
                 path: Steps = (kind, name, "board") if (kind, name, "board") in where.values else (kind, name)
                 wrong(
                     path, f"{kind}.{name}: there is no board `{part.board}`{did_you_mean(part.board, mission.boards)}"
@@ -423,7 +440,7 @@ def _check_addresses(mission: Mission, wrong: Any) -> None:
 
 
 def _check_gateway(mission: Mission, gateway: Gateway, wrong: Any) -> None:
-    if gateway.board not in (mission.boards or {THIS_MACHINE}):
+    if gateway.board not in mission.board_names:
         text = f"gateway: there is no board `{gateway.board}`{did_you_mean(gateway.board, mission.boards)}"
         wrong(("gateway", "board") if ("gateway", "board") in mission.positions.values else ("gateway",), text)
     for path, address in ((("listen",), gateway.listen), *((("nodes", n), a) for n, a in gateway.nodes.items())):
@@ -458,6 +475,8 @@ def _check_names(mission: Mission, wrong: Any) -> None:
         "robots": mission.robots,
         "clients": mission.clients,
         "gateway.nodes": mission.gateway.nodes if mission.gateway is not None else (),
+        "security.operators": mission.security.operators,
+        "security.observers": mission.security.observers,
     }
     for kind, names in named.items():
         for name in names:

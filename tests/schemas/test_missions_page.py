@@ -26,8 +26,10 @@ from schemas.mission import (
     Radio,
     Robot,
     Router,
+    Security,
     Signing,
     Simulate,
+    World,
     read_mission,
 )
 
@@ -49,6 +51,8 @@ MODELS = {
     "`gateway`": Gateway,
     "`mail`": MailRules,
     "`radio`": Radio,
+    "`world`": World,
+    "`security`": Security,
 }
 
 
