@@ -22,6 +22,7 @@ from commd.raw import RawBus
 from commd.routers import addresses_to_come
 from commd.session import session_config
 from commd.tasks import Tasks
+from commd.tls import Tls
 from schemas import keys
 from schemas.codec import MAX_BYTES, BadRecord, Wire, codec
 from schemas.records import Header, Record
@@ -499,18 +500,19 @@ async def open_bus(
     connect: Sequence[str] = (),
     stop: asyncio.Event | None = None,
     patience: float = float("inf"),
+    tls: Tls | None = None,
 ) -> AsyncIterator[Bus]:
     """Open the bus, and close it at the end. A client waits for its router until `stop`, or for `patience` seconds.
 
     A router listens at `listen` besides its endpoint, at once or when this machine has the address, and keeps dialling
-    the routers at `connect`; it waits for neither. Raises BusClosed when the router did not come, or when a router
-    cannot listen.
+    the routers at `connect`; it waits for neither. `tls` is for what is at `tls/...`. Raises BusClosed when the router
+    did not come, or when a router cannot listen.
     """
     loop = asyncio.get_running_loop()
     until, said = loop.time() + patience, False
     absent = await _absent(endpoint, listen) if listen else []
     config = session_config(
-        mode, endpoint, f"{daemon}/{name}", listen=listen, connect=connect, listen_late=bool(absent)
+        mode, endpoint, f"{daemon}/{name}", listen=listen, connect=connect, listen_late=bool(absent), tls=tls
     )
     while True:
         try:

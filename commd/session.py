@@ -8,6 +8,8 @@ from typing import Any, Literal
 
 import zenoh
 
+from commd.tls import Tls
+
 LEASE_MS = 2_000
 """A peer that says nothing for so long is gone: a hung or cut-off daemon shows within 2 s."""
 RETRY_MS = 300
@@ -28,11 +30,13 @@ def session_config(
     listen: Sequence[str] = (),
     connect: Sequence[str] = (),
     listen_late: bool = False,
+    tls: Tls | None = None,
 ) -> zenoh.Config:
     """Return the configuration of a daemon's session, or of the board's router.
 
     A router listens at `listen` besides its endpoint and dials the routers at `connect`, again and again for as long as
     it lives. With `listen_late` it opens although `listen` cannot be had yet, and listens there as soon as it can.
+    What is at `tls/...` is reached, and listened at, by `tls`.
     """
     settings: dict[str, Any] = {
         "mode": mode,
@@ -63,6 +67,8 @@ def session_config(
             "exit_on_failure": True,
             "retry": _RETRY,
         }
+    if tls is not None:
+        settings["transport/link/tls"] = tls.settings()
     config = zenoh.Config()
     for key, value in settings.items():
         if isinstance(value, dict) and key in ("scouting", "connect", "listen", "adminspace"):

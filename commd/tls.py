@@ -1,0 +1,152 @@
+"""A machine's keys: who it says it is to other machines, and whom it believes (docs/security.md).
+
+A folder of keys holds `ca.pem` (the certificates of those that this machine believes), `cert.pem` (its own) and
+`key.pem` (its secret). `argosy keys` makes it; here it is only read, by what the standard library has.
+"""
+
+from __future__ import annotations
+
+import ssl
+import stat
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from schemas.findings import Finding, Findings
+
+ROOT, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"
+"""The files in a folder of keys."""
+_NO_CHECK_TIME = 0x200000
+"""OpenSSL's X509_V_FLAG_NO_CHECK_TIME: a certificate is looked at in its own right first, then its dates are."""
+
+
+@dataclass(frozen=True)
+class Tls:
+    """The files by which a machine proves who it is, and by which it knows the others."""
+
+    root: Path
+    certificate: Path
+    key: Path
+
+    def settings(self) -> dict[str, Any]:
+        """Return Zenoh's `transport/link/tls`: both sides show certificates, names must match, no link outlives one."""
+        return {
+            "root_ca_certificate": str(self.root),
+            "listen_certificate": str(self.certificate),
+            "listen_private_key": str(self.key),
+            "connect_certificate": str(self.certificate),
+            "connect_private_key": str(self.key),
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+            "close_link_on_expiration": True,
+        }
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What a certificate says."""
+
+    name: str
+    """Its common name: the board, operator or observer."""
+    addresses: tuple[str, ...]
+    """Host names and IP addresses that it may be reached at."""
+    begins: float
+    """Unix time."""
+    ends: float
+    """Unix time."""
+
+
+def files_in(folder: Path) -> Tls:
+    """Return the files of a folder of keys, whether they are there or not: it may be another machine's."""
+    return Tls(folder / ROOT, folder / CERTIFICATE, folder / KEY)
+
+
+def tls_in(folder: Path, now: Callable[[], float] = time.time) -> Tls:
+    """Return the keys in a folder, after a look at them. Raises Findings that say what is wrong and what to do."""
+    tls = files_in(folder)
+    identity_of(tls, now())
+    return tls
+
+
+def identity_of(tls: Tls, now: float) -> Identity:
+    """Return who the keys say this machine is. Raises Findings for keys that no other machine would accept."""
+    for file, what in ((tls.root, "whom to believe"), (tls.certificate, "the certificate"), (tls.key, "its key")):
+        _readable(file, what)
+    if stat.S_IMODE(tls.key.stat().st_mode) & 0o077:
+        raise _wrong(tls.key, f"others on this machine may read the key: `chmod 600 {tls.key}`")
+    identity = _shown(tls)
+    if now < identity.begins:
+        text = f"the certificate of `{identity.name}` is valid from {day(identity.begins)} on, and this machine's clock"
+        raise _wrong(tls.certificate, f"{text} says {day(now)}: set the clock")
+    if now >= identity.ends:
+        text = f"the certificate of `{identity.name}` expired on {day(identity.ends)}: make another with"
+        raise _wrong(tls.certificate, f"{text} `argosy keys renew {identity.name}` on the operator's machine")
+    return identity
+
+
+def day(at: float) -> str:
+    """Return a Unix time as people write it."""
+    return time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(at))
+
+
+def _shown(tls: Tls) -> Identity:
+    """Shake hands with ourselves in memory, and read the certificate that the one side shows the other."""
+    server = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    client = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    client.check_hostname = False
+    client.verify_flags = ssl.VerifyFlags(_NO_CHECK_TIME | ssl.VERIFY_X509_PARTIAL_CHAIN)
+    try:
+        client.load_verify_locations(tls.root)
+    except ssl.SSLError:
+        raise _wrong(tls.root, "expected certificates in PEM, such as `argosy keys` writes") from None
+    try:
+        server.load_cert_chain(tls.certificate, tls.key, password=_no_password)
+    except ssl.SSLError as error:
+        if error.reason == "KEY_VALUES_MISMATCH":
+            raise _wrong(tls.certificate, f"is the certificate of another key than {tls.key}") from None
+        raise _wrong(tls.certificate, f"expected a certificate in PEM, and its key in {tls.key}") from None
+    except ValueError as error:
+        raise _wrong(tls.key, str(error)) from None
+    to_client, to_server = ssl.MemoryBIO(), ssl.MemoryBIO()
+    there = server.wrap_bio(to_server, to_client, server_side=True)
+    here = client.wrap_bio(to_client, to_server)
+    try:
+        for side in (here, there, here):
+            try:
+                side.do_handshake()
+            except ssl.SSLWantReadError:
+                continue
+        return _read(here.getpeercert() or {})
+    except ssl.SSLCertVerificationError as error:
+        text = f"the certificate is none that {tls.root} believes: the two are of different fleets, or it was revoked"
+        raise _wrong(tls.certificate, f"{text} ({error.verify_message})") from None
+    except (ssl.SSLError, KeyError) as error:
+        raise _wrong(tls.certificate, f"cannot be used: {error}") from None
+
+
+def _read(certificate: dict[str, Any]) -> Identity:
+    names = [value for part in certificate["subject"] for field, value in part if field == "commonName"]
+    return Identity(
+        names[0] if names else "",
+        tuple(address for _, address in certificate.get("subjectAltName", ())),
+        ssl.cert_time_to_seconds(certificate["notBefore"]),
+        ssl.cert_time_to_seconds(certificate["notAfter"]),
+    )
+
+
+def _readable(file: Path, what: str) -> None:
+    try:
+        file.read_bytes()
+    except OSError as error:
+        text = f"cannot be read ({what}): {error.strerror}"
+        raise _wrong(file, f"{text}; `argosy keys add-board` makes a machine's folder of keys") from None
+
+
+def _no_password() -> str:
+    raise ValueError("is locked by a password: a daemon has nobody to ask for it")
+
+
+def _wrong(file: Path, text: str) -> Findings:
+    return Findings([Finding(str(file), 0, 0, text)])
