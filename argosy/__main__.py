@@ -78,6 +78,7 @@ def _leave_no_broken_pipe() -> None:
 
 COMMANDS = {
     "run": "run a mission on this machine: start its processes, watch them, end them",
+    "board": "run commd, bridged and agentd of one board in one process, for boards with little memory",
     "simulate": "be the simulated robots of a mission that belong to this machine; for fleets of several machines",
     "check": "read everything that a mission names and tell what is wrong; start nothing",
     "manifest": "check, convert and print manifests of robots; change the one that a robot runs by",
@@ -93,6 +94,10 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy import run
 
             return run.add_arguments, run.run
+        case "board":
+            from argosy import board
+
+            return board.add_arguments, board.run
         case "simulate":
             from argosy import simulate
 
