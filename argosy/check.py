@@ -31,6 +31,7 @@ from schemas.findings import Finding, Findings
 from schemas.manifest import Manifest
 from schemas.mission import Ending, Mission, load_mission
 from schemas.positions import Steps, did_you_mean
+from schemas.shipped import mission_file
 
 _FIELDS: tuple[Literal["done", "failed"], ...] = ("done", "failed")
 _NOT_BUILT: tuple[tuple[str, str, object], ...] = (("", "inject", False),)
@@ -92,7 +93,7 @@ def check_mission(path: str | Path) -> tuple[Mission | None, list[Finding]]:
         mission = load_mission(path)
     except Findings as found:
         findings += found.findings
-    named = outline(Path(path))
+    named = outline(mission_file(path))
     if named is None:
         return None, sorted(set(findings))
     if mission is not None:

@@ -16,6 +16,7 @@ from schemas.files import read_text
 from schemas.findings import Finding, Findings
 from schemas.names import check_name
 from schemas.positions import Positions, Steps, convert, did_you_mean, read_yaml
+from schemas.shipped import mission_file, shipped_names
 
 THIS_MACHINE = "local"
 """Name of the one board of a mission that declares none."""
@@ -304,8 +305,13 @@ class Mission:
 
 
 def load_mission(path: str | Path) -> Mission:
-    """Read a mission file. Raises Findings with everything that is wrong with it."""
-    path = Path(path)
+    """Read a mission file, or the shipped mission of that name. Raises Findings with everything that is wrong with it."""
+    path = mission_file(path)
+    if not path.suffix and not path.exists():
+        known = ", ".join(shipped_names("missions", ".yaml"))
+        raise Findings(
+            [Finding(str(path), 0, 0, f"no such file, and no mission of that name ships: there are {known}")]
+        )
     return read_mission(read_text(path), path)
 
 

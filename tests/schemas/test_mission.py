@@ -240,3 +240,16 @@ def test_durations_read_as_people_write_them(text: object, seconds: float) -> No
 def test_what_is_no_duration_is_refused(text: object) -> None:
     with pytest.raises(ValueError, match="Expected a duration such as"):
         Duration.read(text)
+
+
+def test_a_bare_name_is_the_shipped_mission_unless_such_a_file_stands_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert load_mission("turtle").path == shipped("missions", "turtle.yaml")
+    (tmp_path / "turtle").write_text((shipped("missions", "turtle.yaml") or tmp_path).read_text())
+    assert load_mission("turtle").path == Path("turtle")
+    with pytest.raises(
+        Findings, match=r"tortoise: error: no such file, and no mission .* there are .*single_uav.*turtle"
+    ):
+        load_mission("tortoise")
