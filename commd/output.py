@@ -1,12 +1,13 @@
 """What a daemon writes to its terminal, pipe or journal: by a thread, so that who does not read cannot stop it.
 
+To the journal each line begins with its priority, `<4>`, as sd-daemon(3) has it.
+
 A paused pager, Ctrl-S or a parent that reads no more would otherwise hang the event loop in a write, and with it the
 heartbeats of a vehicle.
 """
 
 from __future__ import annotations
 
-import logging
 import os
 import queue
 import stat
@@ -17,6 +18,8 @@ from functools import cache
 
 LINES = 10_000
 """Lines that may wait for their reader; further ones are dropped, and counted in the next line that gets through."""
+INFORMATIONAL = 6
+"""Priority of a line that says no other, as syslog(3) counts them: 7 for debugging, 4 a warning, 3 an error."""
 FLUSH = 0.5
 """Wall seconds that the reader has for the last lines when the daemon ends."""
 
@@ -30,6 +33,7 @@ class Output:
         self._descriptor, self._encoding = descriptor, encoding
         self._waiting: queue.Queue[bytes] = queue.Queue(lines)
         self._told = 0
+        self._to_journal = _is_journal(descriptor)
         threading.Thread(target=self._run, name=f"output-{descriptor}", daemon=True).start()
 
     @property
@@ -41,10 +45,12 @@ class Output:
         except OSError:  # closed: there is no reader
             return True
 
-    def write(self, line: str) -> None:
-        """Write a line, later; never waits."""
+    def write(self, text: str, priority: int = INFORMATIONAL) -> None:
+        """Write a line, or several that belong together, later; never waits."""
+        if self._to_journal:  # a text must not set a priority of its own
+            text = "\n".join(f"<{priority}>{line}" for line in text.split("\n"))
         try:
-            self._waiting.put_nowait(line.encode(self._encoding, "backslashreplace") + b"\n")
+            self._waiting.put_nowait(text.encode(self._encoding, "backslashreplace") + b"\n")
         except queue.Full:
             self.dropped += 1
 
@@ -58,7 +64,9 @@ class Output:
         while True:
             line = self._waiting.get()
             if self.dropped > self._told:
-                line = f"({self.dropped - self._told} lines were dropped: nobody read them)\n".encode() + line
+                prefix = "<4>" if self._to_journal else ""
+                told = f"{prefix}({self.dropped - self._told} lines were dropped: nobody read them)\n"
+                line = told.encode() + line
                 self._told = self.dropped
             try:
                 while line:
@@ -69,15 +77,13 @@ class Output:
             self._waiting.task_done()
 
 
-class OutputHandler(logging.Handler):
-    """Hands log records to an `Output`."""
-
-    def __init__(self, output: Output) -> None:
-        super().__init__()
-        self._output = output
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._output.write(self.format(record))
+def _is_journal(descriptor: int) -> bool:
+    """Whether a descriptor is what systemd has connected to the journal."""
+    try:
+        found = os.fstat(descriptor)
+    except OSError:
+        return False
+    return os.environ.get("JOURNAL_STREAM") == f"{found.st_dev}:{found.st_ino}"
 
 
 @cache

@@ -15,7 +15,8 @@ from typing import Any
 
 from commd.bus import AlreadyRunning, Bus, BusClosed
 from commd.clock import Clock
-from commd.output import OutputHandler, flush, stderr
+from commd.logs import begin_logging
+from commd.output import flush, stderr
 from schemas import keys
 from schemas.endpoints import check_endpoint
 from schemas.findings import Findings
@@ -25,6 +26,8 @@ HEALTH_PERIOD = 1.0
 """Wall seconds between two health records."""
 LINGER = 1.0
 """Wall seconds that threads have which are no daemons when the daemon has ended."""
+ERROR = 3
+"""Priority of the words by which a daemon ends, as syslog(3) counts them."""
 log = logging.getLogger("process")
 
 EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT = 0, 1, 2
@@ -54,13 +57,7 @@ def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> in
 
 
 def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
-    when = "" if stderr().dates_its_lines else "%(asctime)s.%(msecs)03d "
-    logging.basicConfig(
-        level=logging.INFO,
-        handlers=[OutputHandler(stderr())],
-        format=f"{when}%(levelname)s {name} %(name)s %(message)s",
-        datefmt="%H:%M:%S",
-    )
+    logs = begin_logging(name)
 
     async def supervised() -> int:
         stop = asyncio.Event()
@@ -74,10 +71,10 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
     try:
         return asyncio.run(supervised())
     except Findings as findings:
-        stderr().write(str(findings))
+        stderr().write(str(findings), ERROR)
         return EXIT_BAD_INPUT
     except (AlreadyRunning, BusClosed) as error:
-        stderr().write(f"error: {name}: {error}")
+        stderr().write(f"error: {name}: {error}", ERROR)
         return EXIT_FAILED
     except (KeyboardInterrupt, SystemExit):
         raise
@@ -85,9 +82,10 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
         if os.environ.get("ARGOSY_DEBUG"):
             raise
         what = f"{type(error).__name__}: {error}"
-        stderr().write(f"error: {name}: defect in argosy: {what}; ARGOSY_DEBUG=1 shows where")
+        stderr().write(f"error: {name}: defect in argosy: {what}; ARGOSY_DEBUG=1 shows where", ERROR)
         return EXIT_FAILED
     finally:
+        logs.tell_suppressed()
         flush()
 
 

@@ -1,0 +1,202 @@
+"""What a daemon logs: lines for the journal and for people, and no flood."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from commd.logs import BURST, KINDS, LONGEST, LineFormatter, LogHandler, one_line
+from commd.output import Output
+from tests.support.processes import ROOT
+
+SPEAKER = """\
+import logging
+from commd.output import stdout
+from commd.process import run_daemon
+from schemas.findings import Finding, Findings
+
+async def main(stop):
+    log = logging.getLogger("mail")
+    log.info("taken=%d", 3)
+    log.warning("two\\nlines <0>")
+    try:
+        {}["x"]
+    except KeyError:
+        log.exception("defect in argosy: %s", "a save")
+    stdout().write("<0>of a program")
+    raise Findings([Finding("m.yaml", 1, 2, "one"), Finding("m.yaml", 3, 4, "two")])
+
+raise SystemExit(run_daemon("commd", main))
+"""
+
+
+class Recorded(Output):
+    """An output that keeps its lines."""
+
+    def __init__(self) -> None:
+        self.lines: list[tuple[int, str]] = []
+
+    def write(self, text: str, priority: int = 6) -> None:
+        self.lines.append((priority, text))
+
+
+class Desk:
+    """A logger of a daemon whose clock the test moves."""
+
+    def __init__(self) -> None:
+        self.output, self.time = Recorded(), 1000.0
+        self.handler = LogHandler(self.output, lambda: self.time)
+        self.handler.setFormatter(LineFormatter("commd", dated=False))
+        self.log = logging.Logger("mail")
+        self.log.addHandler(self.handler)
+
+    @property
+    def said(self) -> list[str]:
+        return [line for _, line in self.output.lines]
+
+
+@pytest.fixture
+def desk() -> Desk:
+    return Desk()
+
+
+def spoken(tmp_path: Path, *, journal: bool) -> tuple[list[str], list[str], int]:
+    """What a daemon says to a stream that is, or is not, the journal's: standard error and output, and how it ends."""
+    reader, writer = os.pipe()
+    found = os.fstat(writer)
+    environment = dict(os.environ)
+    environment.pop("JOURNAL_STREAM", None)
+    environment.pop("ARGOSY_DEBUG", None)
+    if journal:
+        environment["JOURNAL_STREAM"] = f"{found.st_dev}:{found.st_ino}"
+    with (tmp_path / "out").open("wb+") as out:
+        ended = subprocess.run(
+            [sys.executable, "-c", SPEAKER],
+            stderr=writer,
+            stdout=writer if journal else out,
+            env=environment,
+            timeout=60,
+            cwd=ROOT,
+        )
+        os.close(writer)
+        with os.fdopen(reader) as lines:
+            said = lines.read().splitlines()
+        out.seek(0)
+        return said, out.read().decode().splitlines(), ended.returncode
+
+
+def test_to_the_journal_each_line_begins_with_its_priority_also_what_a_program_prints(tmp_path: Path) -> None:
+    said, _, code = spoken(tmp_path, journal=True)
+    assert code == 2
+    assert sorted(said[:4]) == sorted(
+        [
+            "<6>INFO commd mail taken=3",
+            r"<4>WARNING commd mail two\nlines <0>",
+            "<3>ERROR commd mail defect in argosy: a save error=KeyError: 'x' at=<string>:11",
+            "<6><0>of a program",
+        ]
+    )
+    assert said[4:] == ["<3>m.yaml:1:2: error: one", "<3>m.yaml:3:4: error: two"]
+
+
+def test_to_anybody_else_lines_have_no_priority(tmp_path: Path) -> None:
+    said, printed, code = spoken(tmp_path, journal=False)
+    assert code == 2
+    assert said[0] == "INFO commd mail taken=3"
+    assert not any(line.startswith("<") for line in said)
+    assert printed == ["<0>of a program"]
+
+
+def test_of_one_kind_so_many_pass_and_the_rest_is_counted_and_told(desk: Desk) -> None:
+    for number in range(BURST + 1000):
+        desk.log.warning("bad_input key=%s", number)
+    assert len(desk.said) == BURST
+    assert desk.said[-1] == f"WARNING commd mail bad_input key={BURST - 1}"
+    desk.handler.tell_suppressed()
+    assert desk.output.lines[-1] == (4, f"WARNING commd mail suppressed=1000 the last: bad_input key={BURST + 999}")
+    desk.handler.tell_suppressed()
+    assert len(desk.said) == BURST + 1, "it is told once"
+
+
+def test_a_flood_of_one_kind_keeps_no_other_and_no_other_subject_from_being_told(desk: Desk) -> None:
+    for _ in range(BURST + 10):
+        desk.log.warning("agent=%s it fails", "a")
+    desk.log.warning("agent=%s it fails", "b")
+    desk.log.error("agent=%s it fails", "a")
+    desk.log.warning("disk full")
+    assert desk.said[BURST:] == [
+        "WARNING commd mail agent=b it fails",
+        "ERROR commd mail agent=a it fails",
+        "WARNING commd mail disk full",
+    ]
+    desk.handler.tell_suppressed()
+
+
+def test_after_a_flood_a_line_a_second_passes_and_after_a_pause_as_many_as_at_first(desk: Desk) -> None:
+    def pour(count: int) -> int:
+        before = len(desk.said)
+        for _ in range(count):
+            desk.log.info("x")
+        return len(desk.said) - before
+
+    assert pour(1000) == BURST
+    desk.time += 1
+    assert pour(1000) == 1
+    desk.time += 10
+    assert pour(1000) == 10
+    desk.time += 10_000
+    assert pour(1000) == BURST
+    desk.handler.tell_suppressed()
+
+
+def test_kinds_without_end_are_one_kind_and_those_of_long_ago_are_forgotten(desk: Desk) -> None:
+    def pour(word: str) -> int:
+        before = len(desk.said)
+        for number in range(2 * KINDS):
+            desk.log.info(f"{word} {number}")
+        return len(desk.said) - before
+
+    assert pour("one") == KINDS + BURST
+    desk.time += 1
+    assert pour("two") == 1
+    desk.handler.tell_suppressed()
+    desk.time += 1000
+    assert pour("three") >= KINDS
+    desk.handler.tell_suppressed()
+
+
+def test_the_last_error_is_that_of_the_agent_or_of_nobody_in_particular(desk: Desk) -> None:
+    assert desk.handler.last_error("a") is None
+    desk.log.error("agent=%s nothing is kept", "a")
+    desk.time += 5
+    desk.log.error("agent=%s is lost", "b")
+    desk.log.warning("agent=%s is slow", "a")
+    found = desk.handler.last_error("a")
+    assert found is not None
+    assert (found.text, found.at) == ("agent=a nothing is kept", 1000.0)
+    desk.time += 5
+    desk.log.error("disk full")
+    assert [one.text for name in ("a", "b") if (one := desk.handler.last_error(name))] == ["disk full", "disk full"]
+    assert desk.handler.errors == 3
+
+
+def test_an_error_that_does_not_pass_is_still_the_last_one(desk: Desk) -> None:
+    for number in range(BURST + 7):
+        desk.log.error("try %d", number)
+    found = desk.handler.last_error("")
+    assert found is not None
+    assert found.text == f"try {BURST + 6}"
+    assert desk.handler.errors == BURST + 7
+    desk.handler.tell_suppressed()
+
+
+def test_a_line_has_no_controls_and_an_end() -> None:
+    assert one_line("a\tb\x1b[31mc\u2028d\n") == r"a\tb\x1b[31mc\u2028d"
+    long = one_line("x" * (LONGEST + 10))
+    assert re.fullmatch("x+… \\(10 characters more\\)", long)
