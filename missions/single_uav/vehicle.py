@@ -34,6 +34,8 @@ class Vehicle(Environment):
 
     def _end(self, action: Literal, later: Deferred) -> None:
         name = action.functor
+        if later.cancelled:  # its intention was dropped: what it has begun is not done
+            return
         if name in self.broken:
             later.fail(self.broken[name])
             return
