@@ -27,6 +27,7 @@ from agentd.roster import Roster
 from agentd.services import Do, NotDone, Services
 from commd.bus import AlreadyRunning, Bus, BusClosed, Token
 from commd.clock import Clock
+from commd.notify import Member, Unit
 from commd.process import report_health
 from commd.tasks import Tasks
 from schemas import keys
@@ -59,9 +60,18 @@ class Crew:
     """Runs the agents of a daemon until each has ended, and answers what they ask for."""
 
     def __init__(
-        self, bus: Bus, clock: Clock, mission: Mission, state: Path, seed: int, *, fresh: bool = False
+        self,
+        bus: Bus,
+        clock: Clock,
+        mission: Mission,
+        state: Path,
+        seed: int,
+        *,
+        fresh: bool = False,
+        unit: Member | None = None,
     ) -> None:
         """`state` has a folder for each agent; `fresh`: the agents forget what is kept there, and begin anew."""
+        self._unit = unit or Unit({}).member("agentd")
         self.hosts: dict[str, Host] = {}
         self.stopped: StopTeam | None = None
         """What a program said when it stopped the team."""
@@ -124,6 +134,7 @@ class Crew:
             self._bus.watch(keys.alive(self._bus.fleet, board, "commd", "*"), lambda _, alive: self._hurry(alive))
         for host in list(self.hosts.values()):
             self._begin(host)
+        self._unit.ready(f"reasoning: {', '.join(self.hosts)}")
         watch = asyncio.create_task(stop.wait())
         watch.add_done_callback(lambda _: self._end_all())
         try:
@@ -132,11 +143,19 @@ class Crew:
                 for task in ended:
                     del self._running[task]
                     task.result()
+                self._tell()
         finally:
+            self._unit.stopping()
             watch.cancel()
             self._work.cancel()
             await asyncio.gather(*(host.part_with(forget=self.stopped is not None) for host in self.hosts.values()))
             self._writer.shutdown(wait=False)
+
+    def _tell(self) -> None:
+        """Tell the service manager who reasons, and what is not as it should be."""
+        notes = [f"{name}: {note}" for name, host in self.hosts.items() for note in host.notes()]
+        away = [] if self._bus.router_up else ["the router is lost"]
+        self._unit.status(f"reasoning: {', '.join(self.hosts)}", *away, *notes)
 
     def _hurry(self, there: bool) -> None:
         """Commd or the router is back: mail need not wait for its next attempt."""
@@ -173,7 +192,7 @@ class Crew:
         name = host.part.name
         report = asyncio.create_task(report_health(self._bus, name, self._clock, host.health))
         try:
-            await host.run(end)
+            await host.run(end, self._unit.loop())
         finally:
             report.cancel()
         if host.stopped is not None:

@@ -19,6 +19,7 @@ from agentd.language.parser import parse_file
 from agentd.language.syntax import Program
 from commd.bus import open_bus
 from commd.clock import Clock
+from commd.notify import Member, Unit
 from commd.output import stderr
 from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, run_daemon
 from schemas.findings import Finding, Findings
@@ -61,16 +62,20 @@ def run(args: Namespace) -> int:
     return run_daemon("agentd", lambda stop: serve(load_mission(args.mission), args, stop))
 
 
-async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
+async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member | None = None) -> int:
     """Compile the agents' programs, join the bus under each agent's name, and reason."""
     clock = Clock(args.speed or mission.speed)
+    unit = unit or Unit.of_environment().member("agentd")
     parts = [prepare(mission, name, args.seed, args.decisions) for name in chosen(mission, args)]
     name = parts[0].name
     endpoint = args.router or mission.router.endpoint
+    unit.status(f"waiting for the router at {endpoint}")
     async with open_bus(
         endpoint, fleet=mission.fleet, name=name, daemon="agentd", stamp=clock.stamp, wire=mission.wire, stop=stop
     ) as bus:
-        crew = Crew(bus, clock, mission, state_folder(args.state, mission.fleet), args.seed, fresh=args.fresh)
+        crew = Crew(
+            bus, clock, mission, state_folder(args.state, mission.fleet), args.seed, fresh=args.fresh, unit=unit
+        )
         try:
             await crew.add(*parts)
         except CheckpointError as error:

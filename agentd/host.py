@@ -38,6 +38,7 @@ from commd.acting import Acting
 from commd.bridge_watch import BridgeWatch
 from commd.bus import Bus, Query, Token
 from commd.clock import Clock
+from commd.notify import Loop
 from commd.output import stdout
 from commd.perceiving import Perceiving
 from commd.tasks import Tasks, wait_at_most
@@ -181,14 +182,19 @@ class Host:
         """Mail that had to wait may find commd again."""
         self._mailing.outbox.hurry()
 
-    async def run(self, stop: asyncio.Event) -> None:
-        """Reason until `stop` is set or the program stops the team. Sleeps while there is nothing to do."""
+    async def run(self, stop: asyncio.Event, loop: Loop | None = None) -> None:
+        """Reason until `stop` is set or the program stops the team. Sleeps while there is nothing to do.
+
+        Each turn is a beat of `loop`.
+        """
+        loop = loop or Loop.unwatched()
         mind, clock = self._mind, self._clock
         await self._come_back()
         waiting = asyncio.create_task(stop.wait())
         waiting.add_done_callback(lambda _: self._wake.set())
         try:
             while not stop.is_set():
+                loop.beat()
                 self._wake.clear()
                 for effect in mind.run(clock.now(), SLICE):
                     self._carry_out(effect)
@@ -200,10 +206,10 @@ class Host:
                     continue
                 due = mind.wake_at
                 pauses = [] if due is None else [max(0.0, clock.to_wall(due - clock.now()))]
-                if look_at is not None:
-                    pauses.append(look_at)
+                pauses += [pause for pause in (look_at, loop.period) if pause is not None]
                 await wait_at_most(self._wake, min(pauses, default=None))
         finally:
+            loop.end()
             waiting.cancel()
             await self._leave()
 
@@ -367,8 +373,12 @@ class Host:
             drops=sum(self._mind.drops.counts.values()) + stdout().dropped,
             bad_input=self.counters["bad_percepts"] + self._mailing.counters["bad"],
             counters={**{name: float(count) for name, count in sorted(counters.items())}, "percepts_missed": missed},
-            notes=() if self._keeping is None else self._keeping.notes(),
+            notes=self.notes(),
         )
+
+    def notes(self) -> tuple[str, ...]:
+        """Warnings that hold now, in words."""
+        return () if self._keeping is None else tuple(self._keeping.notes())
 
 
 _BRIDGE_UP = Literal(signature("bridge", 1), (atom("up"),))

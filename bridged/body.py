@@ -15,6 +15,7 @@ from bridged.arguments import read_call
 from bridged.drivers import find_driver
 from bridged.drivers.robot import Driver, Execution, Order, Outcome, Reading, Setup, Value
 from bridged.upkeep import Upkeep, may_come
+from commd.notify import Loop
 from schemas.findings import Findings
 from schemas.manifest import ActionEntry, Manifest
 
@@ -37,9 +38,12 @@ class Body:
     A robot whose driver knows no order (a turtle has no mode to hold in) has actions of its manifest instead.
     """
 
-    def __init__(self, setup: Setup) -> None:
-        """Make the drivers, of a manifest that nothing is wrong with. Raises OSError or ValueError, in words."""
-        self._setup = setup
+    def __init__(self, setup: Setup, loop: Loop | None = None) -> None:
+        """Make the drivers, of a manifest that nothing is wrong with; each look of the robot's own is a beat of `loop`.
+
+        Raises OSError or ValueError, in words.
+        """
+        self._setup, self._loop = setup, loop or Loop.unwatched()
         self._manifest = setup.manifest
         self._drivers: dict[str, Driver] = {}
         self._upkeep: dict[str, Upkeep] = {}
@@ -182,8 +186,10 @@ class Body:
         return self.own.orders | self._manifest.orders.keys()
 
     def _make(self, name: str) -> None:
-        setup = replace(self._setup, manifest=self._manifest.part(name), on_step=self._step)
-        if name != self._manifest.robot.driver:
+        own = name == self._manifest.robot.driver
+        step = self._own_step if own else self._step
+        setup = replace(self._setup, manifest=self._manifest.part(name), on_step=step)
+        if not own:
             tell = setup.on_reading
             setup = replace(setup, on_reading=lambda reading: tell(replace(reading, driver=name)))
         try:
@@ -192,7 +198,8 @@ class Body:
             raise
         except Exception as error:  # drivers may be anybody's
             raise ValueError(f"driver `{name}` cannot be made: {type(error).__name__}: {error}") from error
-        self._upkeep[name] = Upkeep(self._setup.name, name, driver, partial(self._failed, name))
+        loop = self._loop if own else Loop.unwatched()
+        self._upkeep[name] = Upkeep(self._setup.name, name, driver, partial(self._failed, name), loop)
 
     def _failed(self, name: str, why: str) -> None:
         """A driver does not run: what it carries out has failed, and what an auxiliary one told holds no longer."""
@@ -210,6 +217,11 @@ class Body:
             outcome = Outcome("timed_out", f"not done within {HOLD_PATIENCE:g} s")
             self.stop(self._halt, outcome, hold=False)
         self._setup.on_step()
+
+    def _own_step(self) -> None:
+        """The robot's own driver has come round."""
+        self._loop.beat()
+        self._step()
 
     def _end(self, execution: Execution, reason: str) -> None:
         if not execution.over:

@@ -19,6 +19,7 @@ from bridged.orders import Orders
 from bridged.preparation import order_findings
 from commd.bus import Bus
 from commd.clock import Clock
+from commd.notify import Loop
 from schemas.manifest import Manifest
 from schemas.manifest_rules import FUNCTOR
 from schemas.mission import Mission
@@ -47,8 +48,9 @@ class Bridge:
         bus: Bus | None = None,
         simulated: bool = False,
         shared: dict[str, Any] | None = None,
+        loop: Loop | None = None,
     ) -> None:
-        """`shared` is what the drivers of one process share.
+        """`shared` is what the drivers of one process share; each look at the robot is a beat of `loop`.
 
         Raises OSError if the ledger cannot be opened, ValueError for what a driver cannot use.
         """
@@ -72,7 +74,8 @@ class Bridge:
                 state=ledger.parent,
                 simulated=simulated,
                 shared={} if shared is None else shared,
-            )
+            ),
+            loop or Loop.unwatched(),
         )
         self.ledger = Ledger(ledger)
         self.lease = Lease(agents, mission.robots[robot].lease.priority, self._lease_changed, arms=self.driver.arms)
@@ -134,13 +137,15 @@ class Bridge:
             "actions_running": len(self.desk.running),
             "manifest_version": self.live.version,
         }
-        notes = self.driver.notes() + self.orders.notes()
-        if self.desk.blocked:
-            notes.append(f"no action is taken: {self.desk.blocked}")
         return Health(
             drops=self.board.dropped + int(counters.get("link_dropped", 0)),
             bad_input=int(sum(counters.get(name, 0) for name in UNREADABLE)),
             counters=counters,
             percepts={agent: present.digest() for agent, present in self.board.sets.items()},
-            notes=tuple(notes),
+            notes=self.notes(),
         )
+
+    def notes(self) -> tuple[str, ...]:
+        """Warnings that hold now, in words."""
+        blocked = [f"no action is taken: {self.desk.blocked}"] if self.desk.blocked else []
+        return (*self.driver.notes(), *self.orders.notes(), *blocked)

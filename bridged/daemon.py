@@ -15,7 +15,8 @@ from bridged.service import Service
 from bridged.watch import watch_agents
 from commd.bus import Bus, open_bus
 from commd.clock import Clock
-from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, report_health, run_daemon
+from commd.notify import Member, Unit
+from commd.process import EXIT_DONE, EXIT_FAILED, HEALTH_PERIOD, add_router_argument, report_health, run_daemon
 from schemas.findings import Findings
 from schemas.mission import Mission, load_mission
 
@@ -52,15 +53,18 @@ def _settle() -> None:
     gc.freeze()
 
 
-async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
+async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member | None = None) -> int:
     """Put `{agent}/percept/*` and `{agent}/status/*`; serve percept repair, actions, cancels and `{robot}/stop`.
 
     Watches the tokens of each robot's agents. When told to stop, it first leaves each robot as `on_shutdown` says.
     """
     clock = Clock(args.speed or mission.speed)
+    unit = unit or Unit.of_environment().member("bridged")
     mission, parts = prepare_all(mission, chosen(mission, args.robots, args.board), args.link, clock.speed)
+    endpoint = args.router or mission.router.endpoint
+    unit.status(f"waiting for the router at {endpoint}")
     async with open_bus(
-        args.router or mission.router.endpoint,
+        endpoint,
         fleet=mission.fleet,
         name=parts[0].name,
         daemon="bridged",
@@ -69,7 +73,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
         stop=stop,
     ) as bus:
         shared: dict[str, Any] = {}
-        bridges = [await bind(bus, mission, part, clock, args, shared) for part in parts]
+        bridges = [await bind(bus, mission, part, clock, args, shared, unit) for part in parts]
         for bridge in bridges:
             bridge.driver.alone = len(bridges) == 1
         work = [asyncio.create_task(bridge.driver.run()) for bridge in bridges]
@@ -79,15 +83,20 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
                 asyncio.create_task(watch_agents(bus, part.agents, mission.mailboxes, bridge, part.steps, clock))
             )
             log.info("serving %s on %s for %s", part.name, part.where, ", ".join(part.agents))
+        unit.ready(in_words(bridges, bus))
+        work.append(asyncio.create_task(tell(unit, bridges, bus)))
         ended = asyncio.create_task(stop.wait())
         if clock.speed != 1:
             log.info("speed %g: for simulated vehicles only", clock.speed)
         await asyncio.wait([ended, *work], return_when=asyncio.FIRST_COMPLETED)
+        unit.stopping(f"leaving {', '.join(bridge.name for bridge in bridges)} as on_shutdown says")
         await asyncio.gather(*(leave(bridge, mission) for bridge in bridges))
         return await finish([ended, *work], bridges)
 
 
-async def bind(bus: Bus, mission: Mission, part: Part, clock: Clock, args: Namespace, shared: dict[str, Any]) -> Bridge:
+async def bind(
+    bus: Bus, mission: Mission, part: Part, clock: Clock, args: Namespace, shared: dict[str, Any], unit: Member
+) -> Bridge:
     """Claim a robot's name and begin to serve its agents. Raises AlreadyRunning, and Findings in words."""
     await bus.claim(part.name)
     service = Service(bus, part.name, part.agents)
@@ -105,6 +114,7 @@ async def bind(bus: Bus, mission: Mission, part: Part, clock: Clock, args: Names
             bus=bus,
             simulated=args.simulated,
             shared=shared,
+            loop=unit.loop(),
         )
     except (ValueError, OSError) as error:
         why = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
@@ -112,6 +122,20 @@ async def bind(bus: Bus, mission: Mission, part: Part, clock: Clock, args: Names
         raise Findings([mission.positions.finding(("robots", part.name), said)]) from error
     service.open(bridge.board, bridge.desk, bridge.orders, bridge.live)
     return bridge
+
+
+def in_words(bridges: list[Bridge], bus: Bus) -> str:
+    """Return what the bridges do now, and their warnings, for the service manager."""
+    away = "" if bus.router_up else "; the router is lost"
+    notes = "".join(f"; {bridge.name}: {note}" for bridge in bridges for note in bridge.notes())
+    return f"serving {', '.join(bridge.name for bridge in bridges)}{away}{notes}"
+
+
+async def tell(unit: Member, bridges: list[Bridge], bus: Bus) -> None:
+    """Tell the service manager for ever how the bridges are."""
+    while True:
+        await asyncio.sleep(HEALTH_PERIOD)
+        unit.status(in_words(bridges, bus))
 
 
 async def leave(bridge: Bridge, mission: Mission) -> None:

@@ -9,6 +9,7 @@ import socket
 from collections.abc import Callable
 
 from bridged.drivers.robot import Driver
+from commd.notify import Loop
 
 PAUSES = (0.5, 5.0)
 """First and longest wall seconds until a driver that could not open its link is run again."""
@@ -22,8 +23,12 @@ log = logging.getLogger("drivers")
 class Upkeep:
     """Runs a driver for as long as the bridge does."""
 
-    def __init__(self, robot: str, name: str, driver: Driver, on_failure: Callable[[str], None]) -> None:
-        """`on_failure` is told why the driver does not run, each time that it has stopped."""
+    def __init__(
+        self, robot: str, name: str, driver: Driver, on_failure: Callable[[str], None], loop: Loop | None = None
+    ) -> None:
+        """`on_failure` is told why the driver does not run, each time that it has stopped; while it is to be run again
+        its turns are beats of `loop`."""
+        self._loop = loop or Loop.unwatched()
         self._robot, self._name, self._driver, self._on_failure = robot, name, driver, on_failure
         self.problem = ""
         """Why the driver does not run, in words; empty while it does."""
@@ -39,6 +44,7 @@ class Upkeep:
             except OSError as error:
                 if not worth_waiting(error):
                     raise
+                self._loop.beat()
                 self._failed(str(error) or type(error).__name__, "it is tried again")
             finally:
                 running.cancel()
@@ -50,6 +56,7 @@ class Upkeep:
         try:
             await self.keep(lambda error: True)
         except Exception as error:
+            self._loop.end()
             self._failed(f"{type(error).__name__}: {error}", "it is not run again before the bridge is restarted")
             await asyncio.Event().wait()
 

@@ -103,6 +103,7 @@ class Bus:
         mode: Literal["client", "router"],
     ) -> None:
         self.fleet, self.name, self.daemon, self.boot, self.wire = fleet, name, daemon, boot, wire
+        self.mode = mode
         self.counters: Counter[str] = Counter()
         """dropped, bad_input, unknown_fields, unsendable, replies_lost, puts_lost: what did not get through so far."""
         self._session = session
@@ -283,6 +284,26 @@ class Bus:
             return Reply(name, self._decode(answer, name, sample.payload.to_bytes(), str(sample.encoding)))
         except BadRecord as bad:
             return Reply(name, None, str(bad))
+
+    async def round_trip(self, timeout: float) -> bool:
+        """Ask the router for itself. Returns whether it said anything, if only that nobody answers, in wall seconds."""
+        info = self._session.info
+        routers = info.routers_zid() if self.mode == "client" else [info.zid()]
+        if not routers:
+            return False
+        said: asyncio.Future[bool] = self._loop.create_future()
+
+        def arrived(reply: zenoh.Reply | None) -> None:
+            if not said.done():
+                said.set_result(reply is None or reply.ok is not None)  # the error is Zenoh's own: it timed out
+
+        push = self._soon(arrived)
+        handler = zenoh.handlers.Callback(push, lambda: push(None), indirect=False)
+        self._session.get(f"@/{routers[0]}/router", handler, timeout=timeout)
+        try:
+            return await asyncio.wait_for(said, timeout + 1.0)
+        except TimeoutError:
+            return False
 
     def token(self, key: str) -> Token:
         """Declare a liveliness token; it goes when it is undeclared or when this process ends."""

@@ -10,10 +10,11 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Literal
 
-from commd.bus import open_bus
+from commd.bus import Bus, open_bus
 from commd.clock import Clock
 from commd.directory import open_directory
 from commd.mailroom import open_mailroom
+from commd.notify import Loop, Member, Unit
 from commd.peers import FixedDirectory
 from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, endpoint_argument, report_health, run_daemon
 from commd.routers import router_of
@@ -23,6 +24,8 @@ from schemas.mission import Mission, load_mission
 from schemas.positions import did_you_mean
 from schemas.records import Health
 
+ROUND_TRIP = 2.0
+"""Wall seconds within which the router answers itself, or hangs."""
 log = logging.getLogger("commd")
 
 
@@ -53,9 +56,10 @@ def chosen(mission: Mission, asked: str | None) -> str:
     return asked or boards[0]
 
 
-async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
+async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member | None = None) -> int:
     """Route for the board; keep its directory, and its mail: from `{agent}/outbox` or other boards to its agents."""
     clock = Clock()
+    unit = unit or Unit.of_environment().member("commd")
     board = chosen(mission, args.board)
     endpoint = args.router or mission.router.endpoint
     listen, connect = args.listen, args.connect
@@ -95,9 +99,17 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
                 await enter(gateway.serving(mailroom))
             parts = [mailroom.health, directory.health, *(part.health for part in (gateway, air) if part is not None)]
             log.info("%s board=%s endpoint=%s", mode, board, endpoint)
-            health = asyncio.create_task(report_health(bus, board, clock, lambda: together(parts)))
+            unit.ready(words := f"{mode} of {board} at {endpoint}")
+
+            def details() -> Health:
+                found = together(parts)
+                unit.status(words, *found.notes)
+                return found
+
+            health = asyncio.create_task(report_health(bus, board, clock, details))
+            turning = asyncio.create_task(turn(bus, unit.loop()))
             stopping = asyncio.create_task(stop.wait())
-            work: dict[asyncio.Task[None], str] = {health: "the router"}
+            work: dict[asyncio.Task[None], str] = {health: "the router", turning: "the watch over the router"}
             work |= dict.fromkeys(directory.work, "the directory")
             work |= dict.fromkeys(gateway.work if gateway is not None else (), "the gateway")
             work |= dict.fromkeys(air.work if air is not None else (), "the radio")
@@ -106,9 +118,22 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
             for task in broken:
                 error = task.exception() if not task.cancelled() else "cancelled"
                 log.error("%s is broken, commd is to be started again: %r", work[task], error)
+            unit.stopping()
             health.cancel()
+            turning.cancel()
             stopping.cancel()
     return EXIT_FAILED if broken else EXIT_DONE
+
+
+async def turn(bus: Bus, loop: Loop) -> None:
+    """Say for ever that this loop turns and the router answers; one that somebody else runs and that is away may."""
+    while loop.period is not None:
+        if not bus.router_up or await bus.round_trip(ROUND_TRIP):
+            loop.beat()
+        else:
+            log.error("the router does not answer within %g s", ROUND_TRIP)
+        await asyncio.sleep(loop.period)
+    await asyncio.Event().wait()
 
 
 def together(parts: Sequence[Callable[[], Health]]) -> Health:
