@@ -31,7 +31,7 @@ def _run(page: str) -> dict[str, Any]:
 
 def test_the_embedded_mind_prints_what_its_page_shows(capsys: pytest.CaptureFixture[str]) -> None:
     _run("embedding.md")
-    shown = [text for language, text in _blocks("embedding.md") if not language]
+    shown = [text for language, text in _blocks("embedding.md") if language == "text"]
     assert capsys.readouterr().out == "".join(shown)
 
 

@@ -12,7 +12,7 @@ from agentd.analysis.kinds import Kind
 from agentd.check import add_arguments, run
 
 PAGE = (Path(__file__).parents[2] / "docs" / "errors.md").read_text(encoding="utf-8")
-SHOWN = re.findall(r"^\*\*(.*?)\*\*.*?^```asl\n(.*?)^```\n\n```\n(.*?)^```\n", PAGE, re.MULTILINE | re.DOTALL)
+SHOWN = re.findall(r"^\*\*(.*?)\*\*.*?^```asl\n(.*?)^```\n\n```text\n(.*?)^```\n", PAGE, re.MULTILINE | re.DOTALL)
 
 
 def test_five_messages_are_shown() -> None:

@@ -15,6 +15,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "restart.md").read_text()
 
 def test_the_program_of_the_page_can_be_run() -> None:
     (source,) = PAGE.split("```")[1::2]
+    source = source.removeprefix("asl")
     mind = Mind("uav", compile_program(parse_program(source, "page.asl")))
     for _ in range(20):
         mind.step(0.0)

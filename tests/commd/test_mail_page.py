@@ -16,7 +16,7 @@ PROGRAM = ROOT / "examples" / "client" / "planner.py"
 
 def commands() -> list[list[str]]:
     section = PAGE.partition("\n## Programs in Python\n")[2].partition("\n## ")[0]
-    return [shlex.split(line) for line in re.findall(r"^    ((?:argosy|python) .*)$", section, re.MULTILINE)]
+    return [shlex.split(line) for line in re.findall(r"^((?:argosy|python) .*)$", section, re.MULTILINE)]
 
 
 def test_the_program_of_the_page_is_the_example() -> None:
