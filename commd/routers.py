@@ -11,32 +11,35 @@ import re
 import socket
 from collections.abc import Sequence
 from contextlib import closing
+from typing import Literal
 
 from schemas.endpoints import host_and_port
 from schemas.mission import DEFAULT_PORT, Mission
 
-_TCP = re.compile(r"tcp/\[?([^\]/]+?)\]?:(\d+)")
+_TCP = re.compile(r"(?:tcp|tls)/\[?([^\]/]+?)\]?:(\d+)")
 
 
-def router_of(mission: Mission, board: str, endpoint: str) -> tuple[list[str], list[str]]:
+def router_of(
+    mission: Mission, board: str, endpoint: str, protocol: Literal["tcp", "tls"] = "tcp"
+) -> tuple[list[str], list[str]]:
     """Return where the router of `board` listens besides its own daemons' `endpoint`, and which routers it dials.
 
     Without an address in the mission it listens for nobody else, on whatever network this machine is.
     """
     boards = list(mission.boards)
-    own = _endpoint(mission, board)
+    own = _endpoint(mission, board, protocol)
     listen = [own] if own and own != endpoint else []
     place = boards.index(board) if board in boards else 0
     others = boards[:place] if own else [other for other in boards if other != board]
-    return listen, list(dict.fromkeys(one for other in others if (one := _endpoint(mission, other))))
+    return listen, list(dict.fromkeys(one for other in others if (one := _endpoint(mission, other, protocol))))
 
 
-def _endpoint(mission: Mission, board: str) -> str:
+def _endpoint(mission: Mission, board: str, protocol: str) -> str:
     address = mission.boards[board].address if board in mission.boards else ""
     if not address:
         return ""
     host, port = host_and_port(address, DEFAULT_PORT)
-    return f"tcp/{host}:{port}"
+    return f"{protocol}/{host}:{port}"
 
 
 def addresses_to_come(endpoints: Sequence[str]) -> list[str]:

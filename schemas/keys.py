@@ -59,7 +59,8 @@ CHANNELS = (
     Channel("{agent}/outbox", "query", Mail, Receipt, "commd", "agentd", None),
     Channel("{agent}/inbox", "query", Mail, Receipt, "agentd", "commd", None),
     Channel("{receiver}/mail/{sender}", "query", Mail, Receipt, "commd", "commd", None),
-    Channel("{board}/services", "query", ServiceRequest, BoardServices, "commd", "agentd, commd", None),
+    Channel("{board}/services", "query", None, BoardServices, "commd", "agentd, commd", None),
+    Channel("{board}/services/{agent}", "query", ServiceRequest, BoardServices, "commd", "agentd", None),
     Channel("{board}/services", "put", BoardServices, None, "commd", "agentd, commd", 10),
     Channel("{board}/mailboxes", "query", None, Mailboxes, "commd", "operator", None),
     Channel("{agent}/mind", "query", None, MindView, "agentd", "observers", 4),
@@ -114,6 +115,11 @@ def services(fleet: str, board: str) -> str:
 def mailboxes(fleet: str, board: str) -> str:
     """What waits at the commd of a board; `*` for all boards."""
     return f"{ROOT}/{fleet}/{board}/mailboxes"
+def service_requests(fleet: str, board: str, agent: str) -> str:
+    """Where an agent joins and leaves its board, offers services and looks for them."""
+    return f"{ROOT}/{fleet}/{board}/services/{agent}"
+
+
 
 
 def mind(fleet: str, agent: str) -> str:

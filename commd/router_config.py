@@ -1,0 +1,173 @@
+"""The configuration of a board's router in a fleet whose boards trust each other no further than the mission says.
+
+A file of it is what `commd serve --config` opens its router with; a `zenohd` understands it too. Between machines only
+mutual TLS, on the board only its socket, and access control lists on both that deny what `schemas.access` does not
+grant (docs/security.md).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from commd.routers import router_of
+from commd.session import BLOCKED_SEND_US, LEASE_MS, RETRY_MS
+from commd.tls import files_in
+from schemas import access
+from schemas.access import Rights
+from schemas.codec import MAX_BYTES
+from schemas.findings import Finding, Findings
+from schemas.keys import ROOT
+from schemas.mission import Mission
+
+MESSAGES = {
+    "puts": ["put"],
+    "deletes": ["delete"],
+    "serves": ["declare_queryable", "reply"],
+    "asks": ["query"],
+    "hears": ["declare_subscriber"],
+    "holds": ["liveliness_token"],
+    "watches": ["declare_liveliness_subscriber", "liveliness_query"],
+}
+"""Zenoh's messages by the right to send them."""
+EVERY = [message for messages in MESSAGES.values() for message in messages]
+LARGEST_MESSAGE = 2 * MAX_BYTES
+"""Bytes; the link of whoever sends a larger one is closed."""
+MOST_LINKS = 250
+"""Machines and daemons that are linked to a router at once."""
+RETRY = {"period_init_ms": RETRY_MS, "period_max_ms": RETRY_MS, "period_increase_factor": 1}
+HERE = "on this board"
+"""Subject of whoever connects by the board's socket: its file permissions are their password."""
+
+
+def router_settings(mission: Mission, board: str, *, socket: str, keys: Path | None) -> dict[str, Any]:
+    """Return the settings of the router of `board`: its daemons connect at the path `socket`, other machines by TLS.
+
+    `keys` is the folder of the board's keys; without one no other machine is reached. Raises Findings for a mission
+    whose boards cannot be told apart, and for a manifest that cannot be read.
+    """
+    access.check(mission)
+    if board not in mission.board_names:
+        raise Findings([Finding(str(mission.path), 0, 0, f"no board `{board}`")])
+    endpoint = f"unixsock-stream/{socket}"
+    listen, connect = router_of(mission, board, endpoint, "tls") if keys is not None else ([], [])
+    link: dict[str, Any] = {
+        "protocols": ["unixsock-stream", *(["tls"] if keys is not None else [])],
+        "tx": {"lease": LEASE_MS, "queue": {"congestion_control": {"block": {"wait_before_close": BLOCKED_SEND_US}}}},
+        "rx": {"max_message_size": LARGEST_MESSAGE},
+    }
+    if keys is not None:
+        link["tls"] = files_in(keys).settings()
+    return {
+        "mode": "router",
+        "metadata": {"name": f"commd/{board}"},
+        "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        # The address of a network that is not up yet must not keep the board's own daemons waiting.
+        "listen": {
+            "endpoints": [f"{endpoint}#exit_on_failure=true", *listen],
+            "timeout_ms": -1,
+            "exit_on_failure": False,
+            "retry": RETRY,
+        },
+        "connect": {"endpoints": connect, "timeout_ms": -1, "exit_on_failure": False, "retry": RETRY},
+        "transport": {
+            "unicast": {"max_sessions": MOST_LINKS},
+            "link": link,
+            "shared_memory": {"enabled": False},
+        },
+        "adminspace": {"enabled": True, "permissions": {"read": True, "write": False}},
+        "access_control": access_control(mission, board),
+        "low_pass_filter": [
+            {
+                "id": "no record of ours comes near it",
+                "flows": ["ingress"],
+                "messages": ["put", "query", "reply"],
+                "key_exprs": [f"{ROOT}/**"],
+                "size_limit": MAX_BYTES,
+            }
+        ],
+    }
+
+
+def access_control(mission: Mission, board: str) -> dict[str, Any]:
+    """Return Zenoh's `access_control` for the router of a board: what is not allowed is denied.
+
+    Each link is judged by who is at its other end, not by where a message began: no board may relay another's.
+    """
+    rules = [_out("out", [f"{ROOT}/**"]), _out("out on this board", ["**", "@/**"])]
+    subjects: list[dict[str, Any]] = [{"id": HERE, "link_protocols": ["unixsock-stream"]}]
+    policies: list[dict[str, Any]] = []
+
+    def allow(subject: str, rights: Rights, *further: str) -> None:
+        own = list(_in(subject, rights))
+        rules.extend(own)
+        policies.append({"rules": [*(rule["id"] for rule in own), *further], "subjects": [subject]})
+
+    allow(HERE, access.of_member(mission, board), "out on this board")
+    for other in mission.boards:
+        if other != board:
+            subject = f"board {other}"
+            subjects.append({"id": subject, "cert_common_names": [other], "link_protocols": ["tls"]})
+            further = ["out"]
+            if simulated := access.robot_keys(mission, board, other):
+                further.append(f"{subject}: its robots")
+                rules.append(_rule(further[-1], EVERY, ["ingress", "egress"], simulated))
+            allow(subject, access.of_board(mission, other), *further)
+    people = {
+        "operators": (mission.security.operators, access.of_operator()),
+        "observers": (mission.security.observers, access.of_observer()),
+    }
+    for subject, (names, rights) in people.items():
+        if names:
+            subjects.append({"id": subject, "cert_common_names": list(names), "link_protocols": ["tls"]})
+            allow(subject, rights, "out")
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+def write(settings: dict[str, Any]) -> str:
+    """Return settings as the text of a file: JSON, which is JSON5."""
+    return json.dumps(settings, indent=2) + "\n"
+
+
+def read(file: Path) -> zenoh.Config:
+    """Read a router's configuration. Raises Findings that say what is wrong with it."""
+    try:
+        return zenoh.Config.from_json5(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or "expected text in UTF-8"
+        raise Findings([Finding(str(file), 0, 0, f"cannot read it: {why}")]) from None
+    except zenoh.ZError as error:
+        why = str(error).partition(" at /")[0]  # what follows are paths of Zenoh's sources
+        raise Findings([Finding(str(file), 0, 0, f"no configuration of Zenoh's: {why}")]) from None
+
+
+def _in(subject: str, rights: Rights) -> Iterator[dict[str, Any]]:
+    """The rules for what comes from a link, one for each right that is there."""
+    for right, messages in MESSAGES.items():
+        if key_exprs := list(getattr(rights, right)):
+            yield _rule(f"{subject}: {right}", messages, ["ingress"], key_exprs)
+
+
+def _out(name: str, key_exprs: Sequence[str]) -> dict[str, Any]:
+    """A rule for what goes to a link: nobody is told what he could not have asked for."""
+    return _rule(name, EVERY, ["egress"], key_exprs)
+
+
+def _rule(name: str, messages: Sequence[str], flows: Sequence[str], key_exprs: Sequence[str]) -> dict[str, Any]:
+    return {
+        "id": name,
+        "permission": "allow",
+        "flows": list(flows),
+        "messages": list(messages),
+        "key_exprs": list(key_exprs),
+    }
