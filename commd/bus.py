@@ -14,11 +14,12 @@ from collections import Counter, deque
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
 from threading import Thread
-from typing import Any, Generic, Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 
 import zenoh
 
 from commd.raw import RawBus
+from commd.reminding import Reminder
 from commd.routers import addresses_to_come
 from commd.session import session_config
 from commd.tasks import Tasks
@@ -26,6 +27,9 @@ from commd.tls import Tls
 from schemas import keys
 from schemas.codec import MAX_BYTES, BadRecord, Wire, codec
 from schemas.records import Header, Record
+
+if TYPE_CHECKING:
+    from commd.lives import Life
 
 Token: TypeAlias = zenoh.LivelinessToken
 """What says on the bus that somebody is here."""
@@ -116,8 +120,11 @@ class Bus:
         """Keys whose first record has been looked through for fields that this version does not know."""
         self.raw = RawBus(session, self._loop, self.counters, lambda answer: self._hand_over(answer, _drop_query))
         """Bytes on keys that are not Argosy's."""
+        self.life: Life | None = None
+        """What counts how often this daemon was started again, once it does."""
         self._routers: set[str] = set()
         self._on_router: list[Callable[[bool], None]] = []
+        self._away = Reminder(lambda seconds: log.warning("router lost for=%.0fs: is commd running?", seconds))
         if mode == "client":
             self._watch_router()
         else:
@@ -452,16 +459,26 @@ class Bus:
             else:
                 self._routers.discard(zid)
             if was != self.router_up:
-                log.log(
-                    logging.INFO if self.router_up else logging.WARNING, "router %s", "up" if self.router_up else "lost"
-                )
+                self._tell_router()
                 for handler in self._on_router:
                     handler(self.router_up)
 
         self._session.info.declare_transport_events_listener(self._hand_over(changed), history=True)
 
+    def _tell_router(self) -> None:
+        """Log that the router came or went; of one that stays away it is said again now and then."""
+        away = self._away.end()
+        if not self.router_up:
+            log.warning("router lost: what needs it waits")
+            self._away.begin()
+        elif away is None:
+            log.info("router up")
+        else:
+            log.info("router back after=%.1fs", away)
+
     async def close(self) -> None:
         """End what is being served, then leave the bus."""
+        self._away.end()
         await self._tasks.end()
         closed = asyncio.Event()
 
@@ -530,26 +547,30 @@ async def open_bus(
     did not come, or when a router cannot listen.
     """
     loop = asyncio.get_running_loop()
-    until, said = loop.time() + patience, False
+    until = loop.time() + patience
     absent = await _absent(endpoint, listen) if listen else []
     config = session_config(
         mode, endpoint, f"{daemon}/{name}", listen=listen, connect=connect, listen_late=bool(absent), tls=tls
     )
-    while True:
-        try:
-            session = await asyncio.to_thread(zenoh.open, config)
-            break
-        except zenoh.ZError as error:
-            if mode == "router":
-                where = " or ".join((endpoint, *listen))
-                why = str(error).partition(" at /")[0]  # what follows are paths of Zenoh's sources
-                raise BusClosed(f"cannot listen at {where}: is another router running there? ({why})") from None
-            if loop.time() >= until or (stop is not None and stop.is_set()):
-                raise BusClosed(f"no router at {endpoint}: is commd running?") from None
-            if not said:
-                log.warning("waiting for the router at %s", endpoint)
-                said = True
-            await asyncio.sleep(0.1)
+    waiting = Reminder(lambda seconds: log.warning("waiting for the router at %s for=%.0fs", endpoint, seconds))
+    try:
+        while True:
+            try:
+                session = await asyncio.to_thread(zenoh.open, config)
+                break
+            except zenoh.ZError as error:
+                if mode == "router":
+                    where = " or ".join((endpoint, *listen))
+                    why = str(error).partition(" at /")[0]  # what follows are paths of Zenoh's sources
+                    raise BusClosed(f"cannot listen at {where}: is another router running there? ({why})") from None
+                if loop.time() >= until or (stop is not None and stop.is_set()):
+                    raise BusClosed(f"no router at {endpoint}: is commd running?") from None
+                if not waiting.goes_on:
+                    log.warning("waiting for the router at %s", endpoint)
+                    waiting.begin()
+                await asyncio.sleep(0.1)
+    finally:
+        waiting.end()
     bus = Bus(session, fleet=fleet, name=name, daemon=daemon, boot=boot_id(), wire=wire, stamp=stamp, mode=mode)
     try:
         yield bus

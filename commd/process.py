@@ -15,12 +15,15 @@ from typing import Any
 
 from commd.bus import AlreadyRunning, Bus, BusClosed
 from commd.clock import Clock
-from commd.logs import begin_logging
+from commd.lag import loop_lag
+from commd.lives import end_lives
+from commd.logs import begin_logging, handler_of_this_process, one_line
 from commd.output import flush, stderr
 from schemas import keys
 from schemas.endpoints import check_endpoint
 from schemas.findings import Findings
 from schemas.records import Health
+from schemas.release import RELEASE
 
 HEALTH_PERIOD = 1.0
 """Wall seconds between two health records."""
@@ -68,23 +71,31 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
                 loop.add_signal_handler(signum, stop.set)
         return await main(stop)
 
+    words = ""
     try:
-        return asyncio.run(supervised())
+        code = asyncio.run(supervised())
+        if code != EXIT_DONE:
+            error = logs.last_error("")
+            words = error.text if error is not None else f"exit code {code}"
+        return code
     except Findings as findings:
-        stderr().write(str(findings), ERROR)
+        words = str(findings)
+        stderr().write(words, ERROR)
         return EXIT_BAD_INPUT
     except (AlreadyRunning, BusClosed) as error:
+        words = str(error)
         stderr().write(f"error: {name}: {error}", ERROR)
         return EXIT_FAILED
     except (KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # a panic of Zenoh's is no Exception
+        words = f"defect in argosy: {type(error).__name__}: {error}"
         if os.environ.get("ARGOSY_DEBUG"):
             raise
-        what = f"{type(error).__name__}: {error}"
-        stderr().write(f"error: {name}: defect in argosy: {what}; ARGOSY_DEBUG=1 shows where", ERROR)
+        stderr().write(f"error: {name}: {words}; ARGOSY_DEBUG=1 shows where", ERROR)
         return EXIT_FAILED
     finally:
+        end_lives(one_line(words))
         logs.tell_suppressed()
         flush()
 
@@ -110,6 +121,7 @@ def _defect(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
 
 async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[], Health] = Health) -> None:
     """Publish the daemon's health once a second, for ever."""
+    loop = loop_lag()
     while True:
         try:
             health = details()
@@ -117,6 +129,7 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
             log.exception("defect in argosy: health of %s", name)
             health = Health(notes=(f"defect in argosy: {type(error).__name__}: {error}",))
         used = resource.getrusage(resource.RUSAGE_SELF)
+        words, age, errors = _last_error(bus, name)
         bus.put(
             keys.health(bus.fleet, name, bus.daemon),
             Health(
@@ -130,6 +143,21 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
                 counters=health.counters,
                 percepts=health.percepts,
                 notes=health.notes,
+                version=RELEASE,
+                restarts=bus.life.restarts if bus.life is not None else None,
+                lag=round(max(loop.worst, health.lag), 3),
+                errors=errors,
+                last_error=words,
+                last_error_age=age,
             ),
         )
         await asyncio.sleep(HEALTH_PERIOD)
+
+
+def _last_error(bus: Bus, name: str) -> tuple[str, float | None, int]:
+    """Return the newest error about this name, its age in seconds, and how many there were about anybody."""
+    logs = handler_of_this_process()
+    error = logs.last_error(name) if logs is not None else None
+    if logs is not None and error is not None:
+        return error.text, round(time.monotonic() - error.at, 1), logs.errors
+    return bus.life.before if bus.life is not None else "", None, 0

@@ -12,8 +12,10 @@ from typing import Literal
 from schemas.records import (
     Action,
     ActionStatus,
+    BoardReport,
     BoardServices,
     Cancel,
+    Checkup,
     Health,
     LiveManifest,
     Mail,
@@ -63,6 +65,7 @@ CHANNELS = (
     Channel("{board}/services/{agent}", "query", ServiceRequest, BoardServices, "commd", "agentd", None),
     Channel("{board}/services", "put", BoardServices, None, "commd", "agentd, commd", 10),
     Channel("{board}/mailboxes", "query", None, Mailboxes, "commd", "operator", None),
+    Channel("{board}/checkup", "query", Checkup, BoardReport, "commd", "operator, commd", None),
     Channel("{agent}/mind", "query", None, MindView, "agentd", "observers", 4),
     Channel("{robot}/manifest", "query", ManifestChange, LiveManifest, "bridged", "operator", None),
     Channel("{robot}/manifest", "put", LiveManifest, None, "bridged", "observers", None),
@@ -112,14 +115,19 @@ def services(fleet: str, board: str) -> str:
     return f"{ROOT}/{fleet}/{board}/services"
 
 
-def mailboxes(fleet: str, board: str) -> str:
-    """What waits at the commd of a board; `*` for all boards."""
-    return f"{ROOT}/{fleet}/{board}/mailboxes"
 def service_requests(fleet: str, board: str, agent: str) -> str:
     """Where an agent joins and leaves its board, offers services and looks for them."""
     return f"{ROOT}/{fleet}/{board}/services/{agent}"
 
 
+def mailboxes(fleet: str, board: str) -> str:
+    """What waits at the commd of a board; `*` for all boards."""
+    return f"{ROOT}/{fleet}/{board}/mailboxes"
+
+
+def checkup(fleet: str, board: str) -> str:
+    """How a board is, and its links to the others."""
+    return f"{ROOT}/{fleet}/{board}/checkup"
 
 
 def mind(fleet: str, agent: str) -> str:

@@ -248,6 +248,62 @@ class Health(Record, frozen=True, kw_only=True):
     """Digest of the present percept set per agent (bridges only)."""
     notes: tuple[str, ...] = ()
     """Warnings in words that hold now."""
+    version: str = ""
+    """Of Argosy; empty = it does not say."""
+    restarts: int | None = None
+    """Lives before this one, since its machine started, that nobody had told to end; none = not known."""
+    lag: float = 0.0
+    """Wall seconds by which the daemon is behind: its event loop at worst in the last second, or the oldest of what
+    waits for the agent."""
+    errors: int = 0
+    """What it has logged as errors so far."""
+    last_error: str = ""
+    """The newest of them; or how the life before ended, if nobody had told it to."""
+    last_error_age: float | None = None
+    """Seconds since then; none = not known, as it was before this life."""
+
+
+class Checkup(Record, frozen=True, kw_only=True):
+    """What a board is asked by `argosy doctor`, and by other boards on its behalf."""
+
+    links: bool = False
+    """Whether it is to measure its links to the other boards first, which takes some seconds."""
+    filler: str = ""
+    """Read by nobody: how long it takes to arrive shows how fast a link is."""
+
+
+class LinkReport(Record, frozen=True, kw_only=True):
+    """How one board reaches another."""
+
+    board: str
+    asked: int = 0
+    """Round trips tried."""
+    answered: int = 0
+    round_trip: float | None = None
+    """Wall seconds of the fastest."""
+    slowest: float | None = None
+    """Wall seconds of the slowest."""
+    ahead: float | None = None
+    """Seconds by which the other's clock is ahead, as far as half the fastest round trip."""
+    rate: float | None = None
+    """Bytes a second that went to it; none = not measured, or too fast for that."""
+    problem: str = ""
+    """Why nothing is known, in words."""
+
+
+class BoardReport(Record, frozen=True, kw_only=True):
+    """What a board's `commd` answers: `header.stamp` is its clock."""
+
+    header: Header = Header()
+    board: str = ""
+    state: str = ""
+    """The folder where its mail is kept."""
+    disk_free: int | None = None
+    """Bytes that are left there."""
+    disk_size: int | None = None
+    """Bytes of that file system."""
+    links: tuple[LinkReport, ...] = ()
+    """To the other boards of the mission, if they were asked for."""
 
 
 class IntentionView(Record, frozen=True, kw_only=True):

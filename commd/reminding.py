@@ -1,0 +1,46 @@
+"""Says again at longer and longer intervals what goes on, so that a log shows it and is not full of it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+AGAIN = (10.0, 60.0, 600.0)
+"""Wall seconds after which it is said again; the last is then the interval."""
+
+
+class Reminder:
+    """Calls `say(seconds)` again and again from `begin` to `end`, with how long it has gone on."""
+
+    def __init__(self, say: Callable[[float], None]) -> None:
+        self._say, self._loop = say, asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+        self._since: float | None = None
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether it has begun and is not over."""
+        return self._since is not None
+
+    def begin(self) -> None:
+        """It has begun, and has been said."""
+        self.end()
+        self._since = self._loop.time()
+        self._next(0)
+
+    def end(self) -> float | None:
+        """It is over. Returns how many wall seconds it lasted; None if it had not begun."""
+        if self._timer is not None:
+            self._timer.cancel()
+        since, self._since, self._timer = self._since, None, None
+        return None if since is None else self._loop.time() - since
+
+    def _next(self, count: int) -> None:
+        due = AGAIN[count] if count < len(AGAIN) else AGAIN[-1] * (count - len(AGAIN) + 2)
+        if self._since is not None:
+            self._timer = self._loop.call_at(self._since + due, self._remind, count)
+
+    def _remind(self, count: int) -> None:
+        if self._since is not None:
+            self._say(self._loop.time() - self._since)
+            self._next(count + 1)

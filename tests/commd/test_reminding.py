@@ -1,0 +1,88 @@
+"""What goes on for long is said again at longer and longer intervals."""
+
+from __future__ import annotations
+
+import asyncio
+import heapq
+from collections.abc import Callable
+from typing import Any, cast
+
+import pytest
+
+from commd import reminding
+from commd.lag import KEPT, LOOK, LoopLag
+from commd.reminding import Reminder
+
+
+class Time:
+    """An event loop's clock and calendar, moved by the test."""
+
+    def __init__(self) -> None:
+        self.at = 0.0
+        self._calls: list[tuple[float, int, asyncio.TimerHandle]] = []
+
+    def time(self) -> float:
+        return self.at
+
+    def call_at(self, when: float, call: Callable[..., None], *arguments: Any) -> asyncio.TimerHandle:
+        handle = asyncio.TimerHandle(when, call, arguments, cast("asyncio.AbstractEventLoop", self))
+        heapq.heappush(self._calls, (when, len(self._calls), handle))
+        return handle
+
+    def get_debug(self) -> bool:
+        return False
+
+    def _timer_handle_cancelled(self, handle: asyncio.TimerHandle) -> None:
+        return
+
+    def until(self, at: float) -> None:
+        """Let the time pass and do what is due."""
+        while self._calls and self._calls[0][0] <= at:
+            when, _, handle = heapq.heappop(self._calls)
+            self.at = max(self.at, when)
+            if not handle.cancelled():
+                handle._run()
+        self.at = max(self.at, at)
+
+
+@pytest.fixture
+def time(monkeypatch: pytest.MonkeyPatch) -> Time:
+    made = Time()
+    monkeypatch.setattr(reminding.asyncio, "get_running_loop", lambda: made)
+    return made
+
+
+def test_it_is_said_after_ten_seconds_a_minute_and_then_every_ten_minutes(time: Time) -> None:
+    said: list[float] = []
+    reminder = Reminder(said.append)
+    time.until(100)
+    reminder.begin()
+    time.until(100 + 2500)
+    assert said == [10, 60, 600, 1200, 1800, 2400]
+
+
+def test_nothing_is_said_of_what_is_over_and_the_next_time_begins_anew(time: Time) -> None:
+    said: list[float] = []
+    reminder = Reminder(said.append)
+    assert reminder.end() is None
+    reminder.begin()
+    time.until(30)
+    assert reminder.end() == 30
+    time.until(5000)
+    assert said == [10]
+    assert not reminder.goes_on
+    reminder.begin()
+    time.until(5011)
+    assert said == [10, 10]
+
+
+def test_a_loop_is_as_late_as_its_longest_stall_of_the_last_second(time: Time) -> None:
+    lag = LoopLag(time.time, time.call_at)
+    time.until(10)
+    assert lag.worst == 0
+    time.at += 3.0  # nothing is done meanwhile
+    assert 3.0 - LOOK <= lag.worst <= 3.0
+    time.until(time.at)
+    assert 3.0 - LOOK <= lag.worst <= 3.0
+    time.until(time.at + (KEPT + 2) * LOOK)
+    assert lag.worst == 0
