@@ -21,7 +21,7 @@ from commd.bus import open_bus
 from commd.clock import Clock
 from commd.notify import Member, Unit
 from commd.output import stderr
-from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, run_daemon
+from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, run_daemon, tls_of
 from schemas.findings import Finding, Findings
 from schemas.manifest import load_manifest
 from schemas.mission import Mission, load_mission
@@ -71,7 +71,14 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
     endpoint = args.router or mission.router.endpoint
     unit.status(f"waiting for the router at {endpoint}")
     async with open_bus(
-        endpoint, fleet=mission.fleet, name=name, daemon="agentd", stamp=clock.stamp, wire=mission.wire, stop=stop
+        endpoint,
+        fleet=mission.fleet,
+        name=name,
+        daemon="agentd",
+        stamp=clock.stamp,
+        wire=mission.wire,
+        stop=stop,
+        tls=tls_of(args),
     ) as bus:
         crew = Crew(
             bus, clock, mission, state_folder(args.state, mission.fleet), args.seed, fresh=args.fresh, unit=unit

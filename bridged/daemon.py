@@ -16,7 +16,7 @@ from bridged.watch import watch_agents
 from commd.bus import Bus, open_bus
 from commd.clock import Clock
 from commd.notify import Member, Unit
-from commd.process import EXIT_DONE, EXIT_FAILED, HEALTH_PERIOD, add_router_argument, report_health, run_daemon
+from commd.process import EXIT_DONE, EXIT_FAILED, HEALTH_PERIOD, add_router_argument, report_health, run_daemon, tls_of
 from schemas.findings import Findings
 from schemas.mission import Mission, load_mission
 
@@ -71,6 +71,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         stamp=clock.stamp,
         wire=mission.wire,
         stop=stop,
+        tls=tls_of(args),
     ) as bus:
         shared: dict[str, Any] = {}
         bridges = [await bind(bus, mission, part, clock, args, shared, unit) for part in parts]

@@ -16,9 +16,10 @@ from commd.directory import open_directory
 from commd.mailroom import open_mailroom
 from commd.notify import Loop, Member, Unit
 from commd.peers import FixedDirectory
-from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, endpoint_argument, report_health, run_daemon
+from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, endpoint_argument, report_health, run_daemon, tls_of
 from commd.routers import router_of
 from commd.state import state_directory
+from commd.tls import check_board
 from schemas.findings import Finding, Findings
 from schemas.mission import Mission, load_mission
 from schemas.positions import did_you_mean
@@ -62,9 +63,11 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
     unit = unit or Unit.of_environment().member("commd")
     board = chosen(mission, args.board)
     endpoint = args.router or mission.router.endpoint
+    if (tls := tls_of(args)) is not None:
+        check_board(tls, mission, board)
     listen, connect = args.listen, args.connect
     if not (listen or connect) and not mission.router.external:
-        listen, connect = router_of(mission, board, endpoint)
+        listen, connect = router_of(mission, board, endpoint, "tls" if tls is not None else "tcp")
     mode: Literal["client", "router"] = "client" if mission.router.external else "router"
     async with open_bus(
         endpoint,
@@ -77,6 +80,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         listen=listen,
         connect=connect,
         stop=stop,
+        tls=tls,
     ) as bus:
         await bus.claim(board)
         known = FixedDirectory(mission.mailboxes)

@@ -9,8 +9,9 @@ import resource
 import signal
 import threading
 import time
-from argparse import ArgumentParser, ArgumentTypeError
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 from typing import Any
 
 from commd.bus import AlreadyRunning, Bus, BusClosed
@@ -19,6 +20,7 @@ from commd.lag import loop_lag
 from commd.lives import end_lives
 from commd.logs import begin_logging, handler_of_this_process, one_line
 from commd.output import flush, stderr
+from commd.tls import Tls, tls_in
 from schemas import keys
 from schemas.endpoints import check_endpoint
 from schemas.findings import Findings
@@ -37,9 +39,15 @@ EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT = 0, 1, 2
 
 
 def add_router_argument(parser: ArgumentParser) -> None:
-    """Declare `--router`, which every daemon takes."""
+    """Declare `--router` and `--keys`, which every daemon takes."""
     help_ = "the router, instead of the mission's"
     parser.add_argument("--router", metavar="ENDPOINT", type=endpoint_argument, help=help_)
+    parser.add_argument("--keys", metavar="FOLDER", type=Path, help="this machine's keys, for what is at tls/...")
+
+
+def tls_of(args: Namespace) -> Tls | None:
+    """Return the keys that `--keys` names. Raises Findings for keys that nobody would accept."""
+    return None if args.keys is None else tls_in(args.keys)
 
 
 def endpoint_argument(text: str) -> str:

@@ -11,10 +11,13 @@ import stat
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 
+from schemas.endpoints import host_and_port
 from schemas.findings import Finding, Findings
+from schemas.mission import DEFAULT_PORT, Mission
 
 ROOT, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"
 """The files in a folder of keys."""
@@ -57,6 +60,10 @@ class Identity:
     ends: float
     """Unix time."""
 
+    def is_at(self, host: str) -> bool:
+        """Whether the certificate is for a host name or an IP address."""
+        return _same(host) in {_same(address) for address in self.addresses}
+
 
 def files_in(folder: Path) -> Tls:
     """Return the files of a folder of keys, whether they are there or not: it may be another machine's."""
@@ -84,6 +91,18 @@ def identity_of(tls: Tls, now: float) -> Identity:
         text = f"the certificate of `{identity.name}` expired on {day(identity.ends)}: make another with"
         raise _wrong(tls.certificate, f"{text} `argosy keys renew {identity.name}` on the operator's machine")
     return identity
+
+
+def check_board(tls: Tls, mission: Mission, board: str) -> None:
+    """Raise Findings for keys by which the other boards would not know this one, or would not reach it."""
+    identity = identity_of(tls, time.time())
+    if identity.name != board:
+        raise _wrong(tls.certificate, f"the keys are those of `{identity.name}`, and this is board `{board}`")
+    address = mission.boards[board].address if board in mission.boards else ""
+    host = host_and_port(address, DEFAULT_PORT)[0].strip("[]") if address else ""
+    if host and not identity.is_at(host):
+        text = f"the other boards reach `{board}` at {host}, and its certificate is for {', '.join(identity.addresses)}"
+        raise _wrong(tls.certificate, f"{text}: make another with `argosy keys renew {board}` and this mission")
 
 
 def day(at: float) -> str:
@@ -134,6 +153,14 @@ def _read(certificate: dict[str, Any]) -> Identity:
         ssl.cert_time_to_seconds(certificate["notBefore"]),
         ssl.cert_time_to_seconds(certificate["notAfter"]),
     )
+
+
+def _same(host: str) -> str:
+    """Return a host as its other spellings are, too: IPv6 addresses have several, and names have no case."""
+    try:
+        return ip_address(host).compressed
+    except ValueError:
+        return host.lower()
 
 
 def _readable(file: Path, what: str) -> None:
