@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
 
-.PHONY: fly rescue test index soak faults bench-reasoner bench-bridge bench-mail lint types contracts format check-python byte-code clean
+.PHONY: fly rescue test index soak faults bench-reasoner bench-bridge bench-mail bench-board lint types contracts format check-python byte-code clean
 
 fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
@@ -38,6 +38,9 @@ bench-bridge: $(VENV)/test.stamp  ## what a bridge of three vehicles costs, 90 s
 
 bench-mail: $(VENV)/test.stamp  ## what mail costs: throughput, latency, backlog, memory, 4 minutes; writes docs/mail-figures.md
 	$(BIN)/python -m benchmarks.mail --out docs/mail-figures.md $(ARGS)
+
+bench-board: $(VENV)/test.stamp  ## what one board needs: three daemons beside one process, 2 minutes; writes docs/board.md
+	$(BIN)/python -m benchmarks.board --out docs/board.md $(ARGS)
 
 format: $(VENV)/lint.stamp  ## is every file formatted?
 	$(BIN)/ruff format --check .
