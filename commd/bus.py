@@ -543,15 +543,17 @@ async def open_bus(
     """Open the bus, and close it at the end. A client waits for its router until `stop`, or for `patience` seconds.
 
     A router listens at `listen` besides its endpoint, at once or when this machine has the address, and keeps dialling
-    the routers at `connect`; it waits for neither. `tls` is for what is at `tls/...`. Raises BusClosed when the router
-    did not come, or when a router cannot listen.
+    config: zenoh.Config | None = None,
+    the routers at `connect`; it waits for neither. `tls` is for what is at `tls/...`. With a `config` a router takes
+    all of this from there. Raises BusClosed when the router did not come, or when a router cannot listen.
     """
     loop = asyncio.get_running_loop()
     until = loop.time() + patience
     absent = await _absent(endpoint, listen) if listen else []
-    config = session_config(
-        mode, endpoint, f"{daemon}/{name}", listen=listen, connect=connect, listen_late=bool(absent), tls=tls
-    )
+    if config is None:
+        config = session_config(
+            mode, endpoint, f"{daemon}/{name}", listen=listen, connect=connect, listen_late=bool(absent), tls=tls
+        )
     waiting = Reminder(lambda seconds: log.warning("waiting for the router at %s for=%.0fs", endpoint, seconds))
     try:
         while True:

@@ -4,19 +4,31 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Literal
 
+from commd import router_config
 from commd.bus import Bus, open_bus
+from commd.checkup import Checkups
 from commd.clock import Clock
 from commd.directory import open_directory
+from commd.lives import begin_life
 from commd.mailroom import open_mailroom
 from commd.notify import Loop, Member, Unit
 from commd.peers import FixedDirectory
-from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, endpoint_argument, report_health, run_daemon, tls_of
+from commd.process import (
+    EXIT_DONE,
+    EXIT_FAILED,
+    add_router_argument,
+    endpoint_argument,
+    report_health,
+    run_daemon,
+    tls_of,
+)
 from commd.routers import router_of
 from commd.state import state_directory
 from commd.tls import check_board
@@ -36,6 +48,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--board", help="which board this is (default: the only one)")
     parser.add_argument("--state", type=Path, metavar="DIR", help="where the mail is kept, below the fleet's name")
     add_router_argument(parser)
+    text = "the router's configuration, as `argosy units` writes it; nothing else about the router counts then"
+    parser.add_argument("--config", type=Path, metavar="FILE", help=text)
     for option, what in (("--listen", "where other boards' routers reach this one"), ("--connect", "a router to dial")):
         text = f"{what}; repeatable, and with either the mission's addresses do not count"
         parser.add_argument(option, metavar="ENDPOINT", type=endpoint_argument, action="append", default=[], help=text)
@@ -66,9 +80,14 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
     if (tls := tls_of(args)) is not None:
         check_board(tls, mission, board)
     listen, connect = args.listen, args.connect
-    if not (listen or connect) and not mission.router.external:
+    given = router_config.read(args.config) if args.config is not None else None
+    external = mission.router.external and given is None
+    if given is not None:
+        given.check(board, time.time())
+        endpoint, *listen = given.listen
+    elif not (listen or connect) and not external:
         listen, connect = router_of(mission, board, endpoint, "tls" if tls is not None else "tcp")
-    mode: Literal["client", "router"] = "client" if mission.router.external else "router"
+    mode: Literal["client", "router"] = "client" if external else "router"
     async with open_bus(
         endpoint,
         fleet=mission.fleet,
@@ -81,10 +100,12 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         connect=connect,
         stop=stop,
         tls=tls,
+        config=given.config if given is not None else None,
     ) as bus:
         await bus.claim(board)
         known = FixedDirectory(mission.mailboxes)
         folder = state_directory(args.state) / mission.fleet
+        bus.life = begin_life(folder, "commd", board)
         async with AsyncExitStack() as parts_of:
             enter = parts_of.enter_async_context
             # What few missions have is loaded for those: it takes memory on each board.
@@ -101,6 +122,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
             directory = await enter(open_directory(bus, board, mission, mailroom.store, mailroom, clock))
             if gateway is not None:
                 await enter(gateway.serving(mailroom))
+            Checkups(bus, board, mission.board_names, folder)
             parts = [mailroom.health, directory.health, *(part.health for part in (gateway, air) if part is not None)]
             log.info("%s board=%s endpoint=%s", mode, board, endpoint)
             unit.ready(words := f"{mode} of {board} at {endpoint}")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import zenoh
 
 from commd.routers import router_of
 from commd.session import BLOCKED_SEND_US, LEASE_MS, RETRY_MS
-from commd.tls import files_in
+from commd.tls import Tls, files_in, identity_of
 from schemas import access
 from schemas.access import Rights
 from schemas.codec import MAX_BYTES
@@ -139,16 +140,51 @@ def write(settings: dict[str, Any]) -> str:
     return json.dumps(settings, indent=2) + "\n"
 
 
-def read(file: Path) -> zenoh.Config:
+@dataclass(frozen=True)
+class RouterFile:
+    """A router's configuration, read from a file."""
+
+    config: zenoh.Config
+    listen: tuple[str, ...]
+    """The endpoints at which it listens, its own board's daemons' first."""
+    secured: bool
+    """Access is controlled, and denied unless allowed."""
+    tls: Tls | None
+    """By which it reaches other machines."""
+
+    def check(self, board: str, now: float) -> None:
+        """Raise Findings for keys that other machines would not accept from this board."""
+        if self.tls is None:
+            return
+        identity = identity_of(self.tls, now)
+        if identity.name != board:
+            text = f"is the certificate of `{identity.name}`, and this is board `{board}`"
+            raise Findings([Finding(str(self.tls.certificate), 0, 0, f"{text}: use its own folder of keys")])
+
+
+def read(file: Path) -> RouterFile:
     """Read a router's configuration. Raises Findings that say what is wrong with it."""
     try:
-        return zenoh.Config.from_json5(file.read_text(encoding="utf-8"))
+        config = zenoh.Config.from_json5(file.read_text(encoding="utf-8"))
+        names = ("mode", "listen/endpoints", "access_control", "transport/link/tls")
+        mode, endpoints, control, tls = (json.loads(config.get_json(name)) for name in names)
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "expected text in UTF-8"
         raise Findings([Finding(str(file), 0, 0, f"cannot read it: {why}")]) from None
     except zenoh.ZError as error:
         why = str(error).partition(" at /")[0]  # what follows are paths of Zenoh's sources
         raise Findings([Finding(str(file), 0, 0, f"no configuration of Zenoh's: {why}")]) from None
+    listen = _listening(endpoints)
+    if mode != "router" or not listen:
+        text = 'expected a router: `mode: "router"` and endpoints to listen at, as `argosy units` writes it'
+        raise Findings([Finding(str(file), 0, 0, text)])
+    files = [tls.get(name) for name in ("root_ca_certificate", "listen_certificate", "listen_private_key")]
+    return RouterFile(
+        config,
+        listen,
+        secured=control["enabled"] and control["default_permission"] == "deny",
+        tls=Tls(*map(Path, files)) if all(files) else None,
+    )
 
 
 def _in(subject: str, rights: Rights) -> Iterator[dict[str, Any]]:
@@ -171,3 +207,10 @@ def _rule(name: str, messages: Sequence[str], flows: Sequence[str], key_exprs: S
         "messages": list(messages),
         "key_exprs": list(key_exprs),
     }
+
+
+def _listening(endpoints: Any) -> tuple[str, ...]:
+    """The endpoints of a `listen/endpoints`, which may be a list or one by mode, without what is said to each."""
+    if isinstance(endpoints, dict):
+        endpoints = endpoints.get("router", [])
+    return tuple(str(one).partition("#")[0] for one in endpoints or ())

@@ -121,7 +121,7 @@ def test_a_router_that_breaks_ends_commd_so_that_it_is_started_again(
         real(bus, key, record)
 
     monkeypatch.setattr(Bus, "put", put)
-    args = Namespace(board=None, router=endpoint, listen=[], connect=[], state=tmp_path)
+    args = Namespace(board=None, router=endpoint, keys=None, listen=[], connect=[], state=tmp_path, config=None)
 
     async def body() -> int:
         return await asyncio.wait_for(serve(load_mission(MISSION), args, asyncio.Event()), 30)
@@ -133,7 +133,7 @@ def test_a_router_that_breaks_ends_commd_so_that_it_is_started_again(
 def test_mail_for_who_joined_in_a_former_life_is_not_refused_while_commd_starts(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    args = Namespace(board=None, router=endpoint, listen=[], connect=[], state=tmp_path)
+    args = Namespace(board=None, router=endpoint, keys=None, listen=[], connect=[], state=tmp_path, config=None)
     mission = load_mission(MISSION)
     real = Directory.load
 
@@ -187,7 +187,7 @@ def test_a_directory_that_breaks_ends_commd_so_that_it_is_started_again(
         raise RuntimeError("a defect")
 
     monkeypatch.setattr(Directory, task, broken)
-    args = Namespace(board=None, router=endpoint, listen=[], connect=[], state=tmp_path)
+    args = Namespace(board=None, router=endpoint, keys=None, listen=[], connect=[], state=tmp_path, config=None)
 
     async def body() -> int:
         return await asyncio.wait_for(serve(load_mission(MISSION), args, asyncio.Event()), 20)
