@@ -54,7 +54,12 @@ class Boards:
         """The comm daemon of a board, in this process."""
         listen, connect = ([self.link], []) if board == "pi1" else ([], [self.link])
         args = Namespace(
-            board=board, router=self.endpoints[board], listen=listen, connect=connect, state=self.folder / "state"
+            board=board,
+            router=self.endpoints[board],
+            keys=None,
+            listen=listen,
+            connect=connect,
+            state=self.folder / "state",
         )
         stop = asyncio.Event()
         task = asyncio.create_task(serve_commd(self.mission, args, stop))

@@ -40,7 +40,14 @@ def turtle(endpoint: str, folder: Path) -> Iterator[list[str]]:
     async def run() -> None:
         stop = asyncio.Event()
         args = Namespace(
-            robots=["turtle1"], board=None, router=endpoint, speed=None, state=folder, link=None, simulated=False
+            robots=["turtle1"],
+            board=None,
+            router=endpoint,
+            keys=None,
+            speed=None,
+            state=folder,
+            link=None,
+            simulated=False,
         )
         async with open_bus(
             endpoint, fleet="pond", name="board", daemon="commd", stamp=time.time_ns, mode="router"

@@ -47,6 +47,7 @@ class Airfield:
             robots=["uav1"],
             board=None,
             router=self.endpoint,
+            keys=None,
             speed=self.speed,
             state=self.state,
             link=self.link,

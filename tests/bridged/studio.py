@@ -80,7 +80,14 @@ def in_the_studio(
         async with asyncio.timeout(40), bus("board", "router"), bus("agent", "client") as client:
             studio, stop = Studio(declared, client, Turtle()), asyncio.Event()
             arguments = Namespace(
-                robots=[studio.robot], board=None, router=endpoint, speed=None, state=state, link=None, simulated=True
+                robots=[studio.robot],
+                board=None,
+                router=endpoint,
+                keys=None,
+                speed=None,
+                state=state,
+                link=None,
+                simulated=True,
             )
             daemon = asyncio.create_task(serve(declared, arguments, stop))
             tasks = [daemon]

@@ -193,7 +193,7 @@ def serving(mission: Mission, endpoint: str, state: Path, *robots: str) -> tuple
     """The bridge daemon of some robots, and what stops it."""
     stop = asyncio.Event()
     said = Namespace(
-        robots=list(robots), board=None, router=endpoint, speed=None, state=state, link=None, simulated=False
+        robots=list(robots), board=None, router=endpoint, keys=None, speed=None, state=state, link=None, simulated=False
     )
     return asyncio.create_task(serve(mission, said, stop)), stop
 
