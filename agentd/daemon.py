@@ -19,9 +19,10 @@ from agentd.language.parser import parse_file
 from agentd.language.syntax import Program
 from commd.bus import open_bus
 from commd.clock import Clock
+from commd.lives import begin_life
 from commd.notify import Member, Unit
 from commd.output import stderr
-from commd.process import EXIT_DONE, EXIT_FAILED, add_router_argument, run_daemon, tls_of
+from commd.process import ERROR, EXIT_DONE, EXIT_FAILED, add_router_argument, run_daemon, tls_of
 from schemas.findings import Finding, Findings
 from schemas.manifest import load_manifest
 from schemas.mission import Mission, load_mission
@@ -80,14 +81,14 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         stop=stop,
         tls=tls_of(args),
     ) as bus:
-        crew = Crew(
-            bus, clock, mission, state_folder(args.state, mission.fleet), args.seed, fresh=args.fresh, unit=unit
-        )
+        folder = state_folder(args.state, mission.fleet)
+        crew = Crew(bus, clock, mission, folder, args.seed, fresh=args.fresh, unit=unit)
         try:
             await crew.add(*parts)
         except CheckpointError as error:
-            stderr().write(f"error: agentd: {error}")
+            stderr().write(f"error: agentd: {error}", ERROR)
             return EXIT_FAILED
+        bus.life = begin_life(folder, "agentd", name)
         log.info("agents=%s", ",".join(crew.hosts))
         await crew.run(stop)
     return EXIT_DONE if crew.stopped is None else crew.stopped.exit_code

@@ -9,6 +9,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from agentd.backlog import Backlog
 from agentd.keeping import Keeping
 from agentd.language.compile import CompiledProgram
 from agentd.language.signatures import signature
@@ -124,6 +125,7 @@ class Host:
             decisions=part.decisions,
             keeper=self._keeper,
         )
+        self._backlog = Backlog()
         self._wake = asyncio.Event()
         self._prints: deque[str] = deque(maxlen=LAST_PRINTS)
         self._tasks = Tasks(f"working for agent {part.name}")
@@ -367,13 +369,15 @@ class Host:
         for prefix, part in parts.items():
             if part is not None:
                 counters.update({f"{prefix}_{name}": count for name, count in part.counters.items()})
-        counters["cycles"] = self._mind.cycle
+        mind = self._mind
+        counters["cycles"] = mind.cycle
         missed = self._perceiving.percepts.missed if self._perceiving else 0
         return Health(
-            drops=sum(self._mind.drops.counts.values()) + stdout().dropped,
+            drops=sum(mind.drops.counts.values()) + stdout().dropped,
             bad_input=self.counters["bad_percepts"] + self._mailing.counters["bad"],
             counters={**{name: float(count) for name, count in sorted(counters.items())}, "percepts_missed": missed},
             notes=self.notes(),
+            lag=self._backlog.lag(mind.cycle, len(mind.events) + len(mind.mailbox), self._clock.wall()),
         )
 
     def notes(self) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from bridged.service import Service
 from bridged.watch import watch_agents
 from commd.bus import Bus, open_bus
 from commd.clock import Clock
+from commd.lives import begin_life
 from commd.notify import Member, Unit
 from commd.process import EXIT_DONE, EXIT_FAILED, HEALTH_PERIOD, add_router_argument, report_health, run_daemon, tls_of
 from schemas.findings import Findings
@@ -75,6 +76,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
     ) as bus:
         shared: dict[str, Any] = {}
         bridges = [await bind(bus, mission, part, clock, args, shared, unit) for part in parts]
+        bus.life = begin_life(state_directory(args.state) / mission.fleet, "bridged", parts[0].name)
         for bridge in bridges:
             bridge.driver.alone = len(bridges) == 1
         work = [asyncio.create_task(bridge.driver.run()) for bridge in bridges]

@@ -139,6 +139,10 @@ class Bus:
         """Call `handler(up)` whenever the connection to the router comes or goes."""
         self._on_router.append(handler)
 
+    def stamp(self) -> int:
+        """Return the time of this board as headers have it, Unix nanoseconds."""
+        return self._stamp()
+
     def header(self, stream: str, source: str = "") -> Header:
         """Return the next header of one stream of records of `source` (this daemon by default), counted from 1."""
         source = source or self.name
@@ -539,11 +543,11 @@ async def open_bus(
     stop: asyncio.Event | None = None,
     patience: float = float("inf"),
     tls: Tls | None = None,
+    config: zenoh.Config | None = None,
 ) -> AsyncIterator[Bus]:
     """Open the bus, and close it at the end. A client waits for its router until `stop`, or for `patience` seconds.
 
     A router listens at `listen` besides its endpoint, at once or when this machine has the address, and keeps dialling
-    config: zenoh.Config | None = None,
     the routers at `connect`; it waits for neither. `tls` is for what is at `tls/...`. With a `config` a router takes
     all of this from there. Raises BusClosed when the router did not come, or when a router cannot listen.
     """

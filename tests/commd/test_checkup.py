@@ -1,0 +1,117 @@
+"""What a board tells of its clock, its disk and its links: real routers, linked over loopback."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from contextlib import AbstractAsyncContextManager, AsyncExitStack
+from pathlib import Path
+
+import pytest
+
+from commd import checkup
+from commd.bus import Bus
+from commd.checkup import FILLER, Checkups, NoAnswer, ask, measure, measure_all, room
+from schemas import keys
+from schemas.records import Checkup
+from tests.support.buses import FLEET, Connect, on_a_bus, served, session
+from tests.support.ports import free_port
+
+AHEAD = 3600.0
+
+
+async def pair(stack: AsyncExitStack, folder: Path) -> tuple[Bus, Bus]:
+    """Two boards, the routers of which are linked; the clock of the second is an hour ahead."""
+    link = f"tcp/127.0.0.1:{free_port()}"
+
+    def router(name: str, **links: list[str]) -> AbstractAsyncContextManager[Bus]:
+        return session(f"tcp/127.0.0.1:{free_port()}", name, "commd", router=True, **links)
+
+    one = await stack.enter_async_context(router("pi1", listen=[link]))
+    two = await stack.enter_async_context(router("pi2", connect=[link]))
+    two._stamp = lambda: time.time_ns() + int(AHEAD * 1e9)
+    for bus, name in ((one, "pi1"), (two, "pi2")):
+        Checkups(bus, name, ["pi1", "pi2"], folder)
+    await served(one, keys.checkup(FLEET, "pi2"))
+    await served(two, keys.checkup(FLEET, "pi1"))
+    return one, two
+
+
+def test_a_board_measures_the_others_clocks_and_links_when_it_is_asked(tmp_path: Path) -> None:
+    async def body() -> None:
+        async with asyncio.timeout(60), AsyncExitStack() as stack:
+            one, _ = await pair(stack, tmp_path)
+            report = await ask(one, "pi2", Checkup(links=True), 20)
+            assert (report.board, report.state) == ("pi2", str(tmp_path))
+            assert report.disk_size is not None
+            assert report.disk_free is not None
+            assert 0 <= report.disk_free <= report.disk_size
+            (link,) = report.links
+            assert (link.board, link.problem) == ("pi1", "")
+            assert 1 <= link.answered <= link.asked
+            assert link.ahead is not None
+            assert link.round_trip is not None
+            assert abs(link.ahead + AHEAD) <= link.round_trip / 2 + 0.05
+            simple = await ask(one, "pi2", Checkup(), 20)
+            assert (simple.links, simple.disk_free) == ((), None), "who only wants the clock loads nothing"
+
+    asyncio.run(body())
+
+
+def test_a_slow_link_shows_its_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def slow(bus: Bus, board: str, filler: str, timeout: float) -> tuple[float, float]:
+        return 0.02 + len(filler) / 100_000, 0.5
+
+    monkeypatch.setattr(checkup, "_round_trip", slow)
+    report = asyncio.run(measure(None, "pi2"))  # type: ignore[arg-type]
+    assert report.rate == pytest.approx(100_000)
+    assert (report.round_trip, report.slowest, report.ahead) == (0.02, 0.02, 0.5)
+
+
+def test_a_link_that_loses_some_round_trips_and_the_filler_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    tries = iter((0.5, None, 0.1, None, 0.3))
+
+    async def lossy(bus: Bus, board: str, filler: str, timeout: float) -> tuple[float, float]:
+        took = None if filler else next(tries)
+        if took is None:
+            raise NoAnswer(f"no answer within {timeout:g} s")
+        return took, took / 10
+
+    monkeypatch.setattr(checkup, "_round_trip", lossy)
+    report = asyncio.run(measure(None, "pi2"))  # type: ignore[arg-type]
+    assert (report.answered, report.asked, report.round_trip, report.slowest) == (3, 5, 0.1, 0.5)
+    assert report.ahead == pytest.approx(0.01), "the fastest tells the clock best"
+    assert report.problem == f"{FILLER} bytes: no answer within 4 s"
+
+
+def test_a_board_that_nobody_speaks_for_is_told_at_once_and_none_is_waited_for_beyond_the_bound(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def body(connect: Connect) -> None:
+        (report,) = await measure_all(await connect(), ["nobody"])
+        assert (report.answered, report.problem) == (0, "its commd does not answer")
+
+        async def never(*_: object) -> tuple[float, float]:
+            await asyncio.Event().wait()
+            raise AssertionError
+
+        monkeypatch.setattr(checkup, "_round_trip", never)
+        reports = await measure_all(await connect("y"), ["pi1", "pi2"], 0.1)
+        assert [one.problem for one in reports] == ["not measured within 0.1 s"] * 2
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_question_that_does_not_decode_or_is_too_large_is_refused_in_words(endpoint: str, tmp_path: Path) -> None:
+    async def body(connect: Connect) -> None:
+        Checkups(await connect("pi1", "commd"), "pi1", ["pi1"], tmp_path)
+        asker = await connect("asker")
+        await served(asker, keys.checkup(FLEET, "pi1"))
+        with pytest.raises(NoAnswer, match="expected at most 65536"):
+            await ask(asker, "pi1", Checkup(filler="x" * 100_000), 10)
+
+    on_a_bus(endpoint, body)
+
+
+def test_the_room_of_a_folder_that_is_not_there_is_not_known(tmp_path: Path) -> None:
+    assert asyncio.run(room(tmp_path / "no")) == (None, None)
