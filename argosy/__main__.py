@@ -84,6 +84,7 @@ COMMANDS = {
     "manifest": "check, convert and print manifests of robots; change the one that a robot runs by",
     "mail": "show what waits in the mailboxes of a fleet, and what was given up",
     "referee": "judge a search and rescue by what the simulators saw: each victim one buoy",
+    "wheelhouse": "download all that boards without internet install, Argosy's own wheel among it",
     "stop": "order robots to hold, land or return to launch, above every agent",
 }
 
@@ -110,6 +111,10 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy import referee
 
             return referee.add_arguments, referee.run
+        case "wheelhouse":
+            from argosy import wheelhouse
+
+            return wheelhouse.add_arguments, wheelhouse.run
         case "check":
             from argosy import check
 

@@ -305,7 +305,7 @@ class Mission:
 
 
 def load_mission(path: str | Path) -> Mission:
-    """Read a mission file, or the shipped mission of that name. Raises Findings with everything that is wrong with it."""
+    """Read a mission file, or the shipped mission of that name. Raises Findings with everything that is wrong."""
     path = mission_file(path)
     if not path.suffix and not path.exists():
         known = ", ".join(shipped_names("missions", ".yaml"))
