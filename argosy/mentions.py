@@ -5,11 +5,15 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from agentd.language.syntax import And, Formula, Not, Or, Program, Structure
+from agentd.analysis.includes import Includes
+from agentd.language.signatures import DEFAULT
+from agentd.language.syntax import And, Directive, Formula, Not, Or, Program, Structure
+from agentd.paths import SourcePaths
 
 
 def mentioned(program: Program) -> set[tuple[str, int]]:
-    """Return functor and arity of every structure in a program, wherever it stands."""
+    """Return functor and arity of every structure in a program and the files that it includes, wherever it stands."""
+    includes = Includes(program.file, SourcePaths(), [])  # what is wrong with them is told by the survey
     found: set[tuple[str, int]] = set()
     waiting: list[Any] = [program]
     while waiting:
@@ -19,6 +23,8 @@ def mentioned(program: Program) -> set[tuple[str, int]]:
         elif dataclasses.is_dataclass(node):
             if isinstance(node, Structure):
                 found.add((node.functor, len(node.args)))
+            elif isinstance(node, Directive) and node.name.functor == "include":
+                waiting += includes(node, DEFAULT)
             waiting += (getattr(node, field.name) for field in dataclasses.fields(node))
     return found
 

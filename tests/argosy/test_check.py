@@ -178,6 +178,12 @@ def test_a_mistake_in_a_mission_is_told_where_it_stands(mission: Path, old: str,
     assert main(["check", str(mission)]) == 2
 
 
+def test_what_an_included_file_believes_counts_for_the_end_of_the_mission(mission: Path, tmp_path: Path) -> None:
+    (tmp_path / "scout.asl").rename(tmp_path / "inner.asl")
+    (tmp_path / "scout.asl").write_text('{ include("inner.asl") }\n')
+    assert findings(mission) == []
+
+
 def test_two_robots_on_one_link_are_told_even_when_it_is_written_in_two_ways(mission: Path) -> None:
     other = "  uav2:\n    manifest: arducopter\n    link: udpin:0.0.0.0:14550\n"
     edit(mission, "done:", f"{other}done:")
