@@ -11,25 +11,28 @@ import gc
 import logging
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import agentd.daemon
 import bridged.daemon
 import commd.daemon
 from commd.bus import AlreadyRunning, BusClosed
+from commd.notify import Member, Unit
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, run_daemon
 from schemas.findings import Findings
 from schemas.mission import Mission, load_mission
 
 LEAVE = 60.0
 """Wall seconds that the parts have to end: a bridge may try three orders of 10 s each to leave its robot safe."""
+LOOK = 0.05
+"""Wall seconds between two looks whether the router serves."""
 SETTLED = 3.0
 """Wall seconds after the start by which everything is loaded."""
 log = logging.getLogger("board")
 
-Serve = Callable[[Mission, Namespace, asyncio.Event], Awaitable[int]]
+Serve = Callable[[Mission, Namespace, asyncio.Event, Member], Awaitable[int]]
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -75,7 +78,7 @@ def _settle() -> None:
 
 
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
-    """Run the parts that this board has. Told to stop, agents and robots leave first, and the router last."""
+    """Run the parts that this board has, the router before the others. To the service manager they are one unit."""
     board = commd.daemon.chosen(mission, args.board)
     given = Namespace(**{**vars(args), "board": board, "robots": [], "agents": []})
     daemons: dict[str, Serve] = {"commd": commd.daemon.serve}
@@ -83,46 +86,51 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
         daemons["bridged"] = bridged.daemon.serve
     if any(agent.board == board for agent in mission.agents.values()):
         daemons["agentd"] = agentd.daemon.serve
-    parts = Parts(mission, given)
-    for name, daemon in daemons.items():
-        parts.start(name, daemon)
+    parts = Parts(mission, given, daemons, Unit.of_environment())
     log.info("board=%s in one process: %s", board, ", ".join(daemons))
-    return await parts.watch(stop)
+    return await parts.run(stop)
 
 
 class Parts:
     """The daemons of a board, each a task with a stop of its own."""
 
-    def __init__(self, mission: Mission, args: Namespace) -> None:
-        self._mission, self._args = mission, args
-        self._stops: dict[str, asyncio.Event] = {}
+    def __init__(self, mission: Mission, args: Namespace, daemons: Mapping[str, Serve], unit: Unit) -> None:
+        """`daemons`: what each part runs, `commd` first."""
+        self._mission, self._args, self._daemons = mission, args, daemons
+        self.members = {name: unit.member(name) for name in daemons}
+        self._stops = {name: asyncio.Event() for name in daemons}
         self._running: dict[asyncio.Task[int], str] = {}
         self._code = EXIT_DONE
 
-    def start(self, name: str, daemon: Serve) -> None:
-        """Begin a daemon."""
-        stop = self._stops[name] = asyncio.Event()
-
-        async def live() -> int:
-            return await daemon(self._mission, self._args, stop)
-
-        self._running[asyncio.create_task(live(), name=name)] = name
-
-    async def watch(self, stop: asyncio.Event) -> int:
-        """Wait for `stop` or a failure, end every part, and return the exit code.
+    async def run(self, stop: asyncio.Event) -> int:
+        """Run until `stop` or a failure, end every part, and return the exit code.
 
         A vehicle in flight does not wait for the agents: bridge and agents leave at once, the router after them.
         """
+        router, *others = self._daemons
         told = asyncio.create_task(stop.wait())
-        try:
-            while self._running and not told.done() and self._code == EXIT_DONE:
-                await asyncio.wait((told, *self._running), return_when=asyncio.FIRST_COMPLETED)
-                self._look(told.done())
-        finally:
-            told.cancel()
-        await self._end([name for name in self._stops if name != "commd"])
-        await self._end(["commd"])
+        self._start(router)
+        while not self.members[router].is_ready and self._goes_on(told):
+            await asyncio.wait((told, *self._running), timeout=LOOK, return_when=asyncio.FIRST_COMPLETED)
+            self._look(told.done())
+        for name in others if self._goes_on(told) else ():
+            self._start(name)
+        while self._goes_on(told):
+            await asyncio.wait((told, *self._running), return_when=asyncio.FIRST_COMPLETED)
+            self._look(told.done())
+        told.cancel()
+        await self._end(others)
+        await self._end([router])
         return self._code
+
+    def _start(self, name: str) -> None:
+        async def live() -> int:
+            return await self._daemons[name](self._mission, self._args, self._stops[name], self.members[name])
+
+        self._running[asyncio.create_task(live(), name=name)] = name
+
+    def _goes_on(self, told: asyncio.Task[Literal[True]]) -> bool:
+        return bool(self._running) and not told.done() and self._code == EXIT_DONE
 
     def _look(self, told: bool) -> None:
         """Note what has ended. The agents may have ended by what a program says; the others only when they are told."""

@@ -53,14 +53,14 @@ class Unit:
             self._socket = None
 
     def _changed(self) -> None:
-        """A member has something new to say: READY=1 goes out when all of them are."""
+        """A member has something new to say: READY=1 and STOPPING=1 go out when all of them are."""
         several = len(self._members) > 1
         words = [f"{one.name}: {one.words}" if several else one.words for one in self._members if one.words]
         told = {"STATUS": "; ".join(words)[:LONGEST_STATUS]}
         if not self._ready and all(one.is_ready for one in self._members):
             self._ready = True
             told["READY"] = "1"
-        if not self._stopping and any(one.is_stopping for one in self._members):
+        if not self._stopping and all(one.is_stopping for one in self._members):
             self._stopping = True
             told["STOPPING"] = "1"
         self._say(told)

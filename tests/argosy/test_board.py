@@ -20,8 +20,11 @@ import commd.daemon
 from argosy import board
 from argosy.board import Parts
 from commd.bus import BusClosed
+from commd.notify import Member, Unit
 from schemas.findings import Finding, Findings
 from schemas.mission import Mission, load_mission
+from tests.support.buses import until
+from tests.support.notify_socket import NotifySocket
 from tests.support.ports import free_port
 from tests.support.processes import ROOT, Daemon, running
 
@@ -88,8 +91,10 @@ class _Doubles:
         self.ended: list[str] = []
 
     def obedient(self, name: str, code: int = 0) -> board.Serve:
-        async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
+        async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member) -> int:
+            unit.ready(name)
             await stop.wait()
+            unit.stopping()
             await asyncio.sleep(0)
             self.ended.append(name)
             return code
@@ -97,7 +102,7 @@ class _Doubles:
         return serve
 
     def failing(self, error: BaseException | int) -> board.Serve:
-        async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
+        async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member) -> int:
             if isinstance(error, int):
                 return error
             raise error
@@ -105,22 +110,38 @@ class _Doubles:
         return serve
 
 
-def _run(stop_at_once: bool = False, **parts: board.Serve) -> int:
+def _run(
+    *,
+    stop_at_once: bool = False,
+    stop_when_ready: bool = False,
+    environment: dict[str, str] | None = None,
+    **parts: board.Serve,
+) -> int:
     async def everything() -> int:
-        made, stop = Parts(load_mission(str(_MISSION)), Namespace()), asyncio.Event()
-        for name, serve in parts.items():
-            made.start(name, serve)
+        unit, stop = Unit(environment or {}), asyncio.Event()
+        made = Parts(load_mission(str(_MISSION)), Namespace(), parts, unit)
         if stop_at_once:
             stop.set()
-        return await asyncio.wait_for(made.watch(stop), 20)
+        running = asyncio.create_task(made.run(stop))
+        if stop_when_ready:
+            await until(lambda: all(one.is_ready for one in made.members.values()), "all parts are ready")
+            stop.set()
+        return await asyncio.wait_for(running, 20)
 
     return asyncio.run(everything())
+
+
+def test_a_board_that_is_told_to_stop_at_once_begins_nothing_more() -> None:
+    doubles = _Doubles()
+    parts = {name: doubles.obedient(name) for name in ("commd", "bridged", "agentd")}
+    assert _run(stop_at_once=True, **parts) == 0
+    assert doubles.ended == ["commd"]
 
 
 def test_robots_and_agents_leave_before_the_router() -> None:
     doubles = _Doubles()
     parts = {name: doubles.obedient(name) for name in ("commd", "bridged", "agentd")}
-    assert _run(stop_at_once=True, **parts) == 0
+    assert _run(stop_when_ready=True, **parts) == 0
     assert sorted(doubles.ended[:2]) == ["agentd", "bridged"]
     assert doubles.ended[2:] == ["commd"]
 
@@ -160,12 +181,42 @@ def test_a_part_that_ends_although_nobody_told_it_to_has_failed(name: str, caplo
 def test_a_part_that_does_not_end_is_told_and_left(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def stubborn(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
+    async def stubborn(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member) -> int:
+        unit.ready("stubborn")
         await asyncio.sleep(1000)
         return 0
 
     monkeypatch.setattr(board, "LEAVE", 0.05)
     doubles = _Doubles()
-    assert _run(stop_at_once=True, commd=doubles.obedient("commd"), agentd=stubborn) == 1
+    assert _run(stop_when_ready=True, commd=doubles.obedient("commd"), agentd=stubborn) == 1
     assert "agentd did not end within 0.05 s" in caplog.text
     assert doubles.ended == ["commd"]
+
+
+def test_the_service_manager_knows_the_parts_as_one_unit(tmp_path: Path) -> None:
+    with NotifySocket(tmp_path / "notify") as manager:
+        parts = {name: _Doubles().obedient(name) for name in ("commd", "bridged", "agentd")}
+        assert _run(environment=manager.environment(), stop_when_ready=True, **parts) == 0
+        told = manager.take()
+    assert [one for one in told if "READY" in one] == [
+        {"READY": "1", "STATUS": "commd: commd; bridged: bridged; agentd: agentd"}
+    ]
+    assert [one for one in told if "STOPPING" in one]
+
+
+def test_agents_and_bridges_begin_when_the_router_serves() -> None:
+    begun: list[str] = []
+
+    def noting(name: str) -> board.Serve:
+        async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member) -> int:
+            begun.append(name)
+            await asyncio.sleep(0.1)
+            unit.ready(name)
+            begun.append(f"{name} is ready")
+            await stop.wait()
+            return 0
+
+        return serve
+
+    assert _run(stop_when_ready=True, commd=noting("commd"), bridged=noting("bridged")) == 0
+    assert begun == ["commd", "commd is ready", "bridged", "bridged is ready"]
