@@ -74,14 +74,14 @@ $(VENV)/fly.stamp: pyproject.toml | $(BIN)/python
 
 $(VENV)/test.stamp: pyproject.toml | $(BIN)/python
 	@echo "installing argosy and what its tests need"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,test]' && touch $@
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys,test]' && touch $@
 
 $(VENV)/bench.stamp: pyproject.toml | $(BIN)/python
 	@echo "installing argosy and the peer it is measured beside"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,bench]' && touch $@
 
 $(VENV)/lint.stamp: pyproject.toml | $(BIN)/python
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,test,lint]' && touch $@
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys,test,lint]' && touch $@
 
 clean:
 	rm -rf $(VENV) report
