@@ -297,7 +297,7 @@ class Crew:
         except AlreadyRunning:
             return None
         except NotDone as why:
-            if why.answered:
+            if why.answered and name.startswith(why.prefix):
                 return None
             raise
 

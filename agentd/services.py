@@ -22,10 +22,12 @@ Do: TypeAlias = Literal["join", "leave", "register", "deregister", "search", "su
 class NotDone(Exception):
     """The directory did not do what it was asked for; says why in words."""
 
-    def __init__(self, why: str, answered: bool) -> None:
+    def __init__(self, why: str, answered: bool, prefix: str = "") -> None:
         super().__init__(why)
         self.answered = answered
         """Whether it has refused; else it did not answer, and may have done it."""
+        self.prefix = prefix
+        """What it wants the names of agents made at run time to begin with."""
 
 
 class Services:
@@ -49,7 +51,7 @@ class Services:
         if answer is None:
             raise NotDone(f"the directory of board {board} does not answer: {why or 'its commd is not there'}", False)
         if answer.problem:
-            raise NotDone(answer.problem, True)
+            raise NotDone(answer.problem, True, answer.prefix)
         return answer
 
     def done_with(self, agent: str) -> None:
@@ -58,10 +60,9 @@ class Services:
 
     async def _ask(self, board: str, request: ServiceRequest, seconds: float) -> tuple[BoardServices | None, str]:
         why = ""
+        key = keys.service_requests(self._bus.fleet, board, request.agent)
         try:
-            async with aclosing(
-                self._bus.query(keys.services(self._bus.fleet, board), request, BoardServices, seconds)
-            ) as replies:
+            async with aclosing(self._bus.query(key, request, BoardServices, seconds)) as replies:
                 async for reply in replies:
                     if reply.record is not None:
                         return reply.record, ""

@@ -154,7 +154,7 @@ class Client:
     async def ask_directory(self, do: Any, service: str = "", stays: bool = False) -> BoardServices:
         """Ask the board's directory. Raises NotJoined if it does not answer in time, or says no."""
         key, request = (
-            keys.services(self._bus.fleet, self.board),
+            keys.service_requests(self._bus.fleet, self.board, self.name),
             ServiceRequest(agent=self.name, do=do, service=service, stays=stays),
         )
         until = asyncio.get_running_loop().time() + self._patience

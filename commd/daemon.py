@@ -87,6 +87,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         endpoint, *listen = given.listen
     elif not (listen or connect) and not external:
         listen, connect = router_of(mission, board, endpoint, "tls" if tls is not None else "tcp")
+    secured = given is not None and given.secured
     mode: Literal["client", "router"] = "client" if external else "router"
     async with open_bus(
         endpoint,
@@ -119,7 +120,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
 
                 gateway = await enter(open_gateway(mission, board))
             mailroom = await enter(open_mailroom(bus, known, mission.mail, folder, air, everybody_known=False))
-            directory = await enter(open_directory(bus, board, mission, mailroom.store, mailroom, clock))
+            directory = await enter(open_directory(bus, board, mission, mailroom.store, mailroom, clock, secured))
             if gateway is not None:
                 await enter(gateway.serving(mailroom))
             Checkups(bus, board, mission.board_names, folder)

@@ -24,6 +24,7 @@ from commd.services import Notice, Own, Problem, Services, checked
 from commd.store import StoreFailed
 from commd.tasks import Tasks
 from schemas import keys
+from schemas.access import made_on
 from schemas.codec import BadRecord, codec
 from schemas.mission import THIS_MACHINE, Mission
 from schemas.records import BoardServices, Health, Message, Receipt, ServiceRequest
@@ -81,13 +82,18 @@ class Post(Protocol):
 class Directory:
     """What a board knows of the agents of its fleet. Make it with `open_directory`."""
 
-    def __init__(self, bus: Bus, board: str, mission: Mission, store: Store, post: Post, clock: Clock) -> None:
+    def __init__(
+        self, bus: Bus, board: str, mission: Mission, store: Store, post: Post, clock: Clock, secured: bool = False
+    ) -> None:
+        """`secured`: routers control who asks on which key, so that only that says for whom a request is."""
         boards = tuple(mission.boards) or (THIS_MACHINE,)
         reserved = frozenset((*mission.robots, *boards))
-        self.services = Services(board, mission.mailboxes, boards, reserved)
+        prefix = made_on(board) if secured else ""
+        self.services = Services(board, mission.mailboxes, boards, reserved, prefix)
         self.counters: Counter[str] = Counter()
         """`notices` and `notices_refused`, `board_changes`, `left`: agents that were gone for good."""
         self._bus, self._board, self._store, self._post, self._clock = bus, board, store, post, clock
+        self._secured = secured
         self._homes = self.services.homes()
         self._one_at_a_time = asyncio.Lock()
         self._alive: dict[str, set[str]] = {}
@@ -183,6 +189,7 @@ class Directory:
         """Serve, and follow the agents and the other boards, for ever."""
         fleet = self._bus.fleet
         self._bus.serve(keys.services(fleet, self._board), ServiceRequest, self._answer)
+        self._bus.serve(keys.service_requests(fleet, self._board, "*"), ServiceRequest, self._answer)
         self._bus.subscribe(keys.services(fleet, "*"), BoardServices, self._told)
         for daemon in ("agentd", "client"):
             self._bus.watch(keys.alive(fleet, "*", daemon, "*"), self._agent_token)
@@ -219,6 +226,11 @@ class Directory:
             query.reply(self._said(), key)
             for said in self.services.others.values() if query.concrete else ():
                 query.reply(said, key)
+            return
+        asks = query.key.removeprefix(keys.services(self._bus.fleet, self._board)).removeprefix("/")
+        if asks != query.record.agent and (asks or self._secured):
+            own = keys.service_requests(self._bus.fleet, self._board, query.record.agent)
+            query.reply_error(f"a request of `{query.record.agent}` is asked on {own}")
             return
         try:
             query.reply(await self._fulfil(query.record))
@@ -286,9 +298,15 @@ class Directory:
     def _said(self, *, found: tuple[str, ...] = (), problem: str = "") -> BoardServices:
         """What this board says of itself."""
         header = self._bus.header("services")
-        version, agents = self.services.own.version, self.services.agents()
+        services = self.services
         return BoardServices(
-            header=header, board=self._board, version=version, agents=agents, found=found, problem=problem
+            header=header,
+            board=self._board,
+            version=services.own.version,
+            agents=services.agents(),
+            found=found,
+            problem=problem,
+            prefix=services.prefix,
         )
 
     def _put(self) -> None:
@@ -413,13 +431,13 @@ class Directory:
 
 @asynccontextmanager
 async def open_directory(
-    bus: Bus, board: str, mission: Mission, store: Store, post: Post, clock: Clock
+    bus: Bus, board: str, mission: Mission, store: Store, post: Post, clock: Clock, secured: bool = False
 ) -> AsyncIterator[Directory]:
     """Read the directory of a board, or go on trying while its disk does not let it; keep it up to date until the end.
 
     Whoever opens it watches `work`: when one of these tasks ends, the board follows nobody any more.
     """
-    directory = Directory(bus, board, mission, store, post, clock)
+    directory = Directory(bus, board, mission, store, post, clock, secured)
     read = await directory.load()
     if not read:  # a file that has just been set aside as corrupt is a new one at the second look
         await asyncio.sleep(READ_AGAIN)

@@ -61,6 +61,8 @@ class Services:
     """In the order of the mission, in which agents are listed as well."""
     reserved: frozenset[str] = frozenset()
     """Further names that are taken: robots and boards."""
+    prefix: str = ""
+    """What names made at run time begin with: where access is controlled, others may not be spoken for."""
     own: Own = field(default_factory=Own)
     others: Mapping[str, BoardServices] = field(default_factory=dict)
     """What each other board has said last."""
@@ -124,6 +126,9 @@ class Services:
             return self._with(staying=(*self.own.staying, agent) if stays else _without(self.own.staying, agent))
         if home is not None or agent in self.reserved:
             raise Problem(f"the name `{agent}` is taken" + (f" on board {home}" if home is not None else ""))
+        if not agent.startswith(self.prefix):
+            example = f"{self.prefix}{agent}"
+            raise Problem(f"names made on board {self.board} begin with `{self.prefix}`, such as `{example}`")
         if len(self.own.joined) >= MOST_JOINED:
             raise Problem(f"board {self.board} takes at most {MOST_JOINED} agents besides the mission's")
         staying = (*self.own.staying, agent) if stays else self.own.staying

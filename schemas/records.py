@@ -149,6 +149,8 @@ class BoardServices(Record, frozen=True, kw_only=True):
     """In the answer to `search` and `subscribe`: the agents of the whole fleet that offer the service."""
     problem: str = ""
     """In an answer: why the request is not fulfilled; empty if it is."""
+    prefix: str = ""
+    """What the names of agents made on this board at run time begin with; empty = anything."""
 
 
 class Queue(Record, frozen=True, kw_only=True):

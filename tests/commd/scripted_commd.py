@@ -24,7 +24,7 @@ class ScriptedCommd:
         self.answer_directory: Callable[[ServiceRequest], BoardServices] = lambda _: BoardServices(board="local")
         self._bus, self._name = bus, name
         bus.serve(keys.outbox(bus.fleet, name), Mail, self._take)
-        bus.serve(keys.services(bus.fleet, "local"), ServiceRequest, self._direct)
+        bus.serve(keys.service_requests(bus.fleet, "local", "*"), ServiceRequest, self._direct)
 
     async def offer(self, *messages: Message, patience: float = 10.0) -> Receipt | None:
         """Hand over a batch once. Returns the answer, if there is one."""

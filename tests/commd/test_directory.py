@@ -85,7 +85,7 @@ class Agent:
         request = ServiceRequest(agent=agent or self.name, do=do, service=service, stays=stays)  # type: ignore[arg-type]
         async with asyncio.timeout(20):
             while True:
-                key = keys.services(FLEET, self.board)
+                key = keys.service_requests(FLEET, self.board, request.agent)
                 async with aclosing(self.bus.query(key, request, BoardServices, 10)) as replies:
                     async for reply in replies:
                         assert reply.record is not None, reply.error
