@@ -82,6 +82,7 @@ COMMANDS = {
     "simulate": "be the simulated robots of a mission that belong to this machine; for fleets of several machines",
     "check": "read everything that a mission names and tell what is wrong; start nothing",
     "manifest": "check, convert and print manifests of robots; change the one that a robot runs by",
+    "status": "show the daemons of a fleet: who is there, how they are, who is missing",
     "mail": "show what waits in the mailboxes of a fleet, and what was given up",
     "referee": "judge a search and rescue by what the simulators saw: each victim one buoy",
     "wheelhouse": "download all that boards without internet install, Argosy's own wheel among it",
@@ -103,6 +104,10 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy import simulate
 
             return simulate.add_arguments, simulate.run
+        case "status":
+            from argosy import fleet_status
+
+            return fleet_status.add_arguments, fleet_status.run
         case "mail":
             from argosy import mail
 

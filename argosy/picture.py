@@ -150,9 +150,9 @@ class Picture:
             before = self.health.get((parsed[1], parsed[2][1]))
             self.health[parsed[1], parsed[2][1]] = health
             self.heard_at[parsed[1], parsed[2][1]] = self._now()
-            known = {_without_figures(note) for note in before.notes} if before is not None else set()
+            known = {without_figures(note) for note in before.notes} if before is not None else set()
             for note in health.notes:
-                if _without_figures(note) not in known:
+                if without_figures(note) not in known:
                     self.journal.add(parsed[1], note, "warning")
 
     def percept(self, key: str, percept: Perception) -> None:
@@ -317,6 +317,6 @@ def _pair(first: Term, second: Term) -> tuple[float, float] | None:
     return None if one is None or two is None else (one, two)
 
 
-def _without_figures(note: str) -> str:
+def without_figures(note: str) -> str:
     """What a note says but for how long or how often: it is told once, not each second."""
     return _GROWING.sub("", note)

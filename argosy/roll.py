@@ -1,0 +1,139 @@
+"""The roll of a fleet: which daemons are there and how they say they are, and which should be there and are not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from schemas import keys
+from schemas.mission import Mission
+from schemas.records import Health
+
+SILENT = 3.5
+"""Wall seconds without a record after which a daemon that holds its token counts as silent; it tells one a second."""
+MOST = 5_000
+"""Daemons that are followed; further ones are only counted."""
+
+Standing = Literal["up", "coming", "silent", "twice", "unclaimed", "missing"]
+WELL: frozenset[Standing] = frozenset({"up", "coming"})
+MEANING: dict[Standing, str] = {
+    "up": "it holds its name and tells how it is",
+    "coming": "it holds its name and has not told yet how it is",
+    "silent": "it holds its name, and tells nothing: it hangs, or its records do not come through",
+    "twice": "two hold this name at once: one of them is to be ended",
+    "unclaimed": "it tells how it is, and does not hold its name: its token does not come through",
+    "missing": "the mission has it, and it is not there",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One daemon under one name."""
+
+    name: str
+    """The agent, robot, board or client that it serves."""
+    daemon: str
+    board: str
+    """Empty: not known."""
+    standing: Standing
+    health: Health | None = None
+    """What it told last."""
+    age: float | None = None
+    """Wall seconds since then."""
+    in_mission: bool = True
+
+    @property
+    def well(self) -> bool:
+        """Whether it is there as it should be."""
+        return self.standing in WELL
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be said of it in words: the standing, if it is not well, and its own warnings."""
+        standing = () if self.well else (MEANING[self.standing],)
+        return standing + (self.health.notes if self.health is not None else ())
+
+
+class Roll:
+    """Takes tokens and health records; `now` is in wall seconds."""
+
+    def __init__(self, mission: Mission | None, now: Callable[[], float]) -> None:
+        self.expected = {} if mission is None else expected_of(mission)
+        """Name and daemon of what the mission has, and its board."""
+        self.dropped = 0
+        """Records and tokens of more daemons than are followed."""
+        self._mission, self._now = mission, now
+        self._boots: dict[tuple[str, str], set[str]] = {}
+        self._since: dict[tuple[str, str], float] = {}
+        """When a name was claimed that nobody had."""
+        self._health: dict[tuple[str, str], tuple[Health, float]] = {}
+
+    def token(self, key: str, alive: bool) -> None:
+        """A liveliness token came or went."""
+        parsed = keys.parse(key)
+        if parsed is None or len(parsed[2]) != 3:
+            return
+        who, boot = (parsed[1], parsed[2][1]), parsed[2][2]
+        if not alive:
+            boots = self._boots.get(who, set())
+            boots.discard(boot)
+            if not boots:
+                self._boots.pop(who, None)
+                self._since.pop(who, None)
+        elif self._room_for(who):
+            self._boots.setdefault(who, set()).add(boot)
+            self._since.setdefault(who, self._now())
+
+    def heard(self, key: str, health: Health) -> None:
+        """A daemon told how it is."""
+        parsed = keys.parse(key)
+        if parsed is not None and len(parsed[2]) == 2 and self._room_for(who := (parsed[1], parsed[2][1])):
+            self._health[who] = (health, self._now())
+
+    def rows(self) -> list[Row]:
+        """Return all daemons: board by board as in the mission, then what it has not."""
+        heard = {who for who, (_, at) in self._health.items() if self._now() - at <= SILENT}
+        there = self._boots.keys() | heard
+        others = sorted(there - self.expected.keys())
+        return [self._row(who) for who in (*self.expected, *others)]
+
+    @property
+    def settled(self) -> bool:
+        """Whether all that the mission has is there and has told how it is, and so have all others."""
+        rows = self.rows()
+        return bool(rows) and all(row.standing == "up" for row in rows)
+
+    def _row(self, who: tuple[str, str]) -> Row:
+        health, at = self._health.get(who, (None, None))
+        age = None if at is None else self._now() - at
+        board = self.expected.get(who, who[0] if who[1] == "commd" else "")
+        return Row(*who, board, self._standing(who, age), health, age, not self.expected or who in self.expected)
+
+    def _standing(self, who: tuple[str, str], age: float | None) -> Standing:
+        boots = self._boots.get(who, ())
+        tells = age is not None and age <= SILENT
+        if len(boots) > 1:
+            return "twice"
+        if not boots:
+            return "unclaimed" if tells else "missing"
+        if tells or who[1] == "client":  # clients hold their name and tell nothing else
+            return "up"
+        return "coming" if self._now() - self._since[who] <= SILENT else "silent"
+
+    def _room_for(self, who: tuple[str, str]) -> bool:
+        known = who in self._boots or who in self._health or who in self.expected
+        if known or len(self._boots.keys() | self._health.keys()) < MOST:
+            return True
+        self.dropped += 1
+        return False
+
+
+def expected_of(mission: Mission) -> dict[tuple[str, str], str]:
+    """Return name and daemon of all that a mission has, each with its board; clients come and go as they like."""
+    found: dict[tuple[str, str], str] = {}
+    for board in mission.board_names:
+        found[board, "commd"] = board
+        found |= {(name, "bridged"): board for name, robot in mission.robots.items() if robot.board == board}
+        found |= {(name, "agentd"): board for name, agent in mission.agents.items() if agent.board == board}
+    return found

@@ -1,0 +1,90 @@
+"""The status of a fleet as a table, for a terminal of 80 columns and wider."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from argosy.journal import printable
+from argosy.roll import Row, Standing
+from argosy.status_lines import summary
+
+STYLES: dict[Standing, str] = {
+    "up": "green",
+    "coming": "yellow",
+    "silent": "bold red",
+    "twice": "bold red",
+    "unclaimed": "bold red",
+    "missing": "bold red",
+}
+LATE = 0.5
+"""Seconds of lag from which on it is a warning."""
+HEADS = ("board", "daemon", "name", "", "version", "for", "lag", "drops", "restarts")
+
+
+def table(fleet: str, rows: Sequence[Row], *, away: bool = False) -> RenderableType:
+    """Return what a terminal shows; `away`: the router is not there, and all this is as it was last known."""
+    grid = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim", collapse_padding=True)
+    for head in HEADS:
+        grid.add_column(head, no_wrap=True, justify="right" if head in HEADS[5:] else "left")
+    board: str | None = None
+    said: list[Text] = []
+    for row in rows:
+        grid.add_row(*_cells(row, row.board if row.board != board else ""))
+        board = row.board
+        said += [Text(), *words] if (words := _words(row)) and not said else words
+    ill = any(not row.well for row in rows) or not rows
+    last = Text(summary(fleet, rows), style="bold red" if ill else "bold green")
+    if away:
+        last = Text("the router does not answer: this is what was known last", style="bold red")
+    return Group(grid, *said, Text(), last)
+
+
+def _cells(row: Row, board: str) -> list[Text]:
+    dim = "" if row.well else "dim"
+    mark = Text.assemble("● " if row.well else "✖ ", row.standing, style=STYLES[row.standing])
+    name = Text(row.name, style="bold") if row.in_mission else Text(f"{row.name} (not in the mission)", style="yellow")
+    cells = [Text(board, style="bold"), Text(row.daemon), name, mark]
+    health = row.health
+    if health is None:
+        return cells
+    late = health.lag >= LATE
+    return [
+        *cells,
+        Text(health.version or "?", style=dim),
+        Text(span(health.uptime), style=dim),
+        Text(span(health.lag) if late else f"{health.lag * 1000:.0f} ms", style="yellow" if late else dim),
+        _count(health.drops, dim),
+        Text("?", style="dim") if health.restarts is None else _count(health.restarts, dim),
+    ]
+
+
+def _words(row: Row) -> list[Text]:
+    """What is to be said of a daemon in words, each in a line."""
+    who = f"{row.daemon} {row.name}: "
+    style = "yellow" if row.well else "bold red"
+    lines = [Text(printable(f"{who}{note}"), style=style) for note in row.notes]
+    health = row.health
+    if health is not None and health.last_error:
+        age = "before it was started again" if health.last_error_age is None else f"{span(health.last_error_age)} ago"
+        more = f", {health.errors} in all" if health.errors > 1 else ""
+        lines.append(Text(printable(f"{who}last error {age}{more}: {health.last_error}"), style="red"))
+    return lines
+
+
+def _count(number: int, style: str) -> Text:
+    return Text(str(number), style="yellow" if number else style)
+
+
+def span(seconds: float) -> str:
+    """Return a span of time in words."""
+    if seconds < 60:
+        return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
+    minutes, rest = divmod(int(seconds), 60)
+    if minutes < 60:
+        return f"{minutes} min {rest} s"
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours < 48 else f"{hours // 24} d {hours % 24} h"
