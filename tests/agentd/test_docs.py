@@ -17,7 +17,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 def _blocks(page: str) -> list[tuple[str, str]]:
     """The fenced blocks of a page: language and text."""
-    return re.findall(r"^```(\w*)\n(.*?)^```$", (DOCS / page).read_text(), re.MULTILINE | re.DOTALL)
+    return re.findall(r"^```(\w*)[^\n]*\n(.*?)^```$", (DOCS / page).read_text(), re.MULTILINE | re.DOTALL)
 
 
 def _run(page: str) -> dict[str, Any]:

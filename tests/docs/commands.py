@@ -16,7 +16,7 @@ from tests.docs.pages import COMMANDS, Block, blocks, without_blocks
 from tests.docs.table import NOT_COMMANDS, entry
 
 PROGRAMS = ("argosy", "agentd", "bridged", "commd")
-_PLACEHOLDER = re.compile(r"[A-Z][A-Z0-9_]*(\.[a-z]+)?|\$[A-Z_]+|.*\.\.\.|<.*>")
+_PLACEHOLDER = re.compile(r"(?:.*[=/:])?[A-Z][A-Z0-9_]*(?:/.*|\.[a-z0-9]+)?|.*\.\.\.|<.*>")
 _HEREDOC = re.compile(r"<<-?\s*'?(\w+)'?")
 _SPAN = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
 
@@ -127,6 +127,8 @@ def _prefix(words: Sequence[str]) -> bool:
 
 def is_a_form(text: str) -> bool:
     """Whether a command is the form of commands, with placeholders: `argosy run MISSION [--speed X]`."""
+    if "<<" in text:
+        return False
     try:
         words = shlex.split(text, comments=True)
     except ValueError:
@@ -222,7 +224,7 @@ def _loosen(parser: argparse.ArgumentParser, in_prose: bool) -> None:
             action.type = _or_a_placeholder(action.type)
         if in_prose:
             action.required = False
-            action.nargs = {None: "?", "+": "*"}.get(action.nargs, action.nargs)
+            action.nargs = "?" if action.nargs is None else "*" if action.nargs == "+" else action.nargs
 
 
 def _one_of(choices: list[Any]) -> Callable[[str], Any]:

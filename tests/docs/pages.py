@@ -5,8 +5,8 @@ How blocks are written, so that they are checked (docs may hold no other kind of
 - ```` ```sh ````: commands. Each must end with exit code 0, unless the next one reads `$?`.
 - ```` ```console ````: commands after `$ `, each followed by what it prints. A line `...` stands for any lines, `...`
   within a line for any text; times of day and figures with a decimal point may be others.
-- `asl`, `python`, `toml`, `yaml`, `json`, `json5`: must be well-formed. With `title="NAME"`, or a first line that is a
-  comment with a file's name and nothing else, it is that file in the reader's folder.
+- `asl`, `mas2j`, `python`, `toml`, `yaml`, `json`, `json5`: must be well-formed. With `title="NAME"`, or a first line
+  that is a comment with a file's name and nothing else, it is that file in the reader's folder.
 - `diff` with a title: an edit of that file: the lines with ` ` and `-` are found in it, once.
 - `ini` with a title is a file too; `text` is output or a drawing and is not looked at.
 """
@@ -20,7 +20,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = frozenset({"sh", "console"})
-LANGUAGES = COMMANDS | {"asl", "python", "toml", "yaml", "json", "json5", "ini", "diff", "text"}
+LANGUAGES = COMMANDS | {"asl", "python", "toml", "yaml", "json", "json5", "ini", "mas2j", "diff", "text"}
 _FENCE = re.compile(r"^(?P<indent> *)```(?P<info>[^`\n]*)\n(?P<text>.*?)^(?P=indent)```$", re.MULTILINE | re.DOTALL)
 _TITLE = re.compile(r'title="([^"]+)"')
 _FILE = re.compile(r"(?:#|//) ([\w./-]+\.[a-z0-9]+)\n")

@@ -11,10 +11,45 @@ from typing import Final, NamedTuple, TypeVar
 Key = tuple[str, str]
 Entry = TypeVar("Entry")
 
-NOT_RUN: Final[dict[Key, str]] = {}
+_NETWORK = "installs from a package index"
+_REAL = "a real vehicle"
+
+NOT_RUN: Final[dict[Key, str]] = {
+    ("README.md", "make fly"): "makes a virtual environment from a package index, then `argosy run`",
+    ("README.md", "make test"): "is what runs this",
+    ("README.md", "argosy run --real uav1"): _REAL,
+    ("README.md", "argosy manifest"): "run in docs/manifests.md",
+    ("README.md", "zenoh "): "zenoh-cli is no dependency",
+    ("docs/drivers.md", "pip install"): _NETWORK,
+    ("docs/drivers.md", "argosy check counting.yaml"): "tests/argosy/test_robots.py, with the package installed",
+    ("docs/drivers.md", "argosy run counting.yaml"): "tests/argosy/test_robots.py, with the package installed",
+    (
+        "docs/drivers.md",
+        "argosy check examples/lamp",
+    ): "tests/bridged/test_example_drivers.py, with the package installed",
+    (
+        "docs/drivers.md",
+        "argosy run examples/lamp",
+    ): "tests/bridged/test_example_drivers.py, with the package installed",
+    ("docs/fleets.md", "argosy run missions/search_and_rescue.yaml"): "minutes: tests/argosy/test_rescue.py",
+    ("docs/keys.md", "zenoh "): "zenoh-cli is no dependency",
+    ("docs/search-and-rescue.md", "make rescue"): "minutes: tests/argosy/test_rescue.py",
+    ("docs/search-and-rescue.md", "argosy run"): "minutes: tests/argosy/test_rescue.py",
+    ("docs/search-and-rescue.md", "argosy referee"): "judges a flight of minutes: tests/argosy/test_rescue.py",
+    ("docs/search-and-rescue.md", "python -m tests.soak_rescue"): "half an hour: `make soak`",
+    ("docs/simulated-copter.md", "mavproxy.py"): "wants a terminal: tests/bridged/clients",
+}
 """Commands that are not run here: the reason. They have to parse all the same."""
 
-INSTEAD: Final[dict[Key, str]] = {}
+_ON_THE_GROUND = """\
+echo "+!never <- +mission_done; +mission_failed(no)." > idle.asl
+ sed s,single_uav/uav.asl,../idle.asl, missions/single_uav.yaml > missions/idle.yaml
+argosy run missions/idle.yaml"""
+"""The first mission with an agent that wants nothing: it does not end."""
+
+INSTEAD: Final[dict[Key, str]] = {
+    ("docs/manifests.md", "argosy run missions/single_uav.yaml"): _ON_THE_GROUND,
+}
 """Commands that take minutes: what is run in their place, the same at another speed."""
 
 
@@ -32,7 +67,13 @@ class Stay(NamedTuple):
     """`interrupt`: ctrl-C at the end of the page; `itself`: it ends while the page is followed, with exit code 0."""
 
 
-STAYS: Final[dict[Key, Stay]] = {}
+STAYS: Final[dict[Key, Stay]] = {
+    ("README.md", "bridged simulate copter"): Stay(says="copter"),
+    ("docs/drivers.md", "python room.py"): Stay(says=""),
+    ("docs/mail.md", "argosy run examples/client/survey.yaml"): Stay(says="agentd scout: up", ends="itself"),
+    ("docs/manifests.md", "argosy run missions/single_uav.yaml"): Stay(says="agentd uav: up"),
+    ("docs/simulated-copter.md", "bridged simulate copter"): Stay(says="copter"),
+}
 
 NOT_WELL_FORMED: Final[dict[Key, str]] = {
     ("docs/errors.md", '!start.\n+!start <- .print("hello")\n'): "wrong on purpose: test_errors_page.py",

@@ -12,6 +12,7 @@ import yaml
 import zenoh
 
 from agentd.language.parser import parse_program
+from agentd.projects.parser import parse_project
 from tests.docs.commands import calls, complaint, mentions
 from tests.docs.pages import LANGUAGES, Block, blocks, pages, without_blocks
 from tests.docs.table import NOT_WELL_FORMED, entry
@@ -39,6 +40,8 @@ def test_a_block_is_well_formed(block: Block) -> None:
     match block.language:
         case "asl":
             parse_program(block.text, block.where)
+        case "mas2j":
+            parse_project(block.text, block.where)
         case "python":
             compile(block.text, block.where, "exec")
         case "toml":
