@@ -86,6 +86,7 @@ COMMANDS = {
     "mail": "show what waits in the mailboxes of a fleet, and what was given up",
     "referee": "judge a search and rescue by what the simulators saw: each victim one buoy",
     "wheelhouse": "download all that boards without internet install, Argosy's own wheel among it",
+    "units": "write the systemd units, router configuration and files that one board of a mission needs",
     "stop": "order robots to hold, land or return to launch, above every agent",
 }
 
@@ -120,6 +121,10 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy import wheelhouse
 
             return wheelhouse.add_arguments, wheelhouse.run
+        case "units":
+            from argosy import units
+
+            return units.add_arguments, units.run
         case "check":
             from argosy import check
 

@@ -1,0 +1,63 @@
+"""What to do on a board with the files that `argosy units` has written, as a page for it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from argosy.board_reach import reach_of_robots
+from argosy.unit_files import Board
+
+
+def guide(board: Board, secrets: Sequence[str]) -> str:
+    """Return the page. `secrets` are the files with passphrases that its robots need."""
+    mission, target = board.mission.name, board.target
+    parts = [
+        f"# {mission}: board {board.name}\n",
+        f"Argosy is installed in `{board.venv}` on the board (docs/install.md). "
+        "Copy this folder to the board, and there, in it:\n",
+        _block(
+            "sudo cp -rT etc /etc",
+            "sudo systemd-sysusers",
+            f"sudo systemd-tmpfiles --create argosy-{mission}.conf",
+            "sudo systemctl daemon-reload",
+        ),
+        *_keys(board),
+        *_secrets(board, secrets),
+        *_unknown(board),
+        "Start it, now and whenever the board is switched on:\n",
+        _block(f"sudo systemctl enable --now {target}", f"systemctl status {' '.join(board.units)}"),
+        f"Whoever is to watch it on the board joins the group `argosy` (`sudo usermod -aG argosy $USER`, and a new "
+        f"login); the router is at `{board.router}`.\n",
+        "Stop it; a robot that is armed is left as `on_shutdown` says first:\n",
+        _block(f"sudo systemctl stop {target}"),
+    ]
+    return "\n".join(parts)
+
+
+def _block(*lines: str) -> str:
+    return "\n".join(("```sh", *lines, "```\n"))
+
+
+def _keys(board: Board) -> list[str]:
+    if board.keys is None:
+        return ["It is linked to no other machine, and needs no keys.\n"]
+    text = f"Its keys are the folder that `argosy keys add-board {board.name}` has made; only the router reads them:\n"
+    first = "sudo cp -rT KEYS " + board.keys
+    return [text, _block(first, f"sudo systemd-tmpfiles --create argosy-{board.mission.name}.conf")]
+
+
+def _secrets(board: Board, secrets: Sequence[str]) -> list[str]:
+    if not secrets:
+        return []
+    user = board.user("board" if board.one_process else "bridged")
+    lines = [f"sudo install -D -m 0600 -o {user} -g argosy {name} {board.folder}/{name}" for name in secrets]
+    return ["Passphrases are not copied by `argosy units`:\n", _block(*lines)]
+
+
+def _unknown(board: Board) -> list[str]:
+    robots = reach_of_robots(board.mission, board.name).unknown
+    if not robots:
+        return []
+    unit = board.units[0] if board.one_process else f"bridged@{board.mission.name}.service"
+    text = f"What the drivers of {', '.join(robots)} need is not known here. Allow devices by `sudo systemctl edit"
+    return [f"{text} {unit}`: `[Service]`, `PrivateDevices=no`, `DeviceAllow=/dev/NAME rw`.\n"]

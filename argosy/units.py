@@ -1,0 +1,92 @@
+"""`argosy units`: writes what a board needs to run its part of a mission under systemd, as a tree for its root."""
+
+from __future__ import annotations
+
+import re
+import sys
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from pathlib import Path
+
+from argosy.board_files import files_of, secrets_of
+from argosy.board_guide import guide
+from argosy.unit_files import VENV, Board, unit_files
+from commd import router_config
+from commd.daemon import chosen
+from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from schemas.findings import Finding, Findings
+from schemas.mission import Mission, load_mission
+
+GUIDE = "INSTALL.md"
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy units`."""
+    parser.add_argument("mission", help="mission file")
+    parser.add_argument("--board", help="which board it is for (default: the only one)")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write, which must be new")
+    parser.add_argument("--one-process", action="store_true", help="one daemon, `argosy board`, instead of three")
+    text = f"where Argosy is installed on the board (default: {VENV})"
+    parser.add_argument("--venv", type=_venv, default=VENV, metavar="DIR", help=text)
+
+
+def run(args: Namespace) -> int:
+    """Write the tree. Returns 0, 2 if the mission cannot be run so, 1 if the folder cannot be written."""
+    try:
+        mission = load_mission(args.mission)
+        board = Board(mission, chosen(mission, args.board), args.venv, args.one_process)
+        written = write(board, args.out)
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except FileExistsError:
+        print(f"error: {args.out} is not empty: what an older mission needed must not stay there", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"error: {where}{error.strerror or error}", file=sys.stderr)
+        return EXIT_FAILED
+    units = ", ".join((board.target, *board.units))
+    print(f"{args.out}: {written} files for board {board.name}: {units}\nwhat to do with them: {args.out / GUIDE}")
+    return EXIT_DONE
+
+
+def write(board: Board, out: Path) -> int:
+    """Write all files of a board; nothing is written if one cannot be made. Returns how many they are.
+
+    Raises Findings, FileExistsError for a folder that has something in it, and OSError.
+    """
+    check(board.mission)
+    texts: dict[str, str | bytes] = dict(unit_files(board))
+    keys = None if board.keys is None else Path(board.keys)
+    settings = router_config.router_settings(board.mission, board.name, socket=board.socket, keys=keys)
+    texts[f"{board.folder[1:]}/router.json5"] = router_config.write(settings)
+    for name, path in files_of(board.mission, board.name).items():
+        texts[f"{board.folder[1:]}/{name}"] = path.read_bytes()
+    texts[GUIDE] = guide(board, secrets_of(board.mission, board.name))
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise FileExistsError
+    for name, text in texts.items():
+        target = out / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return len(texts)
+
+
+def check(mission: Mission) -> None:
+    """Raise Findings for a mission whose boards are not run by units."""
+    if mission.router.external:
+        text = "router.external: the units run commd as the board's router; leave it out"
+        raise Findings([mission.positions.finding(("router", "external"), text)])
+    taken = {"router.json5", "board.env", "keys"} & {mission.path.name}
+    if taken:
+        raise Findings(
+            [Finding(str(mission.path), 0, 0, "a board has another file of this name: rename the mission's")]
+        )
+
+
+def _venv(text: str) -> str:
+    if not re.fullmatch(r"/[A-Za-z0-9_./+-]+", text):
+        raise ArgumentTypeError(f"expected an absolute path without blanks, got `{text}`")
+    if text.startswith(("/home/", "/root/", "/run/user/", "/tmp/", "/var/tmp/")):  # noqa: S108  to refuse them
+        raise ArgumentTypeError(f"the daemons do not see {text}: install below /opt, /usr or /srv")
+    return text.rstrip("/")
