@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
 EXIT_FAILED, EXIT_BAD_USAGE, EXIT_INTERRUPTED = 1, 2, 130
+EXTRAS = {"rich": "operator", "psutil": "operator", "cryptography": "keys"}
+"""What is not installed with the core, and the extra that brings it."""
 EPILOG = """\
 examples:
   argosy check missions/single_uav.yaml            is everything right with it?
@@ -28,9 +30,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_INTERRUPTED
     except ModuleNotFoundError as error:
         package = str(error.name).partition(".")[0]
-        if package not in ("rich", "psutil"):
+        if package not in EXTRAS:
             raise
-        print(f"error: argosy needs {package}: pip install 'argosy[operator]'", file=sys.stderr)
+        print(f"error: argosy needs {package}: pip install 'argosy[{EXTRAS[package]}]'", file=sys.stderr)
         return EXIT_BAD_USAGE
     except Exception as error:
         if os.environ.get("ARGOSY_DEBUG"):
@@ -47,6 +49,10 @@ def _run(given: list[str]) -> int:
         from argosy.manifest import main as manifest
 
         return manifest(given[1:])
+    if given[:1] == ["keys"]:
+        from argosy.keys import main as keys
+
+        return keys(given[1:])
     if given and given[0] in COMMANDS:  # only what is asked for is imported
         name, text = given[0], COMMANDS[given[0]]
         command = argparse.ArgumentParser(prog=f"argosy {name}", description=f"{text[0].upper()}{text[1:]}.")
@@ -83,6 +89,7 @@ COMMANDS = {
     "check": "read everything that a mission names and tell what is wrong; start nothing",
     "manifest": "check, convert and print manifests of robots; change the one that a robot runs by",
     "status": "show the daemons of a fleet: who is there, how they are, who is missing",
+    "keys": "make, renew and revoke the certificates by which boards and operators know each other",
     "mail": "show what waits in the mailboxes of a fleet, and what was given up",
     "referee": "judge a search and rescue by what the simulators saw: each victim one buoy",
     "wheelhouse": "download all that boards without internet install, Argosy's own wheel among it",
