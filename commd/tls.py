@@ -88,8 +88,8 @@ def identity_of(tls: Tls, now: float) -> Identity:
         text = f"the certificate of `{identity.name}` is valid from {day(identity.begins)} on, and this machine's clock"
         raise _wrong(tls.certificate, f"{text} says {day(now)}: set the clock")
     if now >= identity.ends:
-        text = f"the certificate of `{identity.name}` expired on {day(identity.ends)}: make another with"
-        raise _wrong(tls.certificate, f"{text} `argosy keys renew {identity.name}` on the operator's machine")
+        text = f"the certificate of `{identity.name}` expired on {day(identity.ends)} (it is {day(now)}): on the"
+        raise _wrong(tls.certificate, f"{text} operator's machine, `argosy keys renew` makes another")
     return identity
 
 
@@ -102,7 +102,7 @@ def check_board(tls: Tls, mission: Mission, board: str) -> None:
     host = host_and_port(address, DEFAULT_PORT)[0].strip("[]") if address else ""
     if host and not identity.is_at(host):
         text = f"the other boards reach `{board}` at {host}, and its certificate is for {', '.join(identity.addresses)}"
-        raise _wrong(tls.certificate, f"{text}: make another with `argosy keys renew {board}` and this mission")
+        raise _wrong(tls.certificate, f"{text}: `argosy keys renew` with this mission makes it another")
 
 
 def day(at: float) -> str:
@@ -111,38 +111,43 @@ def day(at: float) -> str:
 
 
 def _shown(tls: Tls) -> Identity:
-    """Shake hands with ourselves in memory, and read the certificate that the one side shows the other."""
-    server = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    client = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    client.check_hostname = False
-    client.verify_flags = ssl.VerifyFlags(_NO_CHECK_TIME | ssl.VERIFY_X509_PARTIAL_CHAIN)
+    """Shake hands with ourselves in memory, and read the certificate that the dialling side shows the other."""
+    server, client = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER), ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    server.verify_mode = ssl.CERT_REQUIRED
+    server.verify_flags = ssl.VerifyFlags(_NO_CHECK_TIME | ssl.VERIFY_X509_PARTIAL_CHAIN)
+    client.check_hostname, client.verify_mode = False, ssl.CERT_NONE
     try:
-        client.load_verify_locations(tls.root)
+        server.load_verify_locations(tls.root)
     except ssl.SSLError:
         raise _wrong(tls.root, "expected certificates in PEM, such as `argosy keys` writes") from None
+    for side in (server, client):
+        _show(side, tls)
+    to_client, to_server = ssl.MemoryBIO(), ssl.MemoryBIO()
+    there = server.wrap_bio(to_server, to_client, server_side=True)
+    here = client.wrap_bio(to_client, to_server)
     try:
-        server.load_cert_chain(tls.certificate, tls.key, password=_no_password)
+        for end in (here, there, here, there):
+            try:
+                end.do_handshake()
+            except ssl.SSLWantReadError:
+                continue
+        return _read(there.getpeercert() or {})
+    except ssl.SSLCertVerificationError as error:
+        text = f"the certificate is none that {tls.root} believes: the two are of different fleets, or it was revoked"
+        raise _wrong(tls.certificate, f"{text} ({error.verify_message})") from None
+    except (ssl.SSLError, KeyError) as error:
+        raise _wrong(tls.certificate, f"cannot be used: {error}") from None
+
+
+def _show(side: ssl.SSLContext, tls: Tls) -> None:
+    try:
+        side.load_cert_chain(tls.certificate, tls.key, password=_no_password)
     except ssl.SSLError as error:
         if error.reason == "KEY_VALUES_MISMATCH":
             raise _wrong(tls.certificate, f"is the certificate of another key than {tls.key}") from None
         raise _wrong(tls.certificate, f"expected a certificate in PEM, and its key in {tls.key}") from None
     except ValueError as error:
         raise _wrong(tls.key, str(error)) from None
-    to_client, to_server = ssl.MemoryBIO(), ssl.MemoryBIO()
-    there = server.wrap_bio(to_server, to_client, server_side=True)
-    here = client.wrap_bio(to_client, to_server)
-    try:
-        for side in (here, there, here):
-            try:
-                side.do_handshake()
-            except ssl.SSLWantReadError:
-                continue
-        return _read(here.getpeercert() or {})
-    except ssl.SSLCertVerificationError as error:
-        text = f"the certificate is none that {tls.root} believes: the two are of different fleets, or it was revoked"
-        raise _wrong(tls.certificate, f"{text} ({error.verify_message})") from None
-    except (ssl.SSLError, KeyError) as error:
-        raise _wrong(tls.certificate, f"cannot be used: {error}") from None
 
 
 def _read(certificate: dict[str, Any]) -> Identity:

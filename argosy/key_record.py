@@ -1,0 +1,84 @@
+"""Who of a fleet was given keys: the operator's record, and whom a machine's own folder believes."""
+
+from __future__ import annotations
+
+import ssl
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
+
+import msgspec
+
+from schemas.findings import Finding, Findings
+
+RECORD, MACHINES = "fleet.json", "machines"
+SOON_DAYS = 30
+"""A certificate that ends within so many days is to be made anew."""
+
+Kind: TypeAlias = Literal["board", "operator", "observer"]
+
+
+class Member(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A machine that was given a certificate."""
+
+    kind: Kind
+    generation: Annotated[int, msgspec.Meta(ge=1)]
+    hosts: tuple[str, ...] = ()
+    """Host names and IP addresses that its certificate is for."""
+    addresses: tuple[str, ...] = ()
+    """Those of them that the mission does not say."""
+    ends: datetime
+    revoked: datetime | None = None
+
+
+class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Who was given what."""
+
+    fleet: str
+    days: int
+    """For which certificates are made."""
+    members: dict[str, Member] = {}
+
+    @property
+    def believed(self) -> dict[str, Member]:
+        """Those that are not revoked."""
+        return {name: member for name, member in self.members.items() if member.revoked is None}
+
+
+def machine_folder(path: Path, name: str) -> Path:
+    """Return the folder that is copied to a machine."""
+    return path / MACHINES / name
+
+
+def read_record(path: Path, fleet: str) -> Record:
+    """Read who was given what. Raises Findings in words."""
+    try:
+        record = msgspec.json.decode((path / RECORD).read_bytes(), type=Record)
+    except FileNotFoundError:
+        text = f"no keys of fleet `{fleet}` are here: `argosy keys init` makes them, --dir says where they are"
+        raise wrong(path, text) from None
+    except OSError as error:
+        raise wrong(path / RECORD, f"cannot be read: {error.strerror}") from None
+    except msgspec.DecodeError as error:
+        raise wrong(path / RECORD, f"is not what `argosy keys` wrote: {error}") from None
+    if record.fleet != fleet:
+        raise wrong(path, f"the keys here are of fleet `{record.fleet}`, and the mission's is `{fleet}`")
+    return record
+
+
+def believed_in(file: Path) -> list[str]:
+    """Return whom a machine believes, by its `ca.pem`. Raises ssl.SSLError or OSError for a file of something else."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.load_verify_locations(file)
+    names = []
+    anchors: list[dict[str, Any]] = context.get_ca_certs()
+    for anchor in anchors:
+        subject = {field: value for part in anchor["subject"] for field, value in part}
+        which = str(subject.get("organizationalUnitName", "")).removeprefix("keys ")
+        names.append(f"{subject.get('commonName', '?')}{f' ({which})' if which not in ('', '1') else ''}")
+    return sorted(names)
+
+
+def wrong(file: Path, text: str) -> Findings:
+    """Return an error about a file or folder."""
+    return Findings([Finding(str(file), 0, 0, text)])
