@@ -42,6 +42,9 @@ bench-mail: $(VENV)/test.stamp  ## what mail costs: throughput, latency, backlog
 bench-board: $(VENV)/test.stamp  ## what one board needs: three daemons beside one process, 2 minutes; writes docs/board.md
 	$(BIN)/python -m benchmarks.board --out docs/board.md $(ARGS)
 
+docs: $(VENV)/docs.stamp  ## the pages as a site in site/; a link that leads nowhere fails it (--quiet would hide it from --strict)
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --site-dir site
+
 format: $(VENV)/lint.stamp  ## is every file formatted?
 	$(BIN)/ruff format --check .
 
@@ -80,8 +83,11 @@ $(VENV)/bench.stamp: pyproject.toml | $(BIN)/python
 	@echo "installing argosy and the peer it is measured beside"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,bench]' && touch $@
 
+$(VENV)/docs.stamp: pyproject.toml | $(BIN)/python
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]' && touch $@
+
 $(VENV)/lint.stamp: pyproject.toml | $(BIN)/python
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys,test,lint]' && touch $@
 
 clean:
-	rm -rf $(VENV) report
+	rm -rf $(VENV) report site
