@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 import zenoh
 
 from commd.raw import RawBus
+from commd.reach import why_not
 from commd.reminding import Reminder
 from commd.routers import addresses_to_come
 from commd.session import session_config
@@ -42,6 +43,8 @@ QUERIES = 256
 """Queries that may be served at the same time."""
 CLOSE_PATIENCE = 2.0
 """Wall seconds for the last words of a session; with a router that hangs Zenoh would take 10 s, and then fail."""
+ASK_WHY = 10.0
+"""Wall seconds after which it is looked into again why the router is not reached."""
 LOOK_UP_PATIENCE = 3.0
 """Seconds that the name service has to find the address of this board."""
 CLAIM_PATIENCE = 3.0
@@ -558,7 +561,12 @@ async def open_bus(
         config = session_config(
             mode, endpoint, f"{daemon}/{name}", listen=listen, connect=connect, listen_late=bool(absent), tls=tls
         )
-    waiting = Reminder(lambda seconds: log.warning("waiting for the router at %s for=%.0fs", endpoint, seconds))
+    why, asked = "", -ASK_WHY
+
+    def remind(seconds: float) -> None:
+        log.warning("waiting for the router at %s for=%.0fs: %s", endpoint, seconds, why)
+
+    waiting = Reminder(remind)
     try:
         while True:
             try:
@@ -569,10 +577,14 @@ async def open_bus(
                     where = " or ".join((endpoint, *listen))
                     why = str(error).partition(" at /")[0]  # what follows are paths of Zenoh's sources
                     raise BusClosed(f"cannot listen at {where}: is another router running there? ({why})") from None
+                if loop.time() >= asked + ASK_WHY:
+                    before, why = why, await why_not(endpoint, tls) or "is commd running?"
+                    asked = loop.time()
+                    if why != before:
+                        log.warning("waiting for the router at %s: %s", endpoint, why)
                 if loop.time() >= until or (stop is not None and stop.is_set()):
-                    raise BusClosed(f"no router at {endpoint}: is commd running?") from None
+                    raise BusClosed(f"no router at {endpoint}: {why}") from None
                 if not waiting.goes_on:
-                    log.warning("waiting for the router at %s", endpoint)
                     waiting.begin()
                 await asyncio.sleep(0.1)
     finally:
