@@ -6,10 +6,12 @@ A folder of keys holds `ca.pem` (the certificates of those that this machine bel
 
 from __future__ import annotations
 
+import socket
 import ssl
 import stat
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from ipaddress import ip_address
 from pathlib import Path
@@ -137,6 +139,21 @@ def _shown(tls: Tls) -> Identity:
         raise _wrong(tls.certificate, f"{text} ({error.verify_message})") from None
     except (ssl.SSLError, KeyError) as error:
         raise _wrong(tls.certificate, f"cannot be used: {error}") from None
+
+
+@contextmanager
+def shown_by(connection: socket.socket, tls: Tls) -> Iterator[tuple[Identity, ssl.SSLSocket]]:
+    """Shake hands over a connection that we made, and yield what the other side shows, whatever its dates and names.
+
+    Raises ssl.SSLCertVerificationError if it is nobody whom the keys believe, other OSErrors if it is no TLS.
+    """
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname = False
+    context.verify_flags = ssl.VerifyFlags(_NO_CHECK_TIME | ssl.VERIFY_X509_PARTIAL_CHAIN)
+    context.load_verify_locations(tls.root)
+    _show(context, tls)
+    with context.wrap_socket(connection) as session:
+        yield _read(session.getpeercert() or {}), session
 
 
 def _show(side: ssl.SSLContext, tls: Tls) -> None:
