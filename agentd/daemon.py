@@ -23,6 +23,7 @@ from commd.lives import begin_life
 from commd.notify import Member, Unit
 from commd.output import stderr
 from commd.process import ERROR, EXIT_DONE, EXIT_FAILED, add_router_argument, run_daemon, tls_of
+from commd.versions import greet
 from schemas.findings import Finding, Findings
 from schemas.manifest import load_manifest
 from schemas.mission import Mission, load_mission
@@ -81,6 +82,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         stop=stop,
         tls=tls_of(args),
     ) as bus:
+        await greet(bus, (mission.agents[part.name].board for part in parts))
         folder = state_folder(args.state, mission.fleet)
         crew = Crew(bus, clock, mission, folder, args.seed, fresh=args.fresh, unit=unit)
         try:

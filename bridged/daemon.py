@@ -18,6 +18,7 @@ from commd.clock import Clock
 from commd.lives import begin_life
 from commd.notify import Member, Unit
 from commd.process import EXIT_DONE, EXIT_FAILED, HEALTH_PERIOD, add_router_argument, report_health, run_daemon, tls_of
+from commd.versions import greet
 from schemas.findings import Findings
 from schemas.mission import Mission, load_mission
 
@@ -74,6 +75,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         stop=stop,
         tls=tls_of(args),
     ) as bus:
+        await greet(bus, (mission.robots[part.name].board for part in parts))
         shared: dict[str, Any] = {}
         bridges = [await bind(bus, mission, part, clock, args, shared, unit) for part in parts]
         bus.life = begin_life(state_directory(args.state) / mission.fleet, "bridged", parts[0].name)

@@ -25,8 +25,9 @@ from commd.routers import addresses_to_come
 from commd.session import session_config
 from commd.tasks import Tasks
 from commd.tls import Tls
+from commd.versions import Strangers
 from schemas import keys
-from schemas.codec import MAX_BYTES, BadRecord, Wire, codec
+from schemas.codec import MAX_BYTES, BadRecord, OtherVersion, Wire, codec
 from schemas.records import Header, Record
 
 if TYPE_CHECKING:
@@ -62,10 +63,12 @@ class AlreadyRunning(RuntimeError):
 class Reply(Generic[R]):
     """One reply to a query: a record on its key, or what was wrong with it."""
 
-    __slots__ = ("error", "key", "record")
+    __slots__ = ("error", "key", "other_version", "record")
 
-    def __init__(self, key: str, record: R | None, error: str = "") -> None:
+    def __init__(self, key: str, record: R | None, error: str = "", other_version: str = "") -> None:
         self.key, self.record, self.error = key, record, error
+        self.other_version = other_version
+        """Another major version than ours, which whoever answered speaks."""
 
 
 class Query(Generic[R]):
@@ -119,6 +122,8 @@ class Bus:
         self._seq: Counter[tuple[str, str]] = Counter()
         self._tasks = Tasks("serving a query")
         self._held: list[Token] = []
+        self.strangers = Strangers(self._loop.time)
+        """Who speaks another major version."""
         self._seen_keys: set[str] = set()
         """Keys whose first record has been looked through for fields that this version does not know."""
         self.raw = RawBus(session, self._loop, self.counters, lambda answer: self._hand_over(answer, _drop_query))
@@ -296,6 +301,8 @@ class Bus:
         name = str(sample.key_expr)
         try:
             return Reply(name, self._decode(answer, name, sample.payload.to_bytes(), str(sample.encoding)))
+        except OtherVersion as other:
+            return Reply(name, None, str(other), other.said or "?")
         except BadRecord as bad:
             return Reply(name, None, str(bad))
 
@@ -417,7 +424,9 @@ class Bus:
             return found
         except BadRecord as bad:
             self.counters["bad_input"] += 1
-            if self.counters["bad_input"] <= 10 or self.counters["bad_input"] % 1000 == 0:
+            if isinstance(bad, OtherVersion):
+                self.strangers.heard(key, bad.said)
+            elif self.counters["bad_input"] <= 10 or self.counters["bad_input"] % 1000 == 0:
                 log.warning("bad_input key=%s count=%d %s", key, self.counters["bad_input"], bad)
             raise
 

@@ -21,6 +21,7 @@ from commd.lives import end_lives
 from commd.logs import begin_logging, handler_of_this_process, one_line
 from commd.output import flush, stderr
 from commd.tls import Tls, tls_in
+from commd.versions import OtherMajor
 from schemas import keys
 from schemas.endpoints import check_endpoint
 from schemas.findings import Findings
@@ -90,7 +91,7 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
         words = str(findings)
         stderr().write(words, ERROR)
         return EXIT_BAD_INPUT
-    except (AlreadyRunning, BusClosed) as error:
+    except (AlreadyRunning, BusClosed, OtherMajor) as error:
         words = str(error)
         stderr().write(f"error: {name}: {error}", ERROR)
         return EXIT_FAILED
@@ -148,9 +149,9 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
                 cpu=round(used.ru_utime + used.ru_stime, 3),
                 drops=bus.counters["dropped"] + health.drops,
                 bad_input=bus.counters["bad_input"] + health.bad_input,
-                counters=health.counters,
+                counters=_with_unknown_fields(health.counters, bus.counters["unknown_fields"]),
                 percepts=health.percepts,
-                notes=health.notes,
+                notes=(*health.notes, *bus.strangers.notes()),
                 version=RELEASE,
                 restarts=bus.life.restarts if bus.life is not None else None,
                 lag=round(max(loop.worst, health.lag), 3),
@@ -160,6 +161,11 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
             ),
         )
         await asyncio.sleep(HEALTH_PERIOD)
+
+
+def _with_unknown_fields(counters: dict[str, float], unknown: int) -> dict[str, float]:
+    """Add how many fields were ignored that this version does not know, if there were any: a newer sender is there."""
+    return {**counters, "unknown_fields": float(unknown)} if unknown else counters
 
 
 def _last_error(bus: Bus, name: str) -> tuple[str, float | None, int]:

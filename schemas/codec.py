@@ -21,6 +21,15 @@ class BadRecord(ValueError):
     """Bytes that are not the record that was expected. Says what, where and what was expected."""
 
 
+class OtherVersion(BadRecord):
+    """A record of another major version: whoever sent it and this daemon do not understand one another."""
+
+    def __init__(self, record: str, said: str) -> None:
+        super().__init__(f"{record}: version {said or '?'} of the record, this daemon speaks version {VERSION}")
+        self.said = said
+        """The version that was sent, as it stands in the Encoding."""
+
+
 class Codec(Generic[R]):
     """Encodes and decodes one type of record; made once per type."""
 
@@ -77,7 +86,7 @@ class Codec(Generic[R]):
             if said != name:
                 raise BadRecord(f"{name}: expected a {name}, got a {said}")
             if version != str(VERSION):
-                raise BadRecord(f"{name}: version {version or '?'} of the record, this daemon speaks version {VERSION}")
+                raise OtherVersion(name, version)
         return "msgpack" if media == MEDIA["msgpack"] else "json"
 
 
