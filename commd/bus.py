@@ -306,6 +306,10 @@ class Bus:
         except BadRecord as bad:
             return Reply(name, None, str(bad))
 
+    def linked(self) -> set[str]:
+        """Return whom this session is linked to, by the names in their certificates."""
+        return {str(link.auth_identifier) for link in self._session.info.links() if link.auth_identifier}
+
     async def round_trip(self, timeout: float) -> bool:
         """Ask the router for itself. Returns whether it said anything, if only that nobody answers, in wall seconds."""
         info = self._session.info

@@ -17,6 +17,7 @@ from commd.checkup import Checkups
 from commd.clock import Clock
 from commd.directory import open_directory
 from commd.lives import begin_life
+from commd.links import open_links
 from commd.mailroom import open_mailroom
 from commd.notify import Loop, Member, Unit
 from commd.peers import FixedDirectory
@@ -77,16 +78,17 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
     unit = unit or Unit.of_environment().member("commd")
     board = chosen(mission, args.board)
     endpoint = args.router or mission.router.endpoint
-    if (tls := tls_of(args)) is not None:
-        check_board(tls, mission, board)
+    tls = tls_of(args)
     listen, connect = args.listen, args.connect
     given = router_config.read(args.config) if args.config is not None else None
     external = mission.router.external and given is None
     if given is not None:
-        given.check(board, time.time())
         endpoint, *listen = given.listen
+        tls = given.tls
     elif not (listen or connect) and not external:
         listen, connect = router_of(mission, board, endpoint, "tls" if tls is not None else "tcp")
+    if tls is not None:
+        check_board(tls, mission, board)
     secured = given is not None and given.secured
     mode: Literal["client", "router"] = "client" if external else "router"
     async with open_bus(
@@ -124,7 +126,8 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
             if gateway is not None:
                 await enter(gateway.serving(mailroom))
             Checkups(bus, board, mission.board_names, folder)
-            parts = [mailroom.health, directory.health, *(part.health for part in (gateway, air) if part is not None)]
+            links = await enter(open_links(bus, mission, board, tls)) if tls is not None and mode == "router" else None
+            parts = [mailroom.health, directory.health, *(part.health for part in (gateway, air, links) if part is not None)]
             log.info("%s board=%s endpoint=%s", mode, board, endpoint)
             unit.ready(words := f"{mode} of {board} at {endpoint}")
 

@@ -27,14 +27,15 @@ def router_of(
     Without an address in the mission it listens for nobody else, on whatever network this machine is.
     """
     boards = list(mission.boards)
-    own = _endpoint(mission, board, protocol)
+    own = endpoint_of(mission, board, protocol)
     listen = [own] if own and own != endpoint else []
     place = boards.index(board) if board in boards else 0
     others = boards[:place] if own else [other for other in boards if other != board]
-    return listen, list(dict.fromkeys(one for other in others if (one := _endpoint(mission, other, protocol))))
+    return listen, list(dict.fromkeys(one for other in others if (one := endpoint_of(mission, other, protocol))))
 
 
-def _endpoint(mission: Mission, board: str, protocol: str) -> str:
+def endpoint_of(mission: Mission, board: str, protocol: Literal["tcp", "tls"]) -> str:
+    """Return where other machines reach the router of a board, nothing if the mission does not say it."""
     address = mission.boards[board].address if board in mission.boards else ""
     if not address:
         return ""
