@@ -29,6 +29,8 @@ class Part:
     steps: tuple[Step, ...]
     """What is done when its agent is lost."""
     agents: list[str]
+    silence: float
+    """Wall seconds after which an agent that says nothing counts as lost."""
     where: str
     """Its link, or the prefix of its keys, or its driver, for people."""
 
@@ -62,7 +64,8 @@ def prepare_all(mission: Mission, names: list[str], link: str | None, speed: flo
             findings += found.findings
             continue
         robot = mission.robots[name]
-        parts.append(Part(name, manifest, steps, mission.agents_of(name), _where(robot, manifest)))
+        agents, silence = mission.agents_of(name), robot.agent_silence
+        parts.append(Part(name, manifest, steps, agents, silence, _where(robot, manifest)))
     if findings:
         raise Findings(findings)
     return mission, parts

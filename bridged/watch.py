@@ -1,4 +1,4 @@
-"""Watching the tokens of a robot's agents: when the agent that acted last is gone, its mission says what is done."""
+"""Watching a robot's agents: when the one that acted last is gone, or hangs, its mission says what is done."""
 
 from __future__ import annotations
 
@@ -11,28 +11,45 @@ from bridged.orders import Step
 from commd.bus import Bus
 from commd.clock import Clock
 from commd.presence import Presence
+from commd.silence import Silence
+from commd.tasks import wait_at_most
 from schemas import keys
+from schemas.records import Health
 
 WATCH_EVERY = 0.5
-"""Wall seconds between two looks at who is there, while not everybody is."""
+"""Wall seconds between two looks at who is there."""
 log = logging.getLogger("bridged")
 
 
 async def watch_agents(
-    bus: Bus, agents: list[str], boards: Mapping[str, str], bridge: Bridge, steps: tuple[Step, ...], clock: Clock
+    bus: Bus,
+    agents: list[str],
+    boards: Mapping[str, str],
+    bridge: Bridge,
+    steps: tuple[Step, ...],
+    patience: float,
+    clock: Clock,
 ) -> None:
     """When the agent that acted last is gone, do what the mission declares; when it is back, leave it to the agent.
 
-    `boards` says where each agent lives.
+    `boards` says where each agent lives. One that says nothing for `patience` wall seconds is as good as gone.
     """
-    presence, changed = Presence(agents, boards.get), asyncio.Event()
+    presence, silence, changed = Presence(agents, boards.get), Silence(patience), asyncio.Event()
     presence.expect(bridge.lease.answers, clock.wall())  # who had the robot in our last life may have died with it
 
     def token(key: str, alive: bool) -> None:
         if parsed := keys.parse(key):
-            presence.token(parsed[1], parsed[2][-1], alive, clock.wall())
-            bridge.lease.present = presence.there()
+            name, (daemon, boot) = parsed[1], parsed[2][-2:]
+            presence.token(name, boot, alive, clock.wall())
+            if daemon == "agentd":  # a client of another kind puts no health
+                silence.token(name, boot, alive, clock.wall())
             changed.set()
+
+    def word(key: str, health: Health) -> None:
+        if parsed := keys.parse(key):
+            silence.word(parsed[1], health.header.boot, clock.wall())
+            if parsed[1] in lost:
+                changed.set()
 
     def board(key: str, alive: bool) -> None:
         if parsed := keys.parse(key):
@@ -41,6 +58,7 @@ async def watch_agents(
 
     def router(up: bool) -> None:
         presence.router(up, clock.wall())
+        silence.excuse(clock.wall(), patience)
         changed.set()
 
     bus.on_router(router)
@@ -48,10 +66,13 @@ async def watch_agents(
         bus.watch(keys.alive(bus.fleet, name, "commd", "*"), board)
     for agent in agents:
         bus.watch(keys.alive(bus.fleet, agent, "*", "*"), token)  # of an agentd, or of a client that is its own daemon
+        bus.subscribe(keys.health(bus.fleet, agent, "agentd"), Health, word)
     lost: set[str] = set()
-    bridge.lease.present = presence.there()
     while True:
         now_lost = presence.lost(clock.wall())
+        for agent in silence.silent(clock.wall()):
+            now_lost.setdefault(agent, f"it is there and has said nothing for {patience:g} s: it hangs")
+        bridge.lease.present = presence.there() - set(now_lost)
         for agent, why in now_lost.items():
             if agent not in lost and agent == bridge.lease.answers:
                 bridge.orders.agent_lost(agent, why, steps)
@@ -63,7 +84,4 @@ async def watch_agents(
         somebody = bool(presence.known() - lost) or not bridge.driver.active
         bridge.driver.speak_for_agent(bridge.lease.answers not in lost and somebody)
         changed.clear()
-        if presence.complete:
-            await changed.wait()
-        else:
-            await asyncio.sleep(WATCH_EVERY)
+        await wait_at_most(changed, WATCH_EVERY)

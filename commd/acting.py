@@ -29,6 +29,7 @@ QUERY_TIMEOUT = 3600.0
 AFTER_PATIENCE = 0.5
 """Wall seconds that a status waits for the percepts which it follows."""
 RETRY = 0.2
+_HANGS = "bridge_lost: the bridge is there and says nothing: it hangs"
 
 
 class Acting:
@@ -48,6 +49,9 @@ class Acting:
         self._bus, self._agent, self._perceiving, self._bridge = bus, agent, perceiving, bridge
         self._wanted: dict[str, bool] = {}
         """The actions that are under way, and whether the agent still wants them."""
+        self._timers: set[asyncio.Timeout] = set()
+        """Those of the questions whose answers are waited for."""
+        bridge.fell_silent.append(self._give_up)
 
     async def perform(
         self,
@@ -96,6 +100,8 @@ class Acting:
         while True:
             if not self._wanted[identity]:  # asked for again now, it could begin after its cancellation
                 return ended("cancelled", "the agent has dropped it")
+            if self._bridge.hangs:
+                return failed(_HANGS)
             action = Action(
                 header=self._bus.header("action", self._agent),
                 id=identity,
@@ -111,6 +117,7 @@ class Acting:
                     aclosing(self._bus.query(key, action, ActionStatus, QUERY_TIMEOUT)) as replies,
                 ):
                     taken = False
+                    self._timers.add(timer)
                     async for reply in replies:
                         if reply.record is None:
                             reason = reply.error
@@ -131,7 +138,9 @@ class Acting:
             except BusClosed as closed:
                 reason = f"bridge_lost: {closed}"
             except TimeoutError:
-                return failed(late)
+                return failed(_HANGS if self._bridge.hangs else late)
+            finally:
+                self._timers.discard(timer)
             if self._bridge.gone:
                 return failed("bridge_lost: the bridge of this robot is not running")
             if loop.time() - heard > BUS_GRACE:
@@ -140,6 +149,11 @@ class Acting:
                 return failed(late)
             self.counters["asked_again"] += 1
             await asyncio.sleep(RETRY)
+
+    def _give_up(self) -> None:
+        """The bridge hangs: no answer will come."""
+        for timer in [timer for timer in self._timers if not timer.expired()]:
+            timer.reschedule(asyncio.get_running_loop().time())
 
     async def cancel(self, identity: str) -> None:
         """Ask the bridge to end an action that the agent has dropped; it is not asked for again."""

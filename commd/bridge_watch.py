@@ -7,7 +7,9 @@ import logging
 from collections.abc import Callable
 
 from commd.bus import Bus
+from commd.silence import SILENCE, Silence
 from schemas import keys
+from schemas.records import Health
 
 log = logging.getLogger("bridge")
 
@@ -15,10 +17,15 @@ DEBOUNCE = 0.3
 """Wall seconds that a token must be absent under a live router before its daemon counts as dead."""
 ROUTER_GRACE = 5.0
 """Wall seconds that the router has to come back, and daemons after it did: what they told is out of date by then."""
+LOOK = 0.5
+"""Wall seconds between two looks whether it still says something."""
 
 
 class BridgeWatch:
-    """Follows the liveliness tokens of one robot's bridge; tells `on_up` and `on_gone` once for each change."""
+    """Follows the liveliness tokens of one robot's bridge; tells `on_up` and `on_gone` once for each change.
+
+    While `run` runs, a bridge whose token is there and that says nothing for `SILENCE` counts as gone: it hangs.
+    """
 
     def __init__(self, bus: Bus, robot: str, on_up: Callable[[], None], on_gone: Callable[[], None]) -> None:
         self.up = False
@@ -26,25 +33,54 @@ class BridgeWatch:
         self.gone = False
         """A bridge was there and is dead or out of reach: its token is absent although the router answers, or the
         router itself has been away for too long."""
+        self.hangs = False
+        """It is gone although its token is there."""
+        self.fell_silent: list[Callable[[], None]] = []
+        """Called when it begins to hang: what waits for its answers waits in vain."""
         self._bus, self._robot, self._on_up, self._on_gone = bus, robot, on_up, on_gone
         self._tokens: set[str] = set()
+        self._silence = Silence(SILENCE)
         self._router_since = asyncio.get_running_loop().time()
         self._judging: asyncio.Task[None] | None = None
         bus.on_router(self._router)
         bus.watch(keys.alive(bus.fleet, robot, "bridged", "*"), self._token)
+        bus.subscribe(keys.health(bus.fleet, robot, "bridged"), Health, self._word)
+
+    async def run(self) -> None:
+        """Look for ever whether the bridge still says something."""
+        loop = asyncio.get_running_loop()
+        while True:
+            await asyncio.sleep(LOOK)
+            silent = self._silence.silent(loop.time())
+            if silent and self._bus.router_up and not self.hangs:
+                self.hangs, self.up, self.gone = True, False, True
+                log.warning("bridge_lost robot=%s: it is there and has said nothing for %g s", self._robot, SILENCE)
+                self._on_gone()
+                for handler in list(self.fell_silent):
+                    handler()
+
+    def _word(self, _: str, health: Health) -> None:
+        self._silence.word(self._robot, health.header.boot, asyncio.get_running_loop().time())
+        if self.hangs and self._tokens:
+            self._there()
+
+    def _there(self) -> None:
+        self.hangs = self.gone = False
+        if not self.up:
+            self.up = True
+            log.info("bridge_up robot=%s", self._robot)
+        self._on_up()
 
     def _router(self, up: bool) -> None:
         if up:
             self._router_since = asyncio.get_running_loop().time()
+            self._silence.excuse(self._router_since, SILENCE)
 
     def _token(self, key: str, alive: bool) -> None:
+        self._silence.token(self._robot, key.rsplit("/", 1)[-1], alive, asyncio.get_running_loop().time())
         if alive:
             self._tokens.add(key)
-            self.gone = False
-            if not self.up:
-                self.up = True
-                log.info("bridge_up robot=%s", self._robot)
-            self._on_up()
+            self._there()
             return
         self._tokens.discard(key)
         if not self._tokens and self._judging is None:
@@ -60,7 +96,7 @@ class BridgeWatch:
                 restarted = self._router_since > lost_at
                 since = lost_at if not self._bus.router_up else self._router_since
                 if (self._bus.router_up and not restarted) or loop.time() - since > ROUTER_GRACE:
-                    self.up, self.gone = False, True
+                    self.up, self.gone, self.hangs = False, True, False
                     why = "its token is gone" if self._bus.router_up else "no router"
                     log.warning("bridge_lost robot=%s: %s", self._robot, why)
                     self._on_gone()

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from commd.bridge_watch import BridgeWatch
 from commd.bus import Bus
 from commd.perceiving import Perceiving
+from commd.tasks import Tasks
 from schemas.records import Perception
 from schemas.terms import Term
 
@@ -26,7 +27,9 @@ class Percepts:
         self._changed = asyncio.Event()
         self.perceiving = Perceiving(bus, agent, robot, self._take)
         self.bridge = BridgeWatch(bus, robot, self.perceiving.doubt, self.perceiving.forget)
-        self._task = asyncio.get_running_loop().create_task(self.perceiving.run())
+        self._tasks = Tasks(f"perceiving for {agent}")
+        for work in (self.perceiving.run(), self.bridge.run()):
+            self._tasks.spawn(work)
 
     def present(self) -> list[Perception]:
         """What is perceived now."""
@@ -56,7 +59,7 @@ class Percepts:
 
     def close(self) -> None:
         """Look no longer."""
-        self._task.cancel()
+        self._tasks.cancel()
 
     def _take(self, change: Perception) -> None:
         if len(self._changes) >= ROOM:

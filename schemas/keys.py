@@ -71,7 +71,7 @@ CHANNELS = (
     Channel("{robot}/manifest", "put", LiveManifest, None, "bridged", "observers", None),
     Channel("{robot}/stop", "query", StopOrder, Outcome, "bridged", "operator", None),
     Channel("{name}/alive/{daemon}/{boot}", "token", None, None, "every daemon", "every daemon", None),
-    Channel("{name}/health/{daemon}", "put", Health, None, "every daemon", "agentd, observers", 1),
+    Channel("{name}/health/{daemon}", "put", Health, None, "every daemon", "bridged, agentd, observers", 1),
 )
 
 

@@ -25,6 +25,8 @@ DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
 DEFAULT_PORT = 7447
 RESERVED = frozenset(("df", "mail", "percept", "self"))
 """Senders and sources of what no agent sends: nobody may be called so."""
+LEAST_SILENCE = Duration(3)
+"""The shortest `agent_silence`: two words of an agent may be lost or late."""
 
 M = TypeVar("M", bound="FileModel")
 Order = Literal["hold", "land", "rtl"]
@@ -143,6 +145,8 @@ class Robot(FileModel, frozen=True, kw_only=True):
     failsafe: Failsafe = Failsafe()
     limits: Limits = Limits()
     on_agent_loss: tuple[str, ...] = ("hold 5s", "rtl")
+    agent_silence: Duration = Duration(5)
+    """Wall seconds after which an agent that is there and says nothing counts as lost: it hangs."""
     on_shutdown: Order = "rtl"
     simulate: Simulate | None = None
 
@@ -421,6 +425,9 @@ def _check(mission: Mission) -> list[Finding]:
             text = f"system {robot.sysid} on `{robot.link}` is robot `{other}` already: give each vehicle its own sysid"
             wrong(("robots", name, "link"), text)
         _check_lease(mission, name, wrong)
+        if robot.agent_silence < LEAST_SILENCE:
+            text = f"an agent says something once a second: expected {LEAST_SILENCE} s or more"
+            wrong(("robots", name, "agent_silence"), f"agent_silence: {text}, got {robot.agent_silence}")
     for field, endings in (("done", mission.done), ("failed", mission.failed)):
         for index, ending in enumerate(endings):
             path = (field, index) if (field, index) in where.values else (field,)

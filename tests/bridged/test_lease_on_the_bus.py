@@ -5,9 +5,16 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
+import pytest
+
 from commd.bus import Bus
+from commd.clock import Clock
+from commd.process import report_health
+from schemas import keys
 from schemas.terms import Atom
 from tests.bridged.airfield import Airfield, on_the_airfield, present, until
+from tests.bridged.sky import MISSION
+from tests.support.buses import subscribed
 
 LOST = "agent other is lost: the bridge brings the robot to safety first"
 
@@ -54,3 +61,37 @@ def test_a_robot_is_handed_to_an_agent_that_is_alive_and_taken_again_when_that_o
             await daemon
 
     on_the_airfield(endpoint, tmp_path, body)
+
+
+def test_the_robot_of_an_agent_that_hangs_is_brought_to_safety_although_its_token_stays(
+    endpoint: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as uav:
+            await uav.claim("uav")
+            daemon = field.start()
+            await subscribed(uav, keys.health("test", "uav", "agentd"))
+            speaking = asyncio.create_task(report_health(uav, "uav", Clock()))
+            async with asyncio.timeout(20):
+                while not await present(uav):
+                    await asyncio.sleep(0.05)
+            await field.take_off(uav)
+            await asyncio.sleep(3.5)
+            assert field.vehicle.copter.mode.name == "GUIDED", "an agent that speaks has its robot"
+            speaking.cancel()
+            await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold, for the agent that hangs")
+            refused = await field.do(uav, "land", agent="other")
+            assert refused.reason == "agent uav is lost: the bridge brings the robot to safety first"
+            speaking = asyncio.create_task(report_health(uav, "uav", Clock()))
+            async with asyncio.timeout(10):
+                while (taken := await field.do(uav, "set_mode", "GUIDED")).state != "succeeded":
+                    assert "is lost" in taken.reason
+                    await asyncio.sleep(0.05)
+            assert field.vehicle.copter.mode.name == "GUIDED", "the agent is back: rtl is left out"
+            speaking.cancel()
+            field.stop.set()
+            await daemon
+
+    mission = MISSION.replace("    link:", "    agent_silence: 3s\n    on_agent_loss: [hold 5min, rtl]\n    link:")
+    on_the_airfield(endpoint, tmp_path, body, mission=mission)
+    assert "agent uav is lost (it is there and has said nothing for 3 s: it hangs)" in caplog.text

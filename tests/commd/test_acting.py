@@ -10,7 +10,9 @@ import pytest
 from commd.acting import Acting
 from commd.bridge_watch import BridgeWatch
 from commd.bus import Bus, Query
+from commd.clock import Clock
 from commd.perceiving import Perceiving
+from commd.process import report_health
 from schemas import keys
 from schemas.records import Action, ActionStatus, Cancel, Perception
 from tests.support.buses import FLEET, Connect, on_a_bus, served, subscribed, until
@@ -237,5 +239,42 @@ def test_a_bridge_that_does_not_take_an_action_is_not_waited_for(endpoint: str) 
         acting, *_ = await act(connect, serve)
         status = await asyncio.wait_for(acting.perform("uav:b:1", "land", (), patience=0.5), 20)
         assert (status.state, status.reason) == ("failed", "the bridge has not taken it within 0.5 s")
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is_back_when_it_speaks(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("commd.bridge_watch.SILENCE", 2.0)
+
+    async def serve(query: Query[Action]) -> None:
+        assert query.record is not None
+        query.reply(ActionStatus(id=query.record.id, state="accepted", deadline=1000.0))
+        await asyncio.sleep(1000)
+
+    async def body(connect: Connect) -> None:
+        acting, _, bridge, watch = await act(connect, serve)
+        looking = asyncio.create_task(watch.run())
+        key = keys.health(FLEET, "uav1", "bridged")
+        await subscribed(bridge, key)
+        speaking = asyncio.create_task(report_health(bridge, "uav1", Clock()))
+        doing = asyncio.create_task(acting.perform("uav:b:1", "goto", (), 10))
+        await asyncio.sleep(2.5)
+        assert watch.up, "a bridge that speaks is not given up"
+        assert not doing.done()
+        speaking.cancel()
+        status = await asyncio.wait_for(doing, 20)
+        assert (status.state, status.reason) == (
+            "failed",
+            "bridge_lost: the bridge is there and says nothing: it hangs",
+        )
+        assert not watch.up
+        status = await asyncio.wait_for(acting.perform("uav:b:2", "goto", (), 1000), 5)
+        assert status.reason == "bridge_lost: the bridge is there and says nothing: it hangs"
+        speaking = asyncio.create_task(report_health(bridge, "uav1", Clock()))
+        await until(lambda: watch.up and not watch.hangs, "the bridge is back")
+        speaking.cancel()
+        looking.cancel()
 
     on_a_bus(endpoint, body)

@@ -1,0 +1,55 @@
+"""Whether daemons that are there still say something: one that hangs keeps its token, but not its health.
+
+Zenoh's threads answer for a process whose event loop stands still, in a Python function of the user's that does not
+return, so a token alone proves no life. The health that a loop puts once a second does. Pure: tokens, health and wall
+seconds go in.
+"""
+
+from __future__ import annotations
+
+SILENCE = 5.0
+"""Wall seconds without a word after which a daemon counts as hung, if nobody says otherwise."""
+FIRST_WORD = 30.0
+"""Wall seconds that a daemon has for its first word after its token came: it may have much to read from its disk."""
+STALL = 1.5
+"""Wall seconds between two looks of ours after which it may be us who have not listened."""
+CATCH_UP = 2.0
+"""Wall seconds that others then have at least: their words wait to be heard."""
+
+
+class Silence:
+    """Tells which daemons say nothing. Those whose token is gone are not judged: that is another loss."""
+
+    def __init__(self, patience: float = SILENCE) -> None:
+        """`patience`: wall seconds that a daemon may be silent between two words."""
+        self.patience = patience
+        self._until: dict[tuple[str, str], float] = {}
+        """By name and boot: when it is to have spoken at the latest."""
+        self._looked = float("inf")
+
+    def token(self, name: str, boot: str, alive: bool, wall: float) -> None:
+        """The token of a daemon came or went."""
+        if alive:
+            self._until[name, boot] = wall + max(self.patience, FIRST_WORD)
+        else:
+            self._until.pop((name, boot), None)
+
+    def word(self, name: str, boot: str, wall: float) -> None:
+        """A daemon has put its health."""
+        if (name, boot) in self._until:
+            self._until[name, boot] = wall + self.patience
+
+    def excuse(self, wall: float, seconds: float) -> None:
+        """We may have missed words: nobody is silent for some time."""
+        for life, until in self._until.items():
+            self._until[life] = max(until, wall + seconds)
+
+    def silent(self, wall: float) -> list[str]:
+        """Return who says nothing. To be asked about twice a second: after a longer pause it was we who slept."""
+        if wall - self._looked > STALL:
+            self.excuse(wall, CATCH_UP)
+        self._looked = wall
+        latest: dict[str, float] = {}
+        for (name, _), until in self._until.items():  # of two lives that overlap the new one speaks
+            latest[name] = max(until, latest.get(name, until))
+        return [name for name, until in latest.items() if wall >= until]
