@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
@@ -16,8 +15,8 @@ from commd.bus import Bus, open_bus
 from commd.checkup import Checkups
 from commd.clock import Clock
 from commd.directory import open_directory
-from commd.lives import begin_life
 from commd.links import open_links
+from commd.lives import begin_life
 from commd.mailroom import open_mailroom
 from commd.notify import Loop, Member, Unit
 from commd.peers import FixedDirectory
@@ -127,7 +126,8 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
                 await enter(gateway.serving(mailroom))
             Checkups(bus, board, mission.board_names, folder)
             links = await enter(open_links(bus, mission, board, tls)) if tls is not None and mode == "router" else None
-            parts = [mailroom.health, directory.health, *(part.health for part in (gateway, air, links) if part is not None)]
+            further = (gateway, air, links)
+            parts = [mailroom.health, directory.health, *(part.health for part in further if part is not None)]
             log.info("%s board=%s endpoint=%s", mode, board, endpoint)
             unit.ready(words := f"{mode} of {board} at {endpoint}")
 
