@@ -138,6 +138,7 @@ class Host:
             watch = BridgeWatch(bus, part.robot, self._bridge_up, self._bridge_gone)
             self._acting = Acting(bus, part.name, self._perceiving, watch, clock.to_wall)
             self._tasks.spawn(self._perceiving.run())
+            self._tasks.spawn(watch.run())
         self._performing = Performing(
             part.name,
             bus.boot,

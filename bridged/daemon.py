@@ -85,7 +85,9 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         for part, bridge in zip(parts, bridges, strict=True):
             work.append(asyncio.create_task(report_health(bus, part.name, clock, bridge.health)))
             work.append(
-                asyncio.create_task(watch_agents(bus, part.agents, mission.mailboxes, bridge, part.steps, clock))
+                asyncio.create_task(
+                    watch_agents(bus, part.agents, mission.mailboxes, bridge, part.steps, part.silence, clock)
+                )
             )
             log.info("serving %s on %s for %s", part.name, part.where, ", ".join(part.agents))
         unit.ready(in_words(bridges, bus))
