@@ -123,7 +123,13 @@ class Crew:
         return memory
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Let the agents reason until `stop` is set or a program stops the team."""
+        """Let the agents reason until `stop` is set or a program stops the team. Raises Denied."""
+        health = [keys.health(self._bus.fleet, name, self._bus.daemon) for name in self.hosts]
+        try:
+            await self._bus.permitted(puts=health)
+        except BusClosed:
+            self._writer.shutdown(wait=False)
+            raise
         boards = sorted(set(self._homes.values()))
         await self.roster.watch(boards)
         self._work.spawn(self.roster.follow(boards))

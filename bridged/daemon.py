@@ -19,6 +19,7 @@ from commd.lives import begin_life
 from commd.notify import Member, Unit
 from commd.process import EXIT_DONE, EXIT_FAILED, HEALTH_PERIOD, add_router_argument, report_health, run_daemon, tls_of
 from commd.versions import greet
+from schemas import keys
 from schemas.findings import Findings
 from schemas.mission import Mission, load_mission
 
@@ -78,6 +79,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         await greet(bus, (mission.robots[part.name].board for part in parts))
         shared: dict[str, Any] = {}
         bridges = [await bind(bus, mission, part, clock, args, shared, unit) for part in parts]
+        await bus.permitted(puts=[key for part in parts for key in told_of(bus, part)])
         bus.life = begin_life(state_directory(args.state) / mission.fleet, "bridged", parts[0].name)
         for bridge in bridges:
             bridge.driver.alone = len(bridges) == 1
@@ -129,6 +131,12 @@ async def bind(
         raise Findings([mission.positions.finding(("robots", part.name), said)]) from error
     service.open(bridge.board, bridge.desk, bridge.orders, bridge.live)
     return bridge
+
+
+def told_of(bus: Bus, part: Part) -> list[str]:
+    """The keys on which a robot is told of: those of its agents, and its own."""
+    of_agents = [build(bus.fleet, agent, "any") for agent in part.agents for build in (keys.percept, keys.status)]
+    return [*of_agents, keys.health(bus.fleet, part.name, bus.daemon), keys.manifest(bus.fleet, part.name)]
 
 
 def in_words(bridges: list[Bridge], bus: Bus) -> str:

@@ -11,13 +11,15 @@ import asyncio
 import logging
 import os
 from collections import Counter, deque
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Sequence
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Collection, Sequence
 from contextlib import asynccontextmanager
+from functools import partial
 from threading import Thread
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 
 import zenoh
 
+from commd import denials
 from commd.raw import RawBus
 from commd.reach import why_not
 from commd.reminding import Reminder
@@ -54,6 +56,10 @@ CLAIM_PATIENCE = 3.0
 
 class BusClosed(ConnectionError):
     """The router could not be reached, or the bus was closed."""
+
+
+class Denied(BusClosed):
+    """The router denies what this daemon needs; says what, by whom, and what to do."""
 
 
 class AlreadyRunning(RuntimeError):
@@ -111,9 +117,17 @@ class Bus:
         wire: Wire,
         stamp: Callable[[], int],
         mode: Literal["client", "router"],
+        endpoint: str,
+        tls: Tls | None = None,
     ) -> None:
         self.fleet, self.name, self.daemon, self.boot, self.wire = fleet, name, daemon, boot, wire
-        self.mode = mode
+        self.mode, self.endpoint, self.tls = mode, endpoint, tls
+        self.guarded = mode == "client" and not endpoint.startswith("tcp/")
+        """Whether the router may deny what this session does: it says who it is, by its certificate or its board."""
+        self.declared: Counter[tuple[str, str]] = Counter()
+        """What this session serves, subscribes to and holds now: kinds as Zenoh's admin space calls them, and keys."""
+        self.access = denials.Watch(self)
+        """What the router denies."""
         self.counters: Counter[str] = Counter()
         """dropped, bad_input, unknown_fields, unsendable, replies_lost, puts_lost: what did not get through so far."""
         self._session = session
@@ -121,18 +135,20 @@ class Bus:
         self._loop = asyncio.get_running_loop()
         self._seq: Counter[tuple[str, str]] = Counter()
         self._tasks = Tasks("serving a query")
-        self._held: list[Token] = []
+        self._held: dict[Token, str] = {}
         self.strangers = Strangers(self._loop.time)
         """Who speaks another major version."""
         self._seen_keys: set[str] = set()
         """Keys whose first record has been looked through for fields that this version does not know."""
-        self.raw = RawBus(session, self._loop, self.counters, lambda answer: self._hand_over(answer, _drop_query))
+        drop = partial(self._hand_over, refuse=_drop_query)
+        self.raw = RawBus(session, self._loop, self.counters, drop, self._declare)
         """Bytes on keys that are not Argosy's."""
         self.life: Life | None = None
         """What counts how often this daemon was started again, once it does."""
         self._routers: set[str] = set()
         self._on_router: list[Callable[[bool], None]] = []
         self._away = Reminder(lambda seconds: log.warning("router lost for=%.0fs: is commd running?", seconds))
+        self._watching = self._loop.create_task(self.access.run()) if self.guarded else None
         if mode == "client":
             self._watch_router()
         else:
@@ -189,6 +205,7 @@ class Bus:
             handler(name, found)
 
         self._session.declare_subscriber(key, self._hand_over(deliver))
+        self._declare("subscriber", key)
 
     def serve(
         self,
@@ -217,8 +234,10 @@ class Bus:
             self._tasks.spawn(self._serve(query, record, handler))
 
         queryable = self._session.declare_queryable(key, self._hand_over(deliver, refuse=_drop_query))
+        forget = self._declare("queryable", key)
 
         def withdraw() -> None:
+            forget()
             try:
                 queryable.undeclare()  # type: ignore[no-untyped-call]
             except zenoh.ZError as error:  # the session is closed already, and with it what it served
@@ -333,12 +352,13 @@ class Bus:
     def token(self, key: str) -> Token:
         """Declare a liveliness token; it goes when it is undeclared or when this process ends."""
         token = self._session.liveliness().declare_token(key)
-        self._held.append(token)  # a token that nobody holds is gone
+        self._held[token] = key  # a token that nobody holds is gone
+        self._declare("token", key)
         return token
 
     def withdraw(self, token: Token) -> None:
         """Take a token back: what it stood for is here no longer."""
-        self._held.remove(token)
+        self._forget("token", self._held.pop(token))
         token.undeclare()  # type: ignore[no-untyped-call]
 
     def watch(self, key: str, handler: Callable[[str, bool], None]) -> None:
@@ -387,6 +407,9 @@ class Bus:
             there = await self._claimed(names)
             while missing := [name for name in names if self._own(name) not in there.get(name, ())]:
                 if self._loop.time() >= until:
+                    what = [f"{denials.KINDS['token']} {self._own(name)}" for name in missing]
+                    if self.router_up:
+                        raise Denied(await denials.in_words(self, what))
                     raise BusClosed(f"the router does not show the token of `{missing[0]}`")
                 await asyncio.sleep(0.02)
                 there = await self._claimed(names)
@@ -398,6 +421,27 @@ class Bus:
                 self.withdraw(token)
             raise
         return tokens
+
+    @property
+    def zid(self) -> str:
+        """What routers call this session."""
+        return str(self._session.info.zid())
+
+    async def permitted(self, puts: Collection[str] = ()) -> None:
+        """Ask the router whether it lets through what was declared, and puts on these keys. Raises Denied."""
+        if self.mode == "client" and (words := await denials.refused(self, puts)):
+            raise Denied(words)
+
+    def _declare(self, kind: str, key: str) -> Callable[[], None]:
+        self.declared[kind, key] += 1
+        self.access.changed()
+        return partial(self._forget, kind, key)
+
+    def _forget(self, kind: str, key: str) -> None:
+        self.declared[kind, key] -= 1
+        if not self.declared[kind, key]:
+            del self.declared[kind, key]
+        self.access.changed()
 
     def _own(self, name: str) -> str:
         return keys.alive(self.fleet, name, self.daemon, self.boot)
@@ -498,6 +542,8 @@ class Bus:
 
     async def close(self) -> None:
         """End what is being served, then leave the bus."""
+        if self._watching is not None:
+            self._watching.cancel()
         self._away.end()
         await self._tasks.end()
         closed = asyncio.Event()
@@ -602,7 +648,18 @@ async def open_bus(
                 await asyncio.sleep(0.1)
     finally:
         waiting.end()
-    bus = Bus(session, fleet=fleet, name=name, daemon=daemon, boot=boot_id(), wire=wire, stamp=stamp, mode=mode)
+    bus = Bus(
+        session,
+        fleet=fleet,
+        name=name,
+        daemon=daemon,
+        boot=boot_id(),
+        wire=wire,
+        stamp=stamp,
+        mode=mode,
+        endpoint=endpoint,
+        tls=tls,
+    )
     try:
         yield bus
     finally:

@@ -18,12 +18,13 @@ from pathlib import Path
 from typing import Any
 
 from commd.acting import Acting
-from commd.bus import AlreadyRunning, Bus, BusClosed, open_bus
+from commd.bus import AlreadyRunning, Bus, BusClosed, Denied, open_bus
 from commd.clock import Clock
 from commd.inbox import Inbox, Messages, Seen
 from commd.percepts import Percepts
 from commd.sending import MailboxFull, NoAnswer, NotSent, Sending, TooLarge, UnknownReceiver
 from schemas import keys
+from schemas.access import made_on
 from schemas.codec import Wire
 from schemas.mission import DEFAULT_ROUTER, THIS_MACHINE, Mission, load_mission
 from schemas.names import check_name
@@ -220,11 +221,16 @@ async def join(
     check_name(fleet)
     seen = Seen(None if numbers is None else Path(numbers))
     async with _bus(router or DEFAULT_ROUTER, fleet, name, clock, wire, patience) as bus:
-        await _claim(bus, name)
+        try:
+            await _claim(bus, name)
+        except Denied as denied:
+            hint = "" if known else f"; who is not in its mission is called `{made_on(board)}...` there"
+            raise NotJoined(f"{denied}{hint}") from None
         client = Client(bus, name, board or THIS_MACHINE, robots, clock, seen, patience)
         try:
             if not known:
                 await client.ask_directory("join", stays=stays)
+            await bus.permitted()
             yield client
             if not known and not stays:
                 await client.ask_directory("leave")

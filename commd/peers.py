@@ -128,7 +128,7 @@ class Peers:
         return answer
 
     async def _ask(self, peer: str, key: str, mail: Mail, timeout: float) -> Receipt | NoAnswer:
-        there = peer in self._alive
+        there, begun = peer in self._alive, self._clock.now()
         answer: Receipt | NoAnswer | None = None
         try:
             async with aclosing(self._bus.query(key, mail, Receipt, timeout)) as replies:
@@ -142,5 +142,7 @@ class Peers:
         if answer is not None:
             return answer
         if there or peer in self._alive:
-            return NoAnswer(f"{peer} does not answer", certain=False)
+            # A router that denies a query ends it at once, as it does when nobody serves the key.
+            denied = ": or does its router deny it?" if self._clock.now() - begun < timeout / 2 else ""
+            return NoAnswer(f"{peer} does not answer{denied}", certain=False)
         return NoAnswer(f"{peer} is away", certain=True, away=True)

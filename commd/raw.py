@@ -11,6 +11,7 @@ import asyncio
 import logging
 from collections import Counter, deque
 from collections.abc import AsyncGenerator, Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from threading import Lock
 from typing import Any, Protocol
@@ -51,11 +52,12 @@ class _Declared(Protocol):
 class _Handle:
     """Something declared on the bus."""
 
-    def __init__(self, declared: _Declared) -> None:
-        self._declared = declared
+    def __init__(self, declared: _Declared, forget: Callable[[], None] = lambda: None) -> None:
+        self._declared, self._forget = declared, forget
 
     def close(self) -> None:
         """Take it back."""
+        self._forget()
         try:
             self._declared.undeclare()
         except zenoh.ZError as error:  # the session is closed already
@@ -65,8 +67,8 @@ class _Handle:
 class Subscription(_Handle):
     """A subscriber; its figures count from its beginning."""
 
-    def __init__(self, queue: _Queue, declared: _Declared) -> None:
-        super().__init__(declared)
+    def __init__(self, queue: _Queue, declared: _Declared, forget: Callable[[], None]) -> None:
+        super().__init__(declared, forget)
         self._queue = queue
 
     @property
@@ -178,9 +180,12 @@ class RawBus:
         loop: asyncio.AbstractEventLoop,
         counters: Counter[str],
         hand_over: Callable[[Callable[[Any], None]], Any],
+        declare: Callable[[str, str], Callable[[], None]],
     ) -> None:
-        """`hand_over` makes of a function for queries a callback of Zenoh's that is bounded as the bus's own are."""
+        """`hand_over` makes of a function for queries a callback of Zenoh's that is bounded as the bus's own are;
+        `declare(kind, key)` notes a declaration and returns what forgets it."""
         self._session, self._loop, self._counters, self._hand_over = session, loop, counters, hand_over
+        self._declare = declare
 
     def subscribe(self, key: str, handler: Callable[[Sample], None]) -> Subscription:
         """Call `handler` on the event loop for each sample that others put on a matching key, in order."""
@@ -188,7 +193,7 @@ class RawBus:
         declared = self._session.declare_subscriber(
             key, zenoh.handlers.Callback(queue.push, indirect=False), allowed_origin=zenoh.Locality.REMOTE
         )
-        return Subscription(queue, declared)
+        return Subscription(queue, declared, self._declare("subscriber", key))
 
     def publisher(self, key: str) -> Publisher:
         """Declare that this process puts on a key."""
@@ -223,7 +228,37 @@ class RawBus:
                     log.debug("reply_lost key=%s why=%s", key, error)
 
         queryable = self._session.declare_queryable(key, self._hand_over(reply), allowed_origin=zenoh.Locality.REMOTE)
-        return _Handle(queryable)
+        return _Handle(queryable, self._declare("queryable", key))
+
+    async def look_up(self, key: str, seconds: float) -> list[Sample]:
+        """Ask everybody who serves a key, the router's admin space too. Returns the replies of so many wall seconds."""
+        replies: asyncio.Queue[Sample | None] = asyncio.Queue()
+
+        def soon(reply: Sample | None) -> None:
+            with suppress(RuntimeError):  # the loop has ended, and with it whoever asked
+                self._loop.call_soon_threadsafe(replies.put_nowait, reply)
+
+        def arrived(reply: zenoh.Reply) -> None:
+            soon(_read_reply(reply))
+
+        try:
+            self._session.get(
+                key,
+                zenoh.handlers.Callback(arrived, lambda: soon(None), indirect=False),
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                timeout=seconds,
+            )
+        except zenoh.ZError as error:
+            log.debug("not_asked key=%s why=%s", key, error)
+            return []
+        found: list[Sample] = []
+        with suppress(TimeoutError):
+            async with asyncio.timeout(seconds + 1):  # Zenoh ends the query itself; the second is for its last word
+                while (reply := await replies.get()) is not None:
+                    if not reply.error:
+                        found.append(reply)
+        return found
 
 
 class _Queue:

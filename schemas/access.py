@@ -144,7 +144,8 @@ def _is_order(channel: Channel) -> bool:
 
 def _is_among_boards(channel: Channel) -> bool:
     """Whether boards ask each other in their own names, and not in that of an agent."""
-    return channel.kind == "query" and channel.key.startswith("{board}/") and "commd" in channel.sink.split(", ")
+    sinks = channel.sink.split(", ")
+    return channel.kind == "query" and channel.key.startswith("{board}/") and "commd" in sinks and not _is_read(channel)
 
 
 def _any(key: str) -> str:
@@ -183,19 +184,21 @@ def _senders(mission: Mission, board: str) -> list[str]:
 
 
 def _asked_by(mission: Mission, board: str, channel: Channel) -> Iterator[str]:
-    """The keys of a row that the agents of a board ask with effect: those that name one of them as agent or sender."""
-    if _is_among_boards(channel):
-        yield f"{ROOT}/{mission.fleet}/{_any(channel.key)}"
-        return
+    """The keys of a row that a board's daemons ask with effect: those that name one of its agents as agent or sender,
+    and those of the board itself, which sees whom a request is for."""
     chunks = channel.key.split("/")
     place = next((i for i, chunk in enumerate(chunks) if chunk in ("{agent}", "{sender}")), None)
-    if channel.carries is None or _is_order(channel) or place is None:
+    if _is_among_boards(channel):
+        yield f"{ROOT}/{mission.fleet}/{_any(channel.key)}"
+    elif channel.carries is None or _is_order(channel) or place is None:
         return
-    for name in (*_senders(mission, board), *((UNDELIVERED,) if chunks[place] == "{sender}" else ())):
-        made = "/".join([*chunks[:place], name, *chunks[place + 1 :]]).replace("{board}", board)
-        while made.endswith("}"):
-            made = made.rpartition("/")[0]
-        yield f"{ROOT}/{mission.fleet}/{_any(made)}/**"
+    elif chunks[0] == "{board}":
+        yield f"{ROOT}/{mission.fleet}/{board}/{'/'.join(chunks[1:place])}/**"
+    else:
+        for name in (*_senders(mission, board), *((UNDELIVERED,) if chunks[place] == "{sender}" else ())):
+            named = [name if i == place else chunk for i, chunk in enumerate(chunks)]
+            fixed = named[: place + 1] + [chunk for chunk in named[place + 1 :] if not chunk.startswith("{")]
+            yield f"{ROOT}/{mission.fleet}/{_any('/'.join(fixed))}/**"
 
 
 def _spoken(manifest: Manifest) -> Iterator[str]:
