@@ -90,6 +90,7 @@ COMMANDS = {
     "manifest": "check, convert and print manifests of robots; change the one that a robot runs by",
     "status": "show the daemons of a fleet: who is there, how they are, who is missing",
     "keys": "make, renew and revoke the certificates by which boards and operators know each other",
+    "doctor": "look a fleet over: clocks, disks, links, versions, percepts; say what to do",
     "mail": "show what waits in the mailboxes of a fleet, and what was given up",
     "referee": "judge a search and rescue by what the simulators saw: each victim one buoy",
     "wheelhouse": "download all that boards without internet install, Argosy's own wheel among it",
@@ -116,6 +117,10 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy import fleet_status
 
             return fleet_status.add_arguments, fleet_status.run
+        case "doctor":
+            from argosy import doctor
+
+            return doctor.add_arguments, doctor.run
         case "mail":
             from argosy import mail
 

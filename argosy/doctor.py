@@ -1,0 +1,156 @@
+"""`argosy doctor`: looks a fleet over from the operator's machine; each finding says what to do."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import importlib.util
+import json
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
+from contextlib import aclosing
+from dataclasses import asdict
+from typing import Any
+
+from argosy.diagnosis import Check, Facts, RobotFacts, Said, counted
+from argosy.doctor_fleet import clocks, daemons, disks, links, mail, versions
+from argosy.doctor_keys import certificates
+from argosy.doctor_robots import percepts, vehicles
+from argosy.fleet_status import call_the_roll, settled
+from argosy.journal import printable
+from argosy.operator_bus import Where, add_router_argument, operator_bus, where
+from argosy.roll import SILENT
+from commd.bus import Bus, BusClosed
+from commd.checkup import LINKS_WITHIN, NoAnswer, ask, measure_all
+from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from schemas import keys
+from schemas.findings import Findings
+from schemas.mission import Mission, load_mission
+from schemas.records import BoardReport, Checkup, LiveManifest, Mailboxes, Perception
+
+CHECKS: tuple[Check, ...] = (daemons, versions, clocks, disks, links, vehicles, percepts, mail)
+WATCHED = 3.0
+"""Wall seconds over which rates are counted."""
+ANSWER_TIMEOUT = 3.0
+"""Wall seconds that a bridge or a mailbox has to answer."""
+STYLES = {"ok": "\x1b[32m", "warning": "\x1b[33m", "error": "\x1b[1;31m"}
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy doctor`."""
+    parser.add_argument("mission", help="mission file")
+    add_router_argument(parser, "the mission's")
+    parser.add_argument("--json", action="store_true", help="as JSON")
+    parser.set_defaults(fleet=None)
+
+
+def run(args: Namespace) -> int:
+    """Print what is found. Returns 1 if there is an error, 0 if there are warnings at most."""
+    try:
+        mission = load_mission(args.mission)
+        place = where(args)
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return EXIT_BAD_INPUT
+    said = certificates(mission, getattr(args, "keys", None))
+    try:
+        said += asyncio.run(examine(mission, place))
+    except BusClosed as closed:
+        do = "start commd there (`systemctl start argosy-{0}.target`), or name another router by --router"
+        said.append(Said("error", "router", str(closed), do.format(mission.name)))
+    show(said, as_json=args.json)
+    return EXIT_FAILED if any(one.level == "error" for one in said) else EXIT_DONE
+
+
+async def examine(mission: Mission, place: Where) -> list[Said]:
+    """Gather what the checks need, and let them judge. Raises BusClosed."""
+    async with operator_bus(place) as bus:
+        facts = await gather(bus, mission)
+        said = [one for check in CHECKS for one in check(facts)]
+        return said + await _access(bus, mission)
+
+
+async def gather(bus: Bus, mission: Mission) -> Facts:
+    """Ask everybody, within bounds; who does not answer is part of what is found."""
+    loop = asyncio.get_running_loop()
+    roll = call_the_roll(bus, bus.fleet, mission)
+    await settled(roll, SILENT + 0.5)
+    earlier, began = roll.rows(), loop.time()
+    boards: dict[str, BoardReport | str] = {}
+    for board in mission.board_names:
+        try:
+            boards[board] = await ask(bus, board, Checkup(links=True), LINKS_WITHIN + ANSWER_TIMEOUT)
+        except NoAnswer as why:
+            boards[board] = str(why)
+    reached = [board for board, report in boards.items() if isinstance(report, BoardReport)]
+    from_here = await measure_all(bus, reached)
+    there = {row.name for row in roll.rows() if row.daemon == "bridged" and row.well}
+    now, robots = bus.stamp(), {}
+    for robot in mission.robots:
+        if robot in there and mission.agents_of(robot):
+            now, robots[robot] = bus.stamp(), await _robot(bus, mission, robot)
+    boxes = await _mailboxes(bus)
+    await asyncio.sleep(max(0.0, began + WATCHED - loop.time()))
+    links_by_board = {link.board: link for link in from_here}
+    return Facts(mission, roll.rows(), earlier, boards, links_by_board, robots, boxes, now)
+
+
+async def _robot(bus: Bus, mission: Mission, robot: str) -> RobotFacts:
+    agent = mission.agents_of(robot)[0]
+    told: dict[str, int] = {}
+    declared: dict[str, Any] | None = None
+    try:
+        async with aclosing(
+            bus.query(keys.percept(bus.fleet, agent, "**"), None, Perception, ANSWER_TIMEOUT)
+        ) as replies:
+            async for reply in replies:
+                if reply.record is not None:
+                    name = reply.record.name
+                    told[name] = max(told.get(name, 0), reply.record.header.stamp)
+        key = keys.manifest(bus.fleet, robot)
+        async with aclosing(bus.query(key, None, LiveManifest, ANSWER_TIMEOUT)) as manifests:
+            async for answer in manifests:
+                if answer.record is not None:
+                    declared = answer.record.manifest.get("percepts", {})
+    except BusClosed as closed:
+        return RobotFacts(told, {}, str(closed))
+    if declared is None:
+        return RobotFacts(told, {}, "its bridge does not tell its manifest")
+    return RobotFacts(told, declared)
+
+
+async def _mailboxes(bus: Bus) -> dict[str, Mailboxes]:
+    found: dict[str, Mailboxes] = {}
+    async with aclosing(bus.query(keys.mailboxes(bus.fleet, "*"), None, Mailboxes, ANSWER_TIMEOUT)) as replies:
+        async for reply in replies:
+            if reply.record is not None:
+                found[reply.record.board] = reply.record
+    return found
+
+
+async def _access(bus: Bus, mission: Mission) -> list[Said]:
+    """What the access rules let this machine do, by trying: of fleets that have keys."""
+    if importlib.util.find_spec("argosy.doctor_access") is None:
+        return []
+    checks = importlib.import_module("argosy.doctor_access")
+    found: list[Said] = await checks.findings(bus, mission)
+    return found
+
+
+def show(said: Sequence[Said], *, as_json: bool) -> None:
+    """Print the findings, those with something to do last of all where one looks first."""
+    errors = sum(one.level == "error" for one in said)
+    warnings = sum(one.level == "warning" for one in said)
+    if as_json:
+        told = {"well": not errors, "errors": errors, "warnings": warnings, "findings": [asdict(one) for one in said]}
+        print(json.dumps(told, ensure_ascii=False, indent=2))
+        return
+    colours = sys.stdout.isatty()
+    width = max((len(one.what) for one in said), default=0)
+    for one in said:
+        level = f"{STYLES[one.level]}{one.level:7}\x1b[0m" if colours else f"{one.level:7}"
+        print(f"{level}  {one.what:{width}}  {printable(one.text)}")
+        if one.do:
+            print(f"{'':7}  {'':{width}}  do: {one.do}")
+    print(f"{counted(errors, 'error')}, {counted(warnings, 'warning')}")

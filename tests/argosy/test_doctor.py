@@ -1,0 +1,268 @@
+"""`argosy doctor`: what it says of facts, and of real boards."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from argosy.diagnosis import Facts, RobotFacts, Said
+from argosy.doctor import CHECKS, show
+from argosy.doctor_fleet import clocks, daemons, disks, links, mail, versions
+from argosy.doctor_robots import percepts, vehicles
+from argosy.roll import Row
+from schemas.mission import load_mission
+from schemas.records import BoardReport, DeadLetter, Header, Health, LinkReport, Mailboxes, Message, Queue
+from schemas.release import RELEASE
+from tests.support.ports import free_port
+from tests.support.processes import ROOT, Daemon
+
+MISSION = """\
+mission: trial
+boards: {pi1: {}, pi2: {}}
+agents:
+  a: {program: a.asl, board: pi1}
+  b: {program: a.asl, board: pi2, robot: uav}
+robots:
+  uav: {manifest: arducopter, link: "udpin:127.0.0.1:1", board: pi2}
+"""
+WELL = Health(version=RELEASE, restarts=0, uptime=100.0, header=Header(boot="x"))
+
+
+@pytest.fixture
+def facts(tmp_path: Path) -> Facts:
+    path = tmp_path / "trial.yaml"
+    path.write_text(MISSION)
+    (tmp_path / "a.asl").write_text("!start.\n+!start <- .print(ready).\n")
+    return Facts(load_mission(path))
+
+
+def row(name: str = "a", daemon: str = "agentd", board: str = "pi1", **more: Any) -> Row:
+    standing = more.pop("standing", "up")
+    in_mission = more.pop("in_mission", True)
+    health = None if standing == "missing" else replace_health(more)
+    return Row(name, daemon, board, standing, health, 0.2, in_mission)
+
+
+def replace_health(more: Mapping[str, Any]) -> Health:
+    from msgspec.structs import replace as renewed
+
+    return renewed(WELL, **more)
+
+
+def only(said: list[Said], level: str) -> Said:
+    (found,) = [one for one in said if one.level == level]
+    assert found.do or level == "ok", "a finding says what to do"
+    return found
+
+
+def test_daemons_that_are_not_well_are_errors_with_where_to_look(facts: Facts) -> None:
+    assert only(daemons(replace(facts, rows=[row()])), "ok").text == "all 1 are up, heard within 0.2 s"
+    found = only(daemons(replace(facts, rows=[row(), row("b", board="pi2", standing="missing")])), "error")
+    assert found.text == "agentd b on pi2 is missing: the mission has it, and it is not there"
+    assert "on pi2: `systemctl status agentd@trial`" in found.do
+    for standing in ("silent", "twice", "unclaimed"):
+        assert only(daemons(replace(facts, rows=[row(standing=standing)])), "error").text.startswith("agentd a on pi1")
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        ({"notes": ("no failsafe",)}, "agentd a: no failsafe"),
+        ({"restarts": 3, "last_error": "killed"}, "agentd a was started again 3 times since its board started; killed"),
+        ({"errors": 2, "last_error": "disk full", "last_error_age": 7.2}, "2 errors, the last 7 s ago: disk full"),
+        ({"drops": 60}, "agentd a is dropping: 50 within 10 s"),
+        ({"lag": 4.2}, "agentd a is 4.2 s behind"),
+    ],
+)
+def test_what_a_daemon_complains_of_is_a_warning(facts: Facts, more: dict[str, Any], told: str) -> None:
+    said = daemons(replace(facts, rows=[row(**more)], earlier=[row(drops=10, uptime=90.0)]))
+    assert told in only(said, "warning").text
+
+
+def test_what_was_dropped_before_is_no_warning_and_neither_is_an_agent_made_at_run_time(facts: Facts) -> None:
+    rows = [row(drops=60), row("made", in_mission=False)]
+    said = daemons(replace(facts, rows=rows, earlier=[row(drops=60, uptime=90.0)]))
+    assert [one.level for one in said] == ["ok"]
+    stranger = daemons(replace(facts, rows=[row("pi9", "commd", in_mission=False)]))
+    assert only(stranger, "warning").text == "not in the mission: commd pi9"
+
+
+def test_versions_that_differ_are_named_and_another_major_one_is_an_error(facts: Facts) -> None:
+    assert only(versions(replace(facts, rows=[row()])), "ok").text.startswith(f"all run {RELEASE}")
+    mixed = only(versions(replace(facts, rows=[row(), row("b", version="0.0.9"), row("c", version="")])), "warning")
+    assert mixed.text == f"0.0.9: b; {RELEASE}: a; an older one that does not say: c; this machine: {RELEASE}"
+    assert only(versions(replace(facts, rows=[row(), row("b", version="7.0.0")])), "error")
+
+
+@pytest.mark.parametrize(
+    ("ahead", "level", "told"),
+    [
+        ({"pi1": 0.001, "pi2": -0.002}, "ok", "2 boards and this machine agree within 3.0 ms (measured to 10.0 ms)"),
+        ({"pi1": 0.5, "pi2": 0.001}, "warning", "pi1 is 0.5 s ahead of this machine (measured to 5.0 ms)"),
+        ({"pi1": -40.0, "pi2": 1.0}, "error", "pi2 is 41.0 s ahead of pi1 (measured to 10.0 ms)"),
+        ({"pi1": 0.0, "pi2": -7200.0}, "error", "is 2 h ahead of pi2"),
+    ],
+)
+def test_clocks_are_compared_as_far_as_round_trips_allow(
+    facts: Facts, ahead: dict[str, float], level: str, told: str
+) -> None:
+    seen = {board: LinkReport(board=board, round_trip=0.01, ahead=one) for board, one in ahead.items()}
+    assert told in only(clocks(replace(facts, from_here=seen)), level).text
+
+
+def test_a_skew_within_what_a_slow_link_leaves_open_is_none(facts: Facts) -> None:
+    seen = {"pi1": LinkReport(board="pi1", round_trip=2.0, ahead=0.9)}
+    assert only(clocks(replace(facts, from_here=seen)), "ok")
+
+
+@pytest.mark.parametrize(
+    ("free", "level", "told"),
+    [
+        (50_000_000_000, "ok", "at least 50.0 GB are free for state (pi1)"),
+        (800_000_000, "warning", "pi1: 800 MB of 64.0 GB are left at /var/lib/argosy"),
+        (10_000_000, "error", "pi1: 10 MB of 64.0 GB are left"),
+        (None, "error", "pi1: /var/lib/argosy cannot be looked at"),
+    ],
+)
+def test_disks_that_fill_are_told(facts: Facts, free: int | None, level: str, told: str) -> None:
+    report = BoardReport(board="pi1", state="/var/lib/argosy", disk_free=free, disk_size=64_000_000_000)
+    assert told in only(disks(replace(facts, boards={"pi1": report})), level).text
+
+
+@pytest.mark.parametrize(
+    ("link", "level", "told"),
+    [
+        ({"answered": 5, "round_trip": 0.003, "slowest": 0.01, "rate": 9e6}, "ok", "1 way measured: 3.0 ms at most"),
+        ({"problem": "its commd does not answer"}, "error", "pi1 > pi2: its commd does not answer"),
+        ({"answered": 3, "round_trip": 0.003}, "warning", "pi1 > pi2: 2 of 5 round trips had no answer"),
+        ({"answered": 5, "round_trip": 0.9, "slowest": 1.2}, "warning", "pi1 > pi2: 0.9 s for a round trip at best"),
+        ({"answered": 5, "round_trip": 0.1, "rate": 1200.0}, "warning", "pi1 > pi2: 1.2 kB/s"),
+        ({"answered": 5, "round_trip": 0.1, "problem": "no"}, "warning", "pi1 > pi2: no"),
+    ],
+)
+def test_links_are_judged_by_answers_time_and_rate(facts: Facts, link: dict[str, Any], level: str, told: str) -> None:
+    report = BoardReport(board="pi1", links=(LinkReport(board="pi2", asked=5, **link),))
+    assert told in only(links(replace(facts, boards={"pi1": report})), level).text
+
+
+def test_a_board_that_does_not_answer_is_an_error(facts: Facts) -> None:
+    found = only(links(replace(facts, boards={"pi2": "no answer within 3 s"})), "error")
+    assert found.text == "pi2 is not reached from here: no answer within 3 s"
+
+
+@pytest.mark.parametrize(
+    ("messages", "bad", "level", "told"),
+    [
+        (1000, 0, "ok", "uav: 100 messages/s on udpin:127.0.0.1:1"),
+        (0, 0, "error", "uav: nothing is heard on udpin:127.0.0.1:1"),
+        (12, 0, "warning", "uav: only 1.2 messages/s"),
+        (1000, 100, "warning", "uav: 10.0 of 110 packets/s come damaged"),
+    ],
+)
+def test_links_to_vehicles_are_judged_by_what_comes(
+    facts: Facts, messages: float, bad: float, level: str, told: str
+) -> None:
+    before = row("uav", "bridged", "pi2", uptime=90.0, counters={"messages": 50.0, "bad_checksums": 5.0})
+    after = row("uav", "bridged", "pi2", counters={"messages": 50.0 + messages, "bad_checksums": 5.0 + bad})
+    assert told in only(vehicles(replace(facts, earlier=[before], rows=[after])), level).text
+
+
+def test_a_bridge_that_was_started_again_meanwhile_has_no_rate(facts: Facts) -> None:
+    before = row("uav", "bridged", counters={"messages": 50.0}, uptime=9.0, header=Header(boot="one"))
+    after = row("uav", "bridged", counters={"messages": 5.0}, header=Header(boot="two"))
+    assert vehicles(replace(facts, earlier=[before], rows=[after])) == []
+
+
+def test_percepts_with_a_live_source_that_are_not_told_are_named_with_their_source(facts: Facts) -> None:
+    declared = {
+        "altitude": {"source": "GLOBAL_POSITION_INT", "ttl": 3},
+        "gps": {"source": "GPS_RAW_INT", "ttl": 5},
+        "override": {"source": "OVERRIDE"},
+    }
+    at = 1_000_000_000_000
+    some = RobotFacts({"altitude": at}, declared)
+    known = replace(facts, now=at + 2_500_000_000, robots={"uav": some})
+    assert only(percepts(known), "warning").text == "uav: not told now: gps (from GPS_RAW_INT)"
+    full = replace(known, robots={"uav": RobotFacts({"altitude": at, "gps": at - 10}, declared)})
+    assert only(percepts(full), "ok").text == "uav: 2 percepts, the newest told 2.5 s ago"
+    ahead = replace(full, from_here={"pi2": LinkReport(board="pi2", ahead=1.0)})
+    assert only(percepts(ahead), "ok").text == "uav: 2 percepts, the newest told 3.5 s ago"
+    mute = replace(known, robots={"uav": RobotFacts({}, {}, "its bridge does not tell its manifest")})
+    assert only(percepts(mute), "warning").text == "uav: its bridge does not tell its manifest"
+
+
+def test_mail_that_waits_long_or_was_given_up_is_told(facts: Facts) -> None:
+    queue = Queue(box="outbox", sender="a", receiver="b", messages=3, oldest=90.0, state="pi2 is away")
+    waiting = only(mail(replace(facts, mail={"pi1": Mailboxes(board="pi1", queues=(queue,))})), "warning")
+    assert waiting.text == "pi1: 3 messages a > b wait, the oldest for 90.0 s: pi2 is away"
+    letter = DeadLetter(
+        message=Message(id="1", sender="a", performative="tell", receiver="b", content=1), reason="", stamp=0
+    )
+    dead = only(mail(replace(facts, mail={"pi1": Mailboxes(board="pi1", dead=(letter,), dead_count=4)})), "warning")
+    assert dead.text.startswith("pi1: 4 messages could not be delivered")
+    assert only(mail(replace(facts, mail={"pi1": Mailboxes(board="pi1")})), "ok")
+
+
+def test_of_nothing_known_nothing_is_said_to_be_well(facts: Facts) -> None:
+    said = [one for check in CHECKS for one in check(facts)]
+    assert [one.text for one in said] == ["nobody is there"]
+
+
+def test_findings_are_shown_with_what_to_do_and_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    show([Said("ok", "disks", "fine"), Said("error", "links", "cut\x1b[2J", "mend it")], as_json=False)
+    assert capsys.readouterr().out == (
+        "ok       disks  fine\nerror    links  cut [2J\n                do: mend it\n1 error, 0 warnings\n"
+    )
+
+
+def doctor(mission: Path, router: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "argosy", "doctor", str(mission), "--router", router, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=90, cwd=ROOT)
+
+
+def test_two_real_boards_are_looked_over_and_what_is_missing_is_told(facts: Facts, tmp_path: Path) -> None:
+    path = facts.mission.path
+    one, two, link = (f"tcp/127.0.0.1:{free_port()}" for _ in range(3))
+    state = ("--state", str(tmp_path / "state"))
+    started = [
+        Daemon("commd", "serve", str(path), "--board", "pi1", "--router", one, "--listen", link, *state),
+        Daemon("commd", "serve", str(path), "--board", "pi2", "--router", two, "--connect", link, *state),
+        Daemon("agentd", "serve", str(path), "a", "--router", one, *state),
+    ]
+    try:
+        started[2].says("ready")
+        for daemon in started[:2]:
+            daemon.says("board=")
+        found = doctor(path, two, "--json")
+        assert found.returncode == 1, found
+        told = json.loads(found.stdout)
+        errors = [each["text"] for each in told["findings"] if each["level"] == "error"]
+        assert [text.split(":")[0] for text in errors] == [
+            "bridged uav on pi2 is missing",
+            "agentd b on pi2 is missing",
+        ]
+        well = {each["what"]: each["text"] for each in told["findings"] if each["level"] == "ok"}
+        assert {"versions", "clocks", "links", "mail"} <= well.keys()
+        assert well["links"].startswith("4 ways measured")
+        assert all(each["do"] for each in told["findings"] if each["level"] != "ok")
+    finally:
+        for daemon in started:
+            daemon.kill()
+    alone = doctor(path, two)
+    assert alone.returncode == 1
+    assert f"error    router  no router at {two}: is commd running?" in alone.stdout
+    assert "do: start commd there" in alone.stdout
+
+
+def test_a_mission_that_cannot_be_read_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from argosy.__main__ import main
+
+    assert main(["doctor", str(tmp_path / "no.yaml")]) == 2
+    assert "no.yaml" in capsys.readouterr().err
