@@ -18,8 +18,8 @@ ROOT = Path(__file__).parents[2]
 class Daemon:
     """A running process and the lines that it has said."""
 
-    def __init__(self, *arguments: str, within: Sequence[str] = ()) -> None:
-        """Run `python -m ARGUMENTS`; `within` stands before it, such as `ip netns exec NAME`."""
+    def __init__(self, *arguments: str, within: Sequence[str] = (), code: Path = ROOT) -> None:
+        """Run `python -m ARGUMENTS` of a checkout; `within` stands before it, such as `ip netns exec NAME`."""
         self.arguments = arguments
         self.lines: list[str] = []
         self.process = subprocess.Popen(
@@ -29,7 +29,7 @@ class Daemon:
             stdin=subprocess.DEVNULL,
             text=True,
             errors="replace",
-            cwd=ROOT,
+            cwd=code,
             start_new_session=True,
         )
         self._reader = threading.Thread(target=self._read, daemon=True)
@@ -75,9 +75,9 @@ class Daemon:
 
 
 @contextlib.contextmanager
-def running(*arguments: str) -> Iterator[Daemon]:
+def running(*arguments: str, code: Path = ROOT) -> Iterator[Daemon]:
     """Start `python -m ARGUMENTS` and end it when the block ends."""
-    daemon = Daemon(*arguments)
+    daemon = Daemon(*arguments, code=code)
     try:
         yield daemon
     finally:

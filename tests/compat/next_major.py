@@ -1,0 +1,19 @@
+"""A daemon of the next major version of the records: `python -m tests.compat.next_major agentd serve ...`."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import schemas.codec
+import schemas.records
+
+NEXT = schemas.records.VERSION + 1
+
+if __name__ == "__main__":
+    for module in (schemas.records, schemas.codec):
+        module.VERSION = NEXT  # type: ignore[attr-defined]
+    import commd.versions
+
+    assert commd.versions.VERSION == NEXT
+    sys.exit(importlib.import_module(f"{sys.argv[1]}.__main__").main(sys.argv[2:]))
