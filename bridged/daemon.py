@@ -148,7 +148,9 @@ def in_words(bridges: list[Bridge], bus: Bus) -> str:
 
 async def tell(unit: Member, bridges: list[Bridge], bus: Bus) -> None:
     """Tell the service manager for ever how the bridges are."""
+    loop = unit.loop()
     while True:
+        loop.beat()
         await asyncio.sleep(HEALTH_PERIOD)
         unit.status(in_words(bridges, bus))
 

@@ -26,8 +26,8 @@ class Upkeep:
     def __init__(
         self, robot: str, name: str, driver: Driver, on_failure: Callable[[str], None], loop: Loop | None = None
     ) -> None:
-        """`on_failure` is told why the driver does not run, each time that it has stopped; while it is to be run again
-        its turns are beats of `loop`."""
+        """`on_failure` is told why the driver does not run, each time that it has stopped. Its turns are beats of
+        `loop`, from the first one after each start: to open a link may take long."""
         self._loop = loop or Loop.unwatched()
         self._robot, self._name, self._driver, self._on_failure = robot, name, driver, on_failure
         self.problem = ""
@@ -38,13 +38,14 @@ class Upkeep:
         loop, (pause, longest) = asyncio.get_running_loop(), PAUSES
         while True:
             running = loop.call_later(LASTS, self._runs)
+            self._loop.rest()
             try:
                 await self._driver.run()
                 raise RuntimeError(f"driver `{self._name}` of {self._robot} has ended by itself")
             except OSError as error:
                 if not worth_waiting(error):
                     raise
-                self._loop.beat()
+                self._loop.rest()
                 self._failed(str(error) or type(error).__name__, "it is tried again")
             finally:
                 running.cancel()

@@ -69,7 +69,7 @@ class Unit:
         """A loop has turned: feed the watchdog if all have since it was fed, no more often than needed."""
         if self.period is None or self._now() - self._fed_at < self.period / 2:
             return
-        if all(one.turned for one in self._loops):
+        if all(one.turned or one.resting for one in self._loops):
             self._fed_at = self._now()
             for one in self._loops:
                 one.turned = False
@@ -129,7 +129,7 @@ class Loop:
 
     def __init__(self, unit: Unit) -> None:
         self._unit = unit
-        self.turned = True
+        self.turned, self.resting = True, False
 
     @classmethod
     def unwatched(cls) -> Loop:
@@ -143,8 +143,12 @@ class Loop:
 
     def beat(self) -> None:
         """Say that it has come round."""
-        self.turned = True
+        self.turned, self.resting = True, False
         self._unit._turned()
+
+    def rest(self) -> None:
+        """It waits for what may take long, such as a name to be looked up: it is not missed until its next beat."""
+        self.resting = True
 
     def end(self) -> None:
         """It has come to its end: nobody waits for its turns any more."""

@@ -106,6 +106,22 @@ def test_one_loop_that_hangs_is_enough_to_starve_the_watchdog(manager: NotifySoc
     assert len(manager.fields("WATCHDOG")) == fed + 1
 
 
+def test_a_loop_that_waits_for_what_may_take_long_is_not_missed_until_its_next_beat(manager: NotifySocket) -> None:
+    now = Now()
+    member = Unit(manager.environment(watchdog=8), now).member("bridged")
+    works, opens = member.loop(), member.loop()
+    opens.rest()
+    for _ in range(10):
+        works.beat()
+        now.at += 2
+    assert len(manager.fields("WATCHDOG")) == 10
+    opens.beat()
+    for _ in range(10):
+        works.beat()
+        now.at += 2
+    assert len(manager.fields("WATCHDOG")) <= 12
+
+
 def test_the_watchdog_of_another_process_is_not_fed(manager: NotifySocket) -> None:
     loop = Unit(manager.environment(watchdog=8, pid=1)).member("agentd").loop()
     loop.beat()
