@@ -54,17 +54,22 @@ def _assert(mind: Any, term: Any, last: bool) -> bool:
 
 @internal_action(".asserta", 1)
 def asserta(mind: Any, trail: Trail, term: Any) -> bool:
+    """``.asserta(B)``: believes B, or adds the rule B, before all others of its name."""
     return _assert(mind, term, last=False)
 
 
 @internal_action(".assertz", 1)
 def assertz(mind: Any, trail: Trail, term: Any) -> bool:
+    """``.assertz(B)``: as ``.asserta``, after all others of its name."""
     return _assert(mind, term, last=True)
 
 
 @internal_action(".belief", 1, backtracks=True)
 def belief(mind: Any, trail: Trail, pattern: Any) -> Iterator[None]:
-    """``.belief(B)``: facts only."""
+    """``.belief(B)``: each fact that unifies; rules are not asked.
+
+    ?- .belief(door(D)) gives D = open; D = closed
+    """
     pattern = deref(pattern)
     if type(pattern) is Var:
         facts = list(mind.beliefs.facts())
@@ -100,7 +105,10 @@ def relevant_rules(mind: Any, trail: Trail, pattern: Any, result: Any) -> bool:
 
 @internal_action(".namespace", 1, backtracks=True)
 def namespace(mind: Any, trail: Trail, name: Any) -> Iterator[None]:
-    """``.namespace(N)``: the namespaces in use."""
+    """``.namespace(N)``: the namespaces in use.
+
+    ?- .namespace(N) gives N = default
+    """
     found = dict.fromkeys(["default", *[p.sig.namespace for p in mind.beliefs.predicates()], *mind.namespaces])
     mark = len(trail)
     for each in found:
@@ -111,6 +119,7 @@ def namespace(mind: Any, trail: Trail, name: Any) -> Iterator[None]:
 
 @internal_action(".namespace_set_prop", 3)
 def namespace_set_prop(mind: Any, trail: Trail, name: Any, key: Any, term: Any) -> bool:
+    """``.namespace_set_prop(N, Key, V)``: keeps a value under a key of a namespace."""
     mind.namespaces.setdefault(_name(name), {})[_name(key)] = resolve_all((term,))[0]
     return True
 
@@ -119,7 +128,10 @@ def namespace_set_prop(mind: Any, trail: Trail, name: Any, key: Any, term: Any) 
 def namespace_get_prop(
     mind: Any, trail: Trail, name: Any, key: Any, term: Any = None, default: Any = None
 ) -> Iterator[None]:
-    """``.namespace_get_prop(N, K[, V[, Default]])``: a missing key without default leaves V free and succeeds."""
+    """``.namespace_get_prop(N, Key[, V[, Default]])``: the value under a key, or under each key where Key is free.
+
+    A missing key without default leaves V free and succeeds.
+    """
     known = mind.namespaces.get(_name(name), {})
     mark = len(trail)
     term = Var() if term is None else term

@@ -42,12 +42,16 @@ def _for_all_kinds(name: str, kinds: tuple[str, ...]) -> None:
 
     @internal_action(f".{name}.clear", 1)
     def clear(mind: Any, trail: Trail, term: Any) -> bool:
+        """``.map.clear(C)``, ``.set.clear(C)``, ``.queue.clear(C)``: empties it."""
         _held(term, kinds, trail).content.clear()
         return True
 
     @internal_action(f".{name}.copy", 2)
     def copy(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
-        """The outer container only."""
+        """``.map.copy(C, D)``, ``.set.copy(C, D)``, ``.queue.copy(C, D)``: another one of the same members.
+
+        The outer container only: containers within it are shared.
+        """
         held = _held(term, kinds, trail)
         return unify(result, Collection(held.kind, held.content.copy()), trail)
 
@@ -56,6 +60,10 @@ def _for_all_kinds(name: str, kinds: tuple[str, ...]) -> None:
 
     @internal_action(f".{name}.to_list", 2)
     def to_list(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+        """``.set.to_list(C, L)``, ``.queue.to_list(C, L)``: its members in order.
+
+        ?- .set.add_all(S, [c,a,c]) & .set.to_list(S, L) gives L = [a,c]
+        """
         return unify(result, make_list(list(_held(term, kinds, trail).content)), trail)
 
 
@@ -66,23 +74,34 @@ _for_all_kinds("queue", _QUEUE)
 
 @internal_action(".map.create", 1)
 def map_create(mind: Any, trail: Trail, term: Any) -> bool:
+    """``.map.create(M)``: an empty map; fails when M has a value. ``.map.put`` makes one by itself where M is free."""
     return _create("map", term, trail)
 
 
 @internal_action(".map.put", 3)
 def map_put(mind: Any, trail: Trail, term: Any, key: Any, value: Any) -> bool:
+    """``.map.put(M, Key, V)``: V under Key, in place of what was there.
+
+    ?- .map.put(M, alt, 5) & .map.put(M, alt, 7) & .map.get(M, alt, A) gives A = 7
+    """
     _held(term, _MAP, trail).content[resolve(key)] = resolve(value)
     return True
 
 
 @internal_action(".map.get", (3, 4))
 def map_get(mind: Any, trail: Trail, term: Any, key: Any, value: Any, default: Any = None) -> bool:
+    """``.map.get(M, Key, V[, Default])``: the value under Key; fails when there is none and no default.
+
+    ?- .map.create(M) & .map.get(M, alt, A, 0) gives A = 0
+    ?- .map.create(M) & .map.get(M, alt, A) fails
+    """
     found = _held(term, _MAP, trail).content.get(resolve(key), default)
     return found is not None and unify(value, found, trail)
 
 
 @internal_action(".map.remove", 3)
 def map_remove(mind: Any, trail: Trail, term: Any, key: Any, value: Any) -> bool:
+    """``.map.remove(M, Key, V)``: takes Key out; V is what was there. Fails when nothing was."""
     found = _held(term, _MAP, trail).content.pop(resolve(key), None)
     return found is not None and unify(value, found, trail)
 
@@ -97,21 +116,28 @@ def _one_by_one(members: list[Any], item: Any, trail: Trail) -> Iterator[None]:
 
 @internal_action(".map.key", 2, backtracks=True)
 def map_key(mind: Any, trail: Trail, term: Any, key: Any) -> Iterator[None]:
+    """``.map.key(M, Key)``: each key.
+
+    ?- .map.put(M, a, 1) & .map.put(M, b, 2) & .map.key(M, K) gives K = a; K = b
+    """
     yield from _one_by_one(list(_held(term, _MAP, trail).content), key, trail)
 
 
 @internal_action(".map.value", 2, backtracks=True)
 def map_value(mind: Any, trail: Trail, term: Any, value: Any) -> Iterator[None]:
+    """``.map.value(M, V)``: the value of each key."""
     yield from _one_by_one(list(_held(term, _MAP, trail).content.values()), value, trail)
 
 
 @internal_action(".set.create", 1)
 def set_create(mind: Any, trail: Trail, term: Any) -> bool:
+    """``.set.create(S)``: an empty set; fails when S has a value. The other actions make one where S is free."""
     return _create("set", term, trail)
 
 
 @internal_action(".set.add", 2)
 def set_add(mind: Any, trail: Trail, term: Any, item: Any) -> bool:
+    """``.set.add(S, X)``: X is in the set, once."""
     content, new = _held(term, _SET, trail).content, resolve(item)
     place = place_in(content, new)
     if place == len(content) or compare(content[place], new):
@@ -132,6 +158,10 @@ def _members(term: Any) -> list[Any]:
 @internal_action(".set.add_all", 2)
 @internal_action(".set.union", 2)
 def set_add_all(mind: Any, trail: Trail, term: Any, items: Any) -> bool:
+    """``.set.add_all(S, L)``, ``.set.union(S, L)``: the members of a list, set or queue too.
+
+    ?- .set.add(S, b) & .set.union(S, [c,a]) & .set.to_list(S, L) gives L = [a,b,c]
+    """
     held = _held(term, _SET, trail)
     held.content[:] = distinct([*held.content, *[resolve(i) for i in _members(items)]])
     return True
@@ -139,6 +169,7 @@ def set_add_all(mind: Any, trail: Trail, term: Any, items: Any) -> bool:
 
 @internal_action(".set.remove", 2)
 def set_remove(mind: Any, trail: Trail, term: Any, item: Any) -> bool:
+    """``.set.remove(S, X)``: X is not in the set."""
     content, gone = _held(term, _SET, trail).content, resolve(item)
     if is_in(content, gone):
         del content[place_in(content, gone)]
@@ -147,6 +178,10 @@ def set_remove(mind: Any, trail: Trail, term: Any, item: Any) -> bool:
 
 @internal_action(".set.intersection", 2)
 def set_intersection(mind: Any, trail: Trail, term: Any, items: Any) -> bool:
+    """``.set.intersection(S, L)``: only what is in L too stays.
+
+    ?- .set.add_all(S, [a,b,c]) & .set.intersection(S, [b,d]) & .set.to_list(S, L) gives L = [b]
+    """
     held, others = _held(term, _SET, trail), distinct(_members(items))
     held.content[:] = [m for m in held.content if is_in(others, m)]
     return True
@@ -154,6 +189,10 @@ def set_intersection(mind: Any, trail: Trail, term: Any, items: Any) -> bool:
 
 @internal_action(".set.difference", 2)
 def set_difference(mind: Any, trail: Trail, term: Any, items: Any) -> bool:
+    """``.set.difference(S, L)``: what is in L goes.
+
+    ?- .set.add_all(S, [a,b,c]) & .set.difference(S, [b,d]) & .set.to_list(S, L) gives L = [a,c]
+    """
     held, others = _held(term, _SET, trail), distinct(_members(items))
     held.content[:] = [m for m in held.content if not is_in(others, m)]
     return True
@@ -161,6 +200,7 @@ def set_difference(mind: Any, trail: Trail, term: Any, items: Any) -> bool:
 
 @internal_action(".queue.create", (1, 2))
 def queue_create(mind: Any, trail: Trail, term: Any, kind: Any = None) -> bool:
+    """``.queue.create(Q[, priority])``: an empty queue; with ``priority`` the least member comes first."""
     return _create("priority" if kind is not None and deref(kind) == _PRIORITY else "queue", term, trail)
 
 
@@ -173,23 +213,33 @@ def _enqueue(held: Collection, items: list[Any]) -> None:
 
 @internal_action(".queue.add", 2)
 def queue_add(mind: Any, trail: Trail, term: Any, item: Any) -> bool:
+    """``.queue.add(Q, X)``: at its end, or at its place in a priority queue."""
     _enqueue(_held(term, _QUEUE, trail), [resolve(item)])
     return True
 
 
 @internal_action(".queue.add_all", 2)
 def queue_add_all(mind: Any, trail: Trail, term: Any, items: Any) -> bool:
+    """``.queue.add_all(Q, L)``: the members of a list, set or queue, in order.
+
+    ?- .queue.create(Q, priority) & .queue.add_all(Q, [5,3,4]) & .queue.head(Q, X) gives X = 3
+    """
     _enqueue(_held(term, _QUEUE, trail), [resolve(i) for i in _members(items)])
     return True
 
 
 @internal_action(".queue.head", 2)
 def queue_head(mind: Any, trail: Trail, term: Any, item: Any) -> bool:
+    """``.queue.head(Q, X)``: its first member, which stays; fails when it is empty."""
     content = _held(term, _QUEUE, trail).content
     return bool(content) and unify(item, content[0], trail)
 
 
 @internal_action(".queue.remove", 2)
 def queue_remove(mind: Any, trail: Trail, term: Any, item: Any) -> bool:
+    """``.queue.remove(Q, X)``: takes the first member out; fails when it is empty.
+
+    ?- .queue.create(Q) & .queue.add_all(Q, [a,b]) & .queue.remove(Q, X) & .queue.to_list(Q, L) gives X = a, L = [b]
+    """
     content = _held(term, _QUEUE, trail).content
     return bool(content) and unify(item, content.pop(0), trail)

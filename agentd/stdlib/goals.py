@@ -41,11 +41,13 @@ def _each(found: Iterator[Any], number: Any, trail: Trail) -> Iterator[None]:
 
 @internal_action(".desire", (1, 2), backtracks=True)
 def desire(mind: Any, trail: Trail, goal: Any, number: Any = None) -> Iterator[None]:
+    """``.desire(G[, Id])``: G is pursued, or its event still waits; each time, with the number of its intention."""
     yield from _each(dropping.desired(mind, _goal(goal), trail), number, trail)
 
 
 @internal_action(".intend", (1, 2), backtracks=True)
 def intend(mind: Any, trail: Trail, goal: Any, number: Any = None) -> Iterator[None]:
+    """``.intend(G[, Id])``: some intention has a plan for G; each of them, with its number."""
     yield from _each(dropping.intended(mind, _goal(goal), trail), number, trail)
 
 
@@ -56,6 +58,10 @@ def _own_end(mind: Any, own: bool) -> bool | None:
 
 @internal_action(".drop_intention", (0, 1), suspends=True)
 def drop_intention(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
+    """``.drop_intention(G)``: ends every intention with G, without any event; its action is cancelled.
+
+    ``.drop_intention``: the own one.
+    """
     if goal is None:
         of_goals(mind, mind.current, "dropped", "finished")
         drop(mind, mind.current)
@@ -65,16 +71,19 @@ def drop_intention(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
 
 @internal_action(".drop_desire", 1, suspends=True)
 def drop_desire(mind: Any, trail: Trail, goal: Any) -> bool | None:
+    """``.drop_desire(G)``: ``.drop_event`` and ``.drop_intention``."""
     return _own_end(mind, dropping.drop_desire(mind, _goal(goal), trail))
 
 
 @internal_action(".drop_event", 1, suspends=True)
 def drop_event(mind: Any, trail: Trail, goal: Any) -> bool | None:
+    """``.drop_event(G)``: takes G out of the events that wait, with the intentions that wait for it."""
     return _own_end(mind, dropping.drop_event(mind, _goal(goal), trail))
 
 
 @internal_action(".drop_all_intentions", 0)
 def drop_all_intentions(mind: Any, trail: Trail) -> bool:
+    """``.drop_all_intentions``: all but the own one, and those whose event still waits."""
     for intention in mind.all_intentions():
         if intention is not mind.current and not any(e[3] is intention for e in mind.events):
             drop(mind, intention)
@@ -83,6 +92,7 @@ def drop_all_intentions(mind: Any, trail: Trail) -> bool:
 
 @internal_action(".drop_all_events", 0)
 def drop_all_events(mind: Any, trail: Trail) -> bool:
+    """``.drop_all_events``: all that wait, also those of ``.at``."""
     mind.events.clear()
     for timer in mind.future_events:
         timer.cancelled = True
@@ -92,6 +102,7 @@ def drop_all_events(mind: Any, trail: Trail) -> bool:
 
 @internal_action(".drop_all_desires", 0)
 def drop_all_desires(mind: Any, trail: Trail) -> bool:
+    """``.drop_all_desires``: all events and all intentions but the own one."""
     drop_all_events(mind, trail)
     drop_all_intentions(mind, trail)
     return True
@@ -137,7 +148,7 @@ def drop_future_intention(mind: Any, trail: Trail, goal: Any) -> bool | None:
 
 @internal_action(".current_intention", (1, 2))
 def current_intention(mind: Any, trail: Trail, first: Any, stack: Any = None) -> bool:
-    """``.current_intention(intention(Id, Stack))`` or ``(Id, Stack)``: the old form of asking for the own one."""
+    """``.current_intention(intention(Id, Stack))``, ``.current_intention(Id, Stack)``: the own one."""
     own = mind.current
     if own is None:
         return False
@@ -161,14 +172,14 @@ def intention(mind: Any, trail: Trail, number: Any, state: Any, stack: Any = Non
 
 @internal_action(".done", 0, suspends=True)
 def done(mind: Any, trail: Trail) -> bool | None:
-    """The own goal is achieved; the rest of the body is not run."""
+    """``.done``: the own goal is achieved; the rest of the body is not run."""
     mind.current.stack[-1][0] = None
     return None
 
 
 @internal_action(".suspend", (0, 1), suspends=True)
 def suspend(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
-    """``.suspend`` the own intention, or ``.suspend(G)`` those with G."""
+    """``.suspend``, ``.suspend(G)``: the own intention, or those with G, stop until ``.resume``."""
     if goal is None:
         if mind.atomic is mind.current:
             mind.atomic = None  # or nobody could ever resume it

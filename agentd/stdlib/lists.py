@@ -34,7 +34,11 @@ def members_of(term: Any, what: str) -> list[Any]:
 
 @internal_action(".member", 2, backtracks=True)
 def member(mind: Any, trail: Trail, item: Any, collection: Any) -> Iterator[None]:
-    """``.member(X, L)``: each element that unifies."""
+    """``.member(X, C)``: each member of a list, set or queue that unifies.
+
+    ?- .member(X, [a,b]) gives X = a; X = b
+    ?- .member(b, [a,b]) holds
+    """
     collection = deref(collection)
     if type(collection) is Collection and collection.kind != "map":
         members: Any = list(collection.content)
@@ -52,7 +56,11 @@ def member(mind: Any, trail: Trail, item: Any, collection: Any) -> Iterator[None
 
 @internal_action(".nth", 3, backtracks=True)
 def nth(mind: Any, trail: Trail, position: Any, collection: Any, item: Any) -> Iterator[None]:
-    """``.nth(I, ListOrString, X)``: from 0; with I free, each position whose element unifies."""
+    """``.nth(I, ListOrString, X)``: from 0; with I free, each position whose element unifies.
+
+    ?- .nth(1, [a,b,c], X) gives X = b
+    ?- .nth(I, [a,b,a], a) gives I = 0; I = 2
+    """
     position, collection = deref(position), deref(collection)
     members = list(collection) if type(collection) is str else members_of(collection, ".nth")
     mark = len(trail)
@@ -74,7 +82,13 @@ def nth(mind: Any, trail: Trail, position: Any, collection: Any, item: Any) -> I
 
 @internal_action(".delete", (3, 4))
 def delete(mind: Any, trail: Trail, *args: Any) -> bool:
-    """``.delete(What, ListOrString, R)``: by position, range, pattern, or the elements that unify."""
+    """``.delete(What, ListOrString, R)``: by position (from 0), range, pattern, or the elements that unify.
+
+    ?- .delete(a, [a,b,a], R) gives R = [b]
+    ?- .delete(0, [a,b,a], R) gives R = [b,a]
+    ?- .delete(1, 3, [a,b,c,d], R) gives R = [a,d]
+    ?- .delete("[0-9]", "u4v1", R) gives R = "uv"
+    """
     *what, collection, result = args
     first, collection = deref(what[0]), deref(collection)
     if type(first) is float:
@@ -112,18 +126,29 @@ def _delete_positions(what: list[Any], collection: Any, result: Any, trail: Trai
 
 @internal_action(".sort", 2)
 def sort(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
-    """``.sort(L, R)``: standard order, duplicates kept."""
+    """``.sort(L, R)``: in standard order, duplicates kept.
+
+    ?- .sort([b,3,a,1,a], R) gives R = [1,3,a,a,b]
+    """
     return unify(result, make_list(ordered(members_of(items, ".sort"))), trail)
 
 
 @internal_action(".min", 2)
 def minimum(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
+    """``.min(L, X)``: the least member; fails for an empty list.
+
+    ?- .min([3,1,2], X) gives X = 1
+    """
     members = ordered(members_of(items, ".min"))
     return bool(members) and unify(result, members[0], trail)
 
 
 @internal_action(".max", 2)
 def maximum(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
+    """``.max(L, X)``: the greatest member; fails for an empty list.
+
+    ?- .max([3,1,2], X) gives X = 3
+    """
     members = ordered(members_of(items, ".max"))
     return bool(members) and unify(result, members[-1], trail)
 
@@ -136,18 +161,30 @@ def _sets(what: str, left: Any, right: Any, result: Any) -> tuple[list[Any], lis
 
 @internal_action(".union", 3)
 def union(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
+    """``.union(A, B, R)``: the members of both, each once, in order.
+
+    ?- .union([b,a], [c,a], R) gives R = [a,b,c]
+    """
     a, b = _sets(".union", left, right, result)
     return unify(result, make_list(distinct(a + b)), trail)
 
 
 @internal_action(".intersection", 3)
 def intersection(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
+    """``.intersection(A, B, R)``: the members that both have.
+
+    ?- .intersection([b,a], [c,a], R) gives R = [a]
+    """
     a, b = _sets(".intersection", left, right, result)
     return unify(result, make_list([x for x in a if is_in(b, x)]), trail)
 
 
 @internal_action(".difference", 3)
 def difference(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
+    """``.difference(A, B, R)``: the members of A that B has not.
+
+    ?- .difference([b,a], [c,a], R) gives R = [b]
+    """
     a, b = _sets(".difference", left, right, result)
     return unify(result, make_list([x for x in a if not is_in(b, x)]), trail)
 
@@ -167,16 +204,29 @@ def _parts(what: str, pattern: Any, whole: Any, cuts: Any, trail: Trail) -> Iter
 
 @internal_action(".prefix", 2, backtracks=True)
 def prefix(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
+    """``.prefix(P, ListOrString)``: each beginning that unifies, the longest first.
+
+    ?- .prefix(P, [a,b]) gives P = [a,b]; P = [a]; P = []
+    """
     yield from _parts(".prefix", pattern, whole, lambda n: ((0, end) for end in range(n, -1, -1)), trail)
 
 
 @internal_action(".suffix", 2, backtracks=True)
 def suffix(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
+    """``.suffix(S, ListOrString)``: each end that unifies, the longest first.
+
+    ?- .suffix(S, [a,b]) gives S = [a,b]; S = [b]; S = []
+    """
     yield from _parts(".suffix", pattern, whole, lambda n: ((start, n) for start in range(n + 1)), trail)
 
 
 @internal_action(".sublist", 2, backtracks=True)
 def sublist(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
+    """``.sublist(S, ListOrString)``: each part that unifies.
+
+    ?- .sublist(S, [a,b]) gives S = [a,b]; S = [a]; S = [b]; S = []
+    """
+
     def cuts(n: int) -> Iterator[tuple[int, int]]:
         for start in range(n):
             for end in range(n, start, -1):
@@ -188,7 +238,11 @@ def sublist(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]
 
 @internal_action(".range", (3, 4), backtracks=True)
 def number_range(mind: Any, trail: Trail, item: Any, first: Any, last: Any, step: Any = 1.0) -> Iterator[None]:
-    """``.range(X, From, To[, Step])``: both ends included; with X bound, a test."""
+    """``.range(X, From, To[, Step])``: both ends included; with X bound, a test.
+
+    ?- .range(X, 1, 5, 2) gives X = 1; X = 3; X = 5
+    ?- .range(7, 1, 5) fails
+    """
     bounds = [deref(first), deref(last), deref(step)]
     if any(type(b) is not float for b in bounds):
         wrong_arguments(".range takes numbers as bounds")

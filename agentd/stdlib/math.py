@@ -33,44 +33,52 @@ def _whole(compute: Callable[[float], int]) -> Callable[[float], float]:
     return whole
 
 
-_OF_ONE: dict[str, Callable[[float], float]] = {
-    "math.abs": abs,
-    "math.round": java_round,
-    "math.floor": _whole(math.floor),
-    "math.ceil": _whole(math.ceil),
-    "math.sqrt": _guarded(math.sqrt),
-    "math.log": lambda x: -math.inf if x == 0 else _guarded(math.log)(x),
-    "math.sin": _guarded(math.sin),
-    "math.cos": _guarded(math.cos),
-    "math.tan": _guarded(math.tan),
-    "math.asin": _guarded(math.asin),
-    "math.acos": _guarded(math.acos),
-    "math.atan": math.atan,
+_OF_ONE: dict[str, tuple[Callable[[float], float], str]] = {
+    "math.abs": (abs, "without its sign"),
+    "math.round": (java_round, "the nearest whole number, halves upwards"),
+    "math.floor": (_whole(math.floor), "the next whole number below"),
+    "math.ceil": (_whole(math.ceil), "the next whole number above"),
+    "math.sqrt": (_guarded(math.sqrt), "the square root; of a negative number, NaN"),
+    "math.log": (lambda x: -math.inf if x == 0 else _guarded(math.log)(x), "the natural logarithm"),
+    "math.sin": (_guarded(math.sin), "the sine of radians"),
+    "math.cos": (_guarded(math.cos), "the cosine of radians"),
+    "math.tan": (_guarded(math.tan), "the tangent of radians"),
+    "math.asin": (_guarded(math.asin), "the arc sine, in radians"),
+    "math.acos": (_guarded(math.acos), "the arc cosine, in radians"),
+    "math.atan": (math.atan, "the arc tangent, in radians"),
 }
 
 
-def _register(name: str, compute: Callable[[float], float]) -> None:
+def _register(name: str, compute: Callable[[float], float], what: str) -> None:
     @function(name, 1)
     def of_one(mind: Any, x: Any) -> Any:
         return compute(x) if type(x) is float else None
 
+    of_one.__doc__ = f"``{name}(X)``: {what}."
 
-for _name, _compute in _OF_ONE.items():
-    _register(_name, _compute)
+
+for _name, (_compute, _what) in _OF_ONE.items():
+    _register(_name, _compute, _what)
 
 
 @function("math.pi", 0)
 def pi(mind: Any) -> float:
+    """``math.pi``: 3.14159...
+
+    ?- X = math.round(math.pi * 100) gives X = 314
+    """
     return math.pi
 
 
 @function("math.e", 0)
 def e(mind: Any) -> float:
+    """``math.e``: 2.71828..."""
     return math.e
 
 
 @function("math.random", 0, 1)
 def random(mind: Any, factor: Any = 1.0) -> Any:
+    """``math.random``, ``math.random(F)``: a random number from 0 to 1, or to F."""
     return mind.random.random() * factor if type(factor) is float else None
 
 
@@ -82,7 +90,13 @@ def _numbers(term: Any) -> list[float] | None:
 
 @function("math.max", 1, 2)
 def maximum(mind: Any, first: Any, second: Any = None) -> Any:
-    """The greatest of two numbers or of a list (of an empty one, the smallest positive double, as Jason)."""
+    """``math.max(A, B)``, ``math.max(L)``: the greater of two numbers, the greatest of a list.
+
+    Of an empty list it is the smallest positive double, as in Jason.
+
+    ?- X = math.max(2, 5) gives X = 5
+    ?- X = math.max([2,7,5]) gives X = 7
+    """
     if second is not None:
         return max(first, second) if type(first) is float and type(second) is float else None
     numbers = _numbers(first)
@@ -91,6 +105,10 @@ def maximum(mind: Any, first: Any, second: Any = None) -> Any:
 
 @function("math.min", 1, 2)
 def minimum(mind: Any, first: Any, second: Any = None) -> Any:
+    """``math.min(A, B)``, ``math.min(L)``: the smaller of two numbers, the smallest of a list.
+
+    ?- X = math.min([2,7,5]) gives X = 2
+    """
     if second is not None:
         return min(first, second) if type(first) is float and type(second) is float else None
     numbers = _numbers(first)
@@ -99,6 +117,10 @@ def minimum(mind: Any, first: Any, second: Any = None) -> Any:
 
 @function("math.sum", 1)
 def total(mind: Any, items: Any) -> Any:
+    """``math.sum(L)``: the sum of the numbers of a list.
+
+    ?- X = math.sum([1,2,3.5]) gives X = 6.5
+    """
     numbers = _numbers(items)
     return None if numbers is None else float(sum(numbers))
 
@@ -106,6 +128,10 @@ def total(mind: Any, items: Any) -> Any:
 @function("math.average", 1)
 @function("math.mean", 1)
 def average(mind: Any, items: Any) -> Any:
+    """``math.average(L)``, ``math.mean(L)``: the mean of the numbers of a list; of none, NaN.
+
+    ?- X = math.average([1,2,6]) gives X = 3
+    """
     numbers = _numbers(items)
     if numbers is None:
         return None
@@ -114,6 +140,10 @@ def average(mind: Any, items: Any) -> Any:
 
 @function("math.median", 1)
 def median(mind: Any, items: Any) -> Any:
+    """``math.median(L)``: the middle of a list of numbers.
+
+    ?- X = math.median([9,1,2]) gives X = 2
+    """
     numbers, members = _numbers(items), proper(items)
     if numbers is None or members is None or len(numbers) != len(members):
         return None
@@ -122,7 +152,10 @@ def median(mind: Any, items: Any) -> Any:
 
 @function("math.std_dev", 1)
 def standard_deviation(mind: Any, items: Any) -> Any:
-    """The sample's standard deviation (n-1)."""
+    """``math.std_dev(L)``: the sample's standard deviation (n-1) of the numbers of a list.
+
+    ?- X = math.std_dev([1,3,5]) gives X = 2
+    """
     numbers = _numbers(items)
     if numbers is None:
         return None

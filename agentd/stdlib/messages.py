@@ -42,7 +42,11 @@ def _receivers(to: Any) -> list[str]:
 
 @internal_action(".send", 3, suspends=True, names=2)
 def send_message(mind: Any, trail: Trail, to: Any, performative: Any, content: Any) -> None:
-    """``.send(To, Performative, Content)``."""
+    """``.send(To, Performative, Content)``: a message to an agent, or to each of a list of them.
+
+    Fails at once with ``receiver_not_found``, or when a mailbox is full; what goes wrong later is told by
+    ``+undelivered``.
+    """
     if type(performative) is not str:
         performative = name_of(performative)
     content = detached(content)
@@ -57,7 +61,9 @@ def send_message(mind: Any, trail: Trail, to: Any, performative: Any, content: A
 def send_and_wait(
     mind: Any, trail: Trail, to: Any, performative: Any, content: Any, answer: Any, limit: Any = None
 ) -> bool | None:
-    """``.send(To, Performative, Content, Answer[, TimeoutMs])``: the intention waits for the answer to a question."""
+    """``.send(To, Performative, Content, Answer[, TimeoutMs])``: the intention waits for the answer to a question
+    (``askOne``, ``askAll``, ``askIf``, ``askHow``); to a list of agents, for the list of their answers.
+    """
     to = deref(to)
     force, content, receivers = name_of(performative), detached(content), _receivers(to)
     if force in _ASKS:
@@ -95,12 +101,13 @@ def _ask(mind: Any, receivers: list[str], many: bool, force: str, content: Any, 
 
 @internal_action(".broadcast", 2)
 def broadcast(mind: Any, trail: Trail, performative: Any, content: Any) -> bool:
-    """``.broadcast(Performative, Content)``: to all others."""
+    """``.broadcast(Performative, Content)``: a message to all others."""
     send(mind, None, name_of(performative), detached(content))
     return True
 
 
 @internal_action(".all_names", 1)
 def all_names(mind: Any, trail: Trail, result: Any) -> bool:
+    """``.all_names(L)``: everybody who can be sent to, the agent itself included."""
     names = [mind.name] if mind.agents is None else list(mind.agents())
     return unify(result, make_list([atom(n) for n in names]), trail)

@@ -25,7 +25,7 @@ def _line(mind: Any, shown: str) -> Print:
 @internal_action(".print", (0, None))
 @internal_action(".println", (0, None))
 def print_terms(mind: Any, trail: Trail, *args: Any) -> bool:
-    """``.print(T, ...)``: the texts of the terms, joined, as one line."""
+    """``.print(T, ...)``, ``.println(T, ...)``: the texts of the terms, joined, as one line."""
     mind.effects.append(_line(mind, "".join([printed(resolve(a)) for a in args])))
     return True
 
@@ -37,7 +37,7 @@ _LEVELS = {"severe": "error", "warning": "warning", "info": "info"}
 
 @internal_action(".log", (1, None))
 def log(mind: Any, trail: Trail, level: Any, *args: Any) -> bool:
-    """``.log(Level, T, ...)``: below info nothing is shown."""
+    """``.log(Level, T, ...)``: as ``.print``; below ``info`` nothing is shown unless ``.verbose(2)`` says so."""
     name = deref(level)
     if type(name) is not Literal:
         raise Failed("unknown", ".log takes a level first")

@@ -31,20 +31,27 @@ _MYSELF = SELF[0].args[0]
 
 @internal_action(".add_plan", (1, 3))
 def add_plan(mind: Any, trail: Trail, plans: Any, source: Any = _MYSELF, place: Any = None) -> bool:
-    """``.add_plan(P[, Source[, begin]])``: a plan, its text, or a list of both."""
+    """``.add_plan(P[, Source[, begin]])``: a plan in braces, its text, or a list of both.
+
+    With ``begin`` it comes before all others.
+    """
     add_plans(mind, plans, resolve(source), first=place is not None)
     return True
 
 
 @internal_action(".remove_plan", (1, 2))
 def remove_plan(mind: Any, trail: Trail, plans: Any, source: Any = _MYSELF) -> bool:
+    """``.remove_plan(Label[, Source])``: takes a source (the agent itself) away from the plans with a label.
+
+    A plan goes with its last source. Also of a list of labels.
+    """
     remove_plans(mind, plans, resolve(source))
     return True
 
 
 @internal_action(".relevant_plans", (2, 3))
 def relevant(mind: Any, trail: Trail, trigger: Any, plans: Any, labels: Any = None) -> bool:
-    """``.relevant_plans({trigger}, Plans[, Labels])``."""
+    """``.relevant_plans({trigger}, Plans[, Labels])``: the plans for an event, as a list, and their labels."""
     if not unify(plans, make_list(relevant_plans(mind, trigger)), trail):
         return False
     if labels is None:
@@ -54,6 +61,7 @@ def relevant(mind: Any, trail: Trail, trigger: Any, plans: Any, labels: Any = No
 
 @internal_action(".relevant_plan", 2, backtracks=True)
 def relevant_plan(mind: Any, trail: Trail, trigger: Any, plan: Any) -> Iterator[None]:
+    """``.relevant_plan({trigger}, P)``: each plan for an event; of a given plan, its trigger."""
     mark = len(trail)
     given = deref(plan)
     if type(deref(trigger)) is Var and type(given) is Code and isinstance(given.syntax, syntax.Plan):
@@ -69,6 +77,7 @@ def relevant_plan(mind: Any, trail: Trail, trigger: Any, plan: Any) -> Iterator[
 
 @internal_action(".plan_label", 2, backtracks=True)
 def plan_label(mind: Any, trail: Trail, plan: Any, label: Any) -> Iterator[None]:
+    """``.plan_label(P, Label)``: each plan with its label; the label of a given plan."""
     mark = len(trail)
     wanted, given = deref(label), deref(plan)
     if type(wanted) is Var and type(given) is Code and is_label(getattr(given.syntax, "label", None)):

@@ -30,34 +30,54 @@ def _solutions(mind: Any, template: Any, query: Any, trail: Trail) -> list[Any]:
 
 @internal_action(".findall", 3)
 def findall(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
-    """``.findall(T, Query, L)``. The compiler writes a loop for it where the query is written out."""
+    """``.findall(T, Query, L)``: T for each solution, in order, duplicates kept; ``[]`` where there is none.
+
+    ?- .findall(X, .member(X, [b,a,b]), L) gives L = [b,a,b]
+    """
     return unify(result, make_list(_solutions(mind, template, query, trail)), trail)
 
 
 @internal_action(".setof", 3)
 def setof(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+    """``.setof(T, Query, L)``: T for each solution, in standard order, each once.
+
+    ?- .setof(X, .member(X, [b,a,b]), L) gives L = [a,b]
+    """
     return unify(result, make_list(distinct(_solutions(mind, template, query, trail))), trail)
 
 
 @internal_action(".min", 3)
 def minimum_of(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+    """``.min(T, Query, X)``: the least T of all solutions; fails where there is none.
+
+    ?- .min(X, .member(X, [3,1,2]), M) gives M = 1
+    """
     found = ordered(_solutions(mind, template, query, trail))
     return bool(found) and unify(result, found[0], trail)
 
 
 @internal_action(".max", 3)
 def maximum_of(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+    """``.max(T, Query, X)``: the greatest T of all solutions; fails where there is none."""
     found = ordered(_solutions(mind, template, query, trail))
     return bool(found) and unify(result, found[-1], trail)
 
 
 @internal_action(".count", 2)
 def count(mind: Any, trail: Trail, query: Any, result: Any) -> bool:
+    """``.count(Query, N)``: how many solutions there are.
+
+    ?- .count(.member(X, [b,a,b]), N) gives N = 3
+    """
     return unify(result, float(len(_solutions(mind, EMPTY, query, trail))), trail)
 
 
 @internal_action(".eval", 2)
 def evaluate(mind: Any, trail: Trail, result: Any, query: Any) -> bool:
+    """``.eval(R, Formula)``: R is ``true`` or ``false``, as the formula holds.
+
+    ?- .eval(R, 1 < 2 & 3 < 2) gives R = false
+    """
     mark = len(trail)
     holds = FALSE
     for _ in solve(mind, _query(query), trail):

@@ -15,6 +15,7 @@ from agentd.stdlib.registry import internal_action
 
 @internal_action(".shuffle", 2)
 def shuffle(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
+    """``.shuffle(L, R)``: the members in a random order."""
     members = members_of(items, ".shuffle")
     mind.random.shuffle(members)
     return unify(result, make_list(members), trail)
@@ -22,7 +23,10 @@ def shuffle(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
 
 @internal_action(".random", (1, 3), backtracks=True)
 def random(mind: Any, trail: Trail, *args: Any) -> Iterator[None]:
-    """``.random(X)``, ``.random(X, N)``: numbers from 0 to 1; ``.random(L, X[, N])``: members of a list."""
+    """``.random(X[, N])``: N random numbers from 0 to 1, one after another (once; 0: without end).
+
+    ``.random(L, X[, N])``: random members of a list.
+    """
     first = deref(args[0])
     mark = len(trail)
     if type(first) is List:
@@ -56,6 +60,10 @@ def _times(term: Any) -> int:
 
 @internal_action(".set_random_seed", 1)
 def set_random_seed(mind: Any, trail: Trail, seed: Any) -> bool:
+    """``.set_random_seed(N)``: the random numbers of this agent begin anew.
+
+    Each agent has its own, seeded by the run.
+    """
     number = deref(seed)
     if type(number) is not float:
         wrong_arguments("a random seed is a number")

@@ -31,7 +31,11 @@ def plain_text(term: Any) -> str:
 
 @internal_action(".concat", (2, None))
 def concat(mind: Any, trail: Trail, *args: Any) -> bool:
-    """``.concat(T, ..., R)``: joins lists, or the texts of all terms."""
+    """``.concat(T, ..., R)``: joins lists, or the texts of all terms.
+
+    ?- .concat([a], [b,c], R) gives R = [a,b,c]
+    ?- .concat("up at ", 5, " m", R) gives R = "up at 5 m"
+    """
     *parts, result = args
     result = deref(result)
     if type(deref(parts[0])) is List:
@@ -63,19 +67,33 @@ def length_of(term: Any) -> float | None:
 
 @internal_action(".length", 2)
 def length(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
-    """``.length(ListOrString, N)``."""
+    """``.length(ListOrString, N)``: how many members, or characters.
+
+    ?- .length([a,b], N) gives N = 2
+    """
     number = length_of(term)
     return number is not None and unify(result, number, trail)
 
 
 @function(".length", 1)
 def length_function(mind: Any, term: Any) -> Any:
+    """``.length(ListOrString)`` as a value: how many members, or characters.
+
+    ?- N = .length([a,b]) + 1 gives N = 3
+    """
     return length_of(term)
 
 
 @internal_action(".substring", (2, 4), backtracks=True)
 def substring(mind: Any, trail: Trail, *args: Any) -> Iterator[None]:
-    """``.substring(S,T)`` tests; with numbers it cuts; else it finds the positions of S in T."""
+    """``.substring(S, T)``, ``.substring(S, T, From[, To])``: S occurs in T; each place where it does.
+
+    Of a text S and a free variable T, T is the part from From to before To.
+
+    ?- .substring("d", "abcd") holds
+    ?- .substring("b", "abab", At) gives At = 1; At = 3
+    ?- .substring("waypoint", T, 3) gives T = "point"
+    """
     if len(args) == 2:
         if plain_text(args[0]) in plain_text(args[1]):
             yield None
@@ -111,7 +129,10 @@ def _position(term: Any) -> int:
 
 @internal_action(".replace", 4)
 def replace(mind: Any, trail: Trail, term: Any, pattern: Any, new: Any, result: Any) -> bool:
-    """``.replace(T, Regex, New, R)``: all matches; ``$1`` in New is a group."""
+    """``.replace(T, Regex, New, R)``: all matches; ``$1`` in New is a group.
+
+    ?- .replace("a1b22", "([0-9]+)", "<$1>", R) gives R = "a<1>b<22>"
+    """
     pattern, new = deref(pattern), deref(new)
     if type(pattern) is not str or type(new) is not str:
         raise Failed("unknown", ".replace takes a pattern and a text as strings")
@@ -120,17 +141,28 @@ def replace(mind: Any, trail: Trail, term: Any, pattern: Any, new: Any, result: 
 
 @internal_action(".lower_case", 2)
 def lower_case(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+    """``.lower_case(S, R)``: in small letters.
+
+    ?- .lower_case("GUIDED", R) gives R = "guided"
+    """
     return unify(result, plain_text(term).lower(), trail)
 
 
 @internal_action(".upper_case", 2)
 def upper_case(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+    """``.upper_case(S, R)``: in capitals.
+
+    ?- .upper_case("rtl", R) gives R = "RTL"
+    """
     return unify(result, plain_text(term).upper(), trail)
 
 
 @internal_action(".reverse", 2)
 def reverse(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
-    """``.reverse(ListOrString, R)``."""
+    """``.reverse(ListOrString, R)``: from the last to the first.
+
+    ?- .reverse([a,b], R) gives R = [b,a]
+    """
     term, target = deref(term), deref(result)
     if type(term) is str:
         if type(target) is not str and type(target) is not Var:
@@ -161,7 +193,11 @@ def read_term(mind: Any, written: str) -> Any:
 
 @internal_action(".term2string", 2)
 def term2string(mind: Any, trail: Trail, term: Any, string: Any) -> bool:
-    """``.term2string(T, S)``, either way; with both bound it compares the texts."""
+    """``.term2string(T, S)``, either way; with both bound it compares the texts.
+
+    ?- .term2string(at(3,4), S) gives S = "at(3,4)"
+    ?- .term2string(T, "at(3,4)") gives T = at(3,4)
+    """
     term, string = deref(term), deref(string)
     if type(string) is Var:
         return unify(string, text(resolve(term)), trail)
@@ -176,4 +212,8 @@ def term2string(mind: Any, trail: Trail, term: Any, string: Any) -> bool:
 
 @internal_action(".empty", 1)
 def empty(mind: Any, trail: Trail, term: Any) -> bool:
+    """``.empty(ListOrString)``: it has nothing in it.
+
+    ?- .empty([]) holds
+    """
     return length_of(term) == 0.0

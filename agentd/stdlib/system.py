@@ -15,6 +15,7 @@ from agentd.stdlib.registry import internal_action
 
 @internal_action(".my_name", 1)
 def my_name(mind: Any, trail: Trail, name: Any) -> bool:
+    """``.my_name(N)``: the agent's own name."""
     return unify(name, atom(mind.name), trail)
 
 
@@ -50,10 +51,14 @@ def perceive(mind: Any, trail: Trail) -> bool:
 
 @internal_action(".version", 1)
 def version(mind: Any, trail: Trail, result: Any) -> bool:
+    """``.version(V)``: what runs the program: ``"argosy"``.
+
+    ?- .version(V) gives V = "argosy"
+    """
     return unify(result, "argosy", trail)
 
 
 @internal_action(".join", (0, None))
 def join(mind: Any, trail: Trail, *args: Any) -> bool:
-    """What Jason puts at the end of the branches of a ``.fork``; it is not for programs."""
+    """``.join``: what Jason puts at the end of the branches of a ``.fork``; it is not for programs."""
     return wrong_arguments(".join ends the branches of .fork by itself and is not to be called")

@@ -67,7 +67,7 @@ def clone(mind: Any, trail: Trail, name: Any) -> bool:
 
 @internal_action(".kill_agent", (1, 2), suspends=True)
 def kill_agent(mind: Any, trail: Trail, name: Any, delay: Any = 0.0) -> bool:
-    """``.kill_agent(Name[, Ms])``."""
+    """``.kill_agent(Name[, Ms])``: ends an agent, at once or after so many milliseconds."""
     pause = deref(delay)
     if type(pause) is not float:
         wrong_arguments("the delay of .kill_agent is a number of milliseconds")
@@ -76,11 +76,13 @@ def kill_agent(mind: Any, trail: Trail, name: Any, delay: Any = 0.0) -> bool:
 
 @internal_action(".df_register", (1, 2), suspends=True)
 def df_register(mind: Any, trail: Trail, service: Any, kind: Any = None) -> bool:
+    """``.df_register(Service[, Type])``: this agent offers a service, until it says otherwise or is gone."""
     return request(mind, "df_register", (plain_text(service),))
 
 
 @internal_action(".df_deregister", (1, 2), suspends=True)
 def df_deregister(mind: Any, trail: Trail, service: Any, kind: Any = None) -> bool:
+    """``.df_deregister(Service[, Type])``: it does not any more."""
     return request(mind, "df_deregister", (plain_text(service),))
 
 

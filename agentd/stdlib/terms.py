@@ -40,6 +40,11 @@ def _is_structure(mind: Any, term: Any) -> bool:
 
 @internal_action(".atom", 1)
 def is_atom(mind: Any, trail: Trail, term: Any) -> bool:
+    """``.atom(T)``: an atom such as ``home``.
+
+    ?- .atom(home) holds
+    ?- .atom("home") fails
+    """
     found = value(term)
     return _is_atom(found) and not _is_number(mind, found)
 
@@ -59,36 +64,65 @@ def _is_literal(mind: Any, term: Any) -> bool:
 
 @internal_action(".number", 1)
 def is_number(mind: Any, trail: Trail, term: Any) -> bool:
+    """``.number(T)``: a number.
+
+    ?- .number(3.5) holds
+    """
     return _is_number(mind, value(term))
 
 
 @internal_action(".string", 1)
 def is_string(mind: Any, trail: Trail, term: Any) -> bool:
+    """``.string(T)``: a string.
+
+    ?- .string("home") holds
+    """
     return type(value(term)) is str
 
 
 @internal_action(".list", 1)
 def is_list(mind: Any, trail: Trail, term: Any) -> bool:
+    """``.list(T)``: a list.
+
+    ?- .list([a]) holds
+    """
     return type(value(term)) is List
 
 
 @internal_action(".literal", 1)
 def is_literal(mind: Any, trail: Trail, term: Any) -> bool:
+    """``.literal(T)``: an atom, a structure, or one negated by ``~``.
+
+    ?- .literal(~at(3)) holds
+    """
     return _is_literal(mind, value(term))
 
 
 @internal_action(".structure", 1)
 def is_structure(mind: Any, trail: Trail, term: Any) -> bool:
+    """``.structure(T)``: it has arguments or annotations, or is a list or negated.
+
+    ?- .structure(at(3)) holds
+    ?- .structure(home) fails
+    """
     return _is_structure(mind, value(term))
 
 
 @internal_action(".ground", 1)
 def ground(mind: Any, trail: Trail, term: Any) -> bool:
+    """``.ground(T)``: no variable in it is free.
+
+    ?- .ground(at(X)) fails
+    """
     return is_ground(term)
 
 
 @internal_action(".internal_action", 1)
 def is_internal_action(mind: Any, trail: Trail, term: Any) -> bool:
+    """``.internal_action(T)``: T would be an internal action.
+
+    ?- .internal_action(.print(a)) holds
+    """
     term = value(term)
     return type(term) is Literal and (term.sig.functor in ACTIONS or term.sig.functor.startswith("."))
 
@@ -114,7 +148,10 @@ def _kinds(mind: Any, term: Any) -> list[str]:
 
 @internal_action(".type", 2, backtracks=True)
 def kind_of(mind: Any, trail: Trail, term: Any, kind: Any) -> Iterator[None]:
-    """``.type(T, K)``: each kind of the term."""
+    """``.type(T, K)``: each kind of the term.
+
+    ?- .type(5, K) gives K = number; K = ground
+    """
     mark = len(trail)
     for name in _kinds(mind, value(term)):
         if unify(kind, atom(name), trail):
@@ -132,12 +169,16 @@ def _copied(term: Any) -> Any:
 @internal_action(".copy_term", 2)
 @internal_action(".rename_apart", 2)
 def copy_term(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+    """``.copy_term(T, R)``, ``.rename_apart(T, R)``: the same literal with variables of its own."""
     return unify(result, _copied(term), trail)
 
 
 @internal_action(".add_annot", 3)
 def add_annot(mind: Any, trail: Trail, term: Any, annot: Any, result: Any) -> bool:
-    """``.add_annot(T, A, R)``: to a literal or each literal of a list."""
+    """``.add_annot(T, A, R)``: with the annotation A too; of a list, each literal of it.
+
+    ?- .add_annot(at(3), by(gps), R) gives R = at(3)[by(gps)]
+    """
     return unify(result, _annotated(term, resolve(annot)), trail)
 
 
@@ -151,7 +192,10 @@ def _annotated(term: Any, annot: Any) -> Any:
 
 @internal_action(".add_nested_source", 3)
 def add_nested_source(mind: Any, trail: Trail, term: Any, who: Any, result: Any) -> bool:
-    """``.add_nested_source(T, S, R)``: S wraps the sources that were there."""
+    """``.add_nested_source(T, S, R)``: S wraps the sources that were there.
+
+    ?- .add_nested_source(at(3)[source(ann)], bob, R) gives R = at(3)[source(bob)[source(ann)]]
+    """
     return unify(result, _nested(term, resolve(who)), trail)
 
 
@@ -167,6 +211,10 @@ def _nested(term: Any, who: Any) -> Any:
 
 @internal_action(".remove_source_annot", 2)
 def remove_source_annot(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+    """``.remove_source_annot(T, R)``: without its sources.
+
+    ?- .remove_source_annot(at(3)[source(ann),by(gps)], R) gives R = at(3)[by(gps)]
+    """
     return unify(result, _without_sources(term), trail)
 
 

@@ -20,7 +20,10 @@ from agentd.stdlib.registry import function, internal_action
 
 @internal_action(".wait", (1, 3), suspends=True)
 def wait(mind: Any, trail: Trail, what: Any, limit: Any = None, elapsed: Any = None) -> bool | None:
-    """``.wait(Ms)``, ``.wait({event}[,Ms[,Elapsed]])``, ``.wait(Formula ...)``."""
+    """``.wait(Ms)``, ``.wait({event}[, Ms[, Elapsed]])``, ``.wait(Formula[, Ms[, Elapsed]])``: so long, or until then.
+
+    After Ms milliseconds without the event or formula it fails, or goes on if Elapsed asks how long it took.
+    """
     intention = mind.current
     term = deref(what)
     if type(term) is float:
@@ -68,7 +71,10 @@ _UNITS = {
 
 @internal_action(".at", 2)
 def at(mind: Any, trail: Trail, when: Any, trigger: Any) -> bool:
-    """``.at("now +N unit", {trigger})``: raises the event then; it carries no source."""
+    """``.at("now +N unit", {trigger})``: raises the event then; it carries no source.
+
+    Units are ``ms``, ``s``, ``minutes``, ``hours`` and ``days``.
+    """
     written = deref(when)
     match = _AT.match(written) if type(written) is str else None
     if match is None or (match.group(2) or "") not in _UNITS:
@@ -94,6 +100,7 @@ def _clock(mind: Any) -> datetime:
 
 @internal_action(".date", 3)
 def date(mind: Any, trail: Trail, year: Any, month: Any, day: Any) -> bool:
+    """``.date(Year, Month, Day)``: today, by mission time."""
     now = _clock(mind)
     parts = ((year, now.year), (month, now.month), (day, now.day))
     return all(unify(term, float(number), trail) for term, number in parts)
@@ -101,6 +108,7 @@ def date(mind: Any, trail: Trail, year: Any, month: Any, day: Any) -> bool:
 
 @internal_action(".time", (3, 4))
 def time(mind: Any, trail: Trail, hour: Any, minute: Any, second: Any, millisecond: Any = None) -> bool:
+    """``.time(Hour, Minute, Second[, Millisecond])``: now, by mission time."""
     now = _clock(mind)
     parts = [(hour, now.hour), (minute, now.minute), (second, now.second)]
     if millisecond is not None:
@@ -116,5 +124,5 @@ def nano_time(mind: Any, trail: Trail, result: Any) -> bool:
 
 @function("system.time", 0)
 def system_time(mind: Any) -> float:
-    """Milliseconds since the epoch."""
+    """``system.time``: milliseconds since the epoch, by mission time."""
     return float(int((mind.epoch + mind.read_clock()) * 1000))
