@@ -1,3 +1,3 @@
 """Which version of Argosy this is; a daemon that read it from the installed package would need 3 MB more."""
 
-RELEASE = "0.1.0"
+RELEASE = "0.2.0"

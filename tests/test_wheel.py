@@ -93,15 +93,17 @@ def argosy(*arguments: str) -> str:
     return done.stdout
 
 
-def test_the_wheel_carries_each_file_that_is_tracked_and_no_test(wheel: Path) -> None:
-    named = subprocess.run(
-        ["git", "ls-files", *PACKAGES, *CARRIED], cwd=ROOT, capture_output=True, text=True, check=True
-    ).stdout.splitlines()
-    present = [name for name in named if (ROOT / name).exists()]
-    wanted = {f"schemas/shipped/{name}" if name.split("/")[0] in CARRIED else name for name in present}
-    held = set(ZipFile(wheel).namelist())
+def test_the_wheel_carries_each_file_of_the_packages_and_no_test(wheel: Path) -> None:
+    there = {
+        path.relative_to(ROOT).as_posix()
+        for folder in (*PACKAGES, *CARRIED)
+        for path in (ROOT / folder).rglob("*")
+        if path.is_file() and path.suffix != ".pyc"
+    }
+    wanted = {f"schemas/shipped/{name}" if name.split("/")[0] in CARRIED else name for name in there}
+    held = {name for name in ZipFile(wheel).namelist() if ".dist-info/" not in name}
     assert wanted - held == set()
-    assert {name.split("/")[0] for name in held if ".dist-info/" not in name} == set(PACKAGES)
+    assert {name.split("/")[0] for name in held} == set(PACKAGES)
 
 
 def test_the_installed_wheel_flies_the_mission(
@@ -126,6 +128,13 @@ def test_the_installed_wheel_converts_a_pair_of_manifests_and_checks_the_result(
     pair = [str(installed.shipped("missions", f"paper_uav/{name}_manifest")) for name in ("actions", "perceptions")]
     (installed.work / "robot.toml").write_text(installed.run("argosy", "manifest", "convert", *pair))
     assert "ok" in installed.run("argosy", "manifest", "check", "robot.toml")
+
+
+def test_the_installed_wheel_writes_the_units_of_a_board(installed: Installed) -> None:
+    installed.run("argosy", "units", "single_uav", "--board", "local", "--out", "units")
+    written = {path.name for path in (installed.work / "units").rglob("*") if path.is_file()}
+    assert {"argosy-single-uav.target", "commd@.service", "bridged@.service", "agentd@.service"} <= written
+    assert {"single_uav.yaml", "uav.asl", "router.json5", "INSTALL.md"} <= written
 
 
 def test_the_installed_wheel_tests_a_program_by_the_assertions_that_it_carries(installed: Installed) -> None:
