@@ -7,6 +7,7 @@ import importlib
 import sys
 
 from agentd.ending import guarded
+from commd.command_line import check_command
 
 _COMMANDS = {
     "run": ("agentd.run", "run agents in this process, without any bus"),
@@ -26,6 +27,7 @@ def main(argv: list[str] | None = None) -> int:
         command = commands.add_parser(name, help=help_text, description=help_text)
         if name == chosen:
             importlib.import_module(module).add_arguments(command)
+    check_command(parser, arguments, _COMMANDS)
     args = parser.parse_args(arguments)
     entry = importlib.import_module(_COMMANDS[args.command][0])
     importlib.import_module("agentd.plugins").discover()

@@ -8,6 +8,8 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
+from commd.command_line import check_command
+
 EXIT_FAILED, EXIT_BAD_USAGE, EXIT_INTERRUPTED = 1, 2, 130
 EXTRAS = {"rich": "operator", "psutil": "operator", "cryptography": "keys"}
 """What is not installed with the core, and the extra that brings it."""
@@ -69,6 +71,7 @@ def _run(given: list[str]) -> int:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, text in COMMANDS.items():
         commands.add_parser(name, help=text)
+    check_command(parser, given, COMMANDS)
     parser.parse_args(given)
     return parser.error("expected the COMMAND first")
 
@@ -91,6 +94,7 @@ COMMANDS = {
     "status": "show the daemons of a fleet: who is there, how they are, who is missing",
     "keys": "make, renew and revoke the certificates by which boards and operators know each other",
     "doctor": "look a fleet over: clocks, disks, links, versions, percepts; say what to do",
+    "metrics": "serve the health of a fleet to Prometheus, on loopback",
     "mail": "show what waits in the mailboxes of a fleet, and what was given up",
     "referee": "judge a search and rescue by what the simulators saw: each victim one buoy",
     "wheelhouse": "download all that boards without internet install, Argosy's own wheel among it",
@@ -121,6 +125,10 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy import doctor
 
             return doctor.add_arguments, doctor.run
+        case "metrics":
+            from argosy import metrics
+
+            return metrics.add_arguments, metrics.run
         case "mail":
             from argosy import mail
 

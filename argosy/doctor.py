@@ -13,6 +13,8 @@ from contextlib import aclosing
 from dataclasses import asdict
 from typing import Any
 
+import msgspec
+
 from argosy.diagnosis import Check, Facts, RobotFacts, Said, counted
 from argosy.doctor_fleet import clocks, daemons, disks, links, mail, versions
 from argosy.doctor_keys import certificates
@@ -26,6 +28,7 @@ from commd.checkup import LINKS_WITHIN, NoAnswer, ask, measure_all
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas import keys
 from schemas.findings import Findings
+from schemas.manifest import load_manifest
 from schemas.mission import Mission, load_mission
 from schemas.records import BoardReport, Checkup, LiveManifest, Mailboxes, Perception
 
@@ -116,8 +119,22 @@ async def _robot(bus: Bus, mission: Mission, robot: str) -> RobotFacts:
     except BusClosed as closed:
         return RobotFacts(told, {}, str(closed))
     if declared is None:
+        declared = _of_the_file(mission, robot)
+    if declared is None:
         return RobotFacts(told, {}, "its bridge does not tell its manifest")
     return RobotFacts(told, declared)
+
+
+def _of_the_file(mission: Mission, robot: str) -> dict[str, Any] | None:
+    """The percepts of the mission's manifest: a bridge may tell its own only to operators at its own board."""
+    named = mission.robots[robot].manifest
+    if not isinstance(named, str):
+        return None
+    try:
+        manifest = load_manifest(named, mission.path.parent)
+    except Findings:
+        return None
+    return {name: msgspec.to_builtins(entry) for name, entry in manifest.percepts.items()}
 
 
 async def _mailboxes(bus: Bus) -> dict[str, Mailboxes]:

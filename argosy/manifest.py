@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
+from commd.command_line import check_command
 from commd.process import EXIT_BAD_INPUT
 
 AddArguments = Callable[[argparse.ArgumentParser], None]
@@ -31,6 +32,7 @@ def main(given: list[str]) -> int:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, text in COMMANDS.items():
         commands.add_parser(name, help=text)
+    check_command(parser, given, COMMANDS)
     parser.parse_args(given)
     return EXIT_BAD_INPUT
 

@@ -181,7 +181,7 @@ def test_a_bridge_that_was_started_again_meanwhile_has_no_rate(facts: Facts) -> 
 
 
 def test_percepts_with_a_live_source_that_are_not_told_are_named_with_their_source(facts: Facts) -> None:
-    declared = {
+    declared: dict[str, dict[str, object]] = {
         "altitude": {"source": "GLOBAL_POSITION_INT", "ttl": 3},
         "gps": {"source": "GPS_RAW_INT", "ttl": 5},
         "override": {"source": "OVERRIDE"},

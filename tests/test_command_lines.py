@@ -1,0 +1,43 @@
+"""Commands that are misspelt: each program says which one was meant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from agentd.__main__ import main as agentd
+from argosy.__main__ import main as argosy
+from bridged.__main__ import main as bridged
+from commd.__main__ import main as commd
+
+
+@pytest.mark.parametrize(
+    ("program", "given", "told"),
+    [
+        (argosy, ["chek", "m.yaml"], "argosy: error: there is no command `chek`, did you mean `check`?"),
+        (argosy, ["stat"], "argosy: error: there is no command `stat`, did you mean `status`?"),
+        (argosy, ["manifest", "chekc"], "argosy manifest: error: there is no command `chekc`, did you mean `check`?"),
+        (agentd, ["serv", "m.yaml"], "agentd: error: there is no command `serv`, did you mean `serve`?"),
+        (bridged, ["simulat"], "bridged: error: there is no command `simulat`, did you mean `simulate`?"),
+        (bridged, ["zzz"], "bridged: error: there is no command `zzz`; known are serve, simulate"),
+        (commd, ["server", "m.yaml"], "commd: error: there is no command `server`, did you mean `serve`?"),
+    ],
+)
+def test_a_misspelt_command_is_told_with_the_one_that_was_meant(
+    program: Callable[[list[str]], int], given: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        program(given)
+    assert ended.value.code == 2
+    assert told in capsys.readouterr().err.replace("\n", " ")
+
+
+@pytest.mark.parametrize("program", [argosy, agentd, bridged, commd])
+def test_without_a_command_the_usage_is_told(
+    program: Callable[[list[str]], int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        program([])
+    assert ended.value.code == 2
+    assert "usage: " in capsys.readouterr().err
