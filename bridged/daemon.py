@@ -151,7 +151,7 @@ async def tell(unit: Member, bridges: list[Bridge], bus: Bus) -> None:
     loop = unit.loop()
     while True:
         loop.beat()
-        await asyncio.sleep(HEALTH_PERIOD)
+        await asyncio.sleep(min(HEALTH_PERIOD, loop.period or HEALTH_PERIOD))
         unit.status(in_words(bridges, bus))
 
 

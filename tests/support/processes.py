@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -18,8 +18,17 @@ ROOT = Path(__file__).parents[2]
 class Daemon:
     """A running process and the lines that it has said."""
 
-    def __init__(self, *arguments: str, within: Sequence[str] = (), code: Path = ROOT) -> None:
-        """Run `python -m ARGUMENTS` of a checkout; `within` stands before it, such as `ip netns exec NAME`."""
+    def __init__(
+        self,
+        *arguments: str,
+        within: Sequence[str] = (),
+        code: Path = ROOT,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        """Run `python -m ARGUMENTS` of a checkout; `within` stands before it, such as `ip netns exec NAME`.
+
+        `environment` is added to that of the tests.
+        """
         self.arguments = arguments
         self.lines: list[str] = []
         self.process = subprocess.Popen(
@@ -30,6 +39,7 @@ class Daemon:
             text=True,
             errors="replace",
             cwd=code,
+            env=os.environ | (environment or {}),
             start_new_session=True,
         )
         self._reader = threading.Thread(target=self._read, daemon=True)
@@ -75,9 +85,9 @@ class Daemon:
 
 
 @contextlib.contextmanager
-def running(*arguments: str, code: Path = ROOT) -> Iterator[Daemon]:
+def running(*arguments: str, code: Path = ROOT, environment: Mapping[str, str] | None = None) -> Iterator[Daemon]:
     """Start `python -m ARGUMENTS` and end it when the block ends."""
-    daemon = Daemon(*arguments, code=code)
+    daemon = Daemon(*arguments, code=code, environment=environment)
     try:
         yield daemon
     finally:
