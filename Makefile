@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
 
-.PHONY: fly rescue test index soak faults bench-reasoner bench-bridge bench-mail bench-board lint types contracts format check-python byte-code clean
+.PHONY: fly rescue test index soak faults bench-reasoner bench-bridge bench-mail bench-board docs reference lint types contracts format check-python byte-code clean
 
 fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
@@ -44,6 +44,10 @@ bench-board: $(VENV)/test.stamp  ## what one board needs: three daemons beside o
 
 docs: $(VENV)/docs.stamp  ## the pages as a site in site/; a link that leads nowhere fails it (--quiet would hide it from --strict)
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --site-dir site
+
+reference: $(VENV)/test.stamp  ## write docs/reference anew from docstrings and parsers
+	$(BIN)/python -m tests.docs.stdlib_page
+	$(BIN)/python -m tests.docs.commands_page
 
 format: $(VENV)/lint.stamp  ## is every file formatted?
 	$(BIN)/ruff format --check .
