@@ -1,0 +1,30 @@
+"""No example ships that nothing runs: each mission and each example has the test, or page, that runs it."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.docs.pages import ROOT
+
+RUN_IN = {
+    "examples/client": "docs/mail.md",
+    "examples/compass": "tests/agentd/test_plugins.py",
+    "examples/lamp": "tests/argosy/test_robots.py",
+    "missions/paper_turtle.yaml": "tests/bridged/test_turtle.py",
+    "missions/paper_uav.yaml": "tests/argosy/test_paper_flight.py",
+    "missions/search_and_rescue.yaml": "tests/boards/test_rescue.py",
+    "missions/single_uav.yaml": "tests/argosy/test_flight.py",
+    "missions/three_uavs.yaml": "tests/argosy/test_flight.py",
+    "missions/turtle.yaml": "tests/argosy/test_robots.py",
+}
+
+
+def test_every_mission_and_example_is_in_the_table() -> None:
+    shipped = [*(ROOT / "missions").glob("*.yaml"), *(path for path in (ROOT / "examples").iterdir() if path.is_dir())]
+    assert {str(path.relative_to(ROOT)) for path in shipped} == set(RUN_IN)
+
+
+@pytest.mark.parametrize("example", RUN_IN)
+def test_what_runs_an_example_names_it(example: str) -> None:
+    name = example.rpartition("/")[2].removesuffix(".yaml")
+    assert name in (ROOT / RUN_IN[example]).read_text(encoding="utf-8")
