@@ -1,0 +1,228 @@
+"""`argosy units`: what it writes for a board, what it refuses, and what systemd itself says of the units."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from argosy.__main__ import main
+from argosy.unit_files import Board, templates
+from argosy.units import write
+from commd import router_config
+from schemas.mission import Mission, load_mission
+
+MOST = 2.0
+"""The exposure that `systemd-analyze security` may find in a unit at most."""
+FLEET = """\
+mission: survey
+boards:
+  pi1: {address: 10.0.0.11}
+  pi2: {address: 10.0.0.12}
+agents:
+  scout: {board: pi1, program: code/scout.asl, robot: uav1}
+  diver: {board: pi2, program: code/diver.asl}
+robots:
+  uav1: {board: pi1, manifest: arducopter, link: "LINK"}
+done: "scout: over"
+"""
+
+
+@pytest.fixture
+def systemd() -> None:
+    if shutil.which("systemd-analyze") is None:
+        why = "there is no systemd-analyze: install systemd"
+        pytest.fail(why) if os.environ.get("ARGOSY_NEEDS_NAMESPACES") else pytest.skip(why)
+
+
+def mission(folder: Path, text: str = FLEET, link: str = "serial:/dev/ttyAMA0:921600") -> Mission:
+    """Write a mission with two programs, one of which includes a file, and read it."""
+    (folder / "code").mkdir(parents=True, exist_ok=True)
+    (folder / "code" / "scout.asl").write_text('{ include("common.asl") }\n+x <- !over.\n')
+    (folder / "code" / "common.asl").write_text("+!over <- +over.\n")
+    (folder / "code" / "scout_test.asl").write_text("+!test <- true.\n")
+    (folder / "code" / "diver.asl").write_text("+y <- true.\n")
+    (folder / "survey.yaml").write_text(text.replace("LINK", link))
+    return load_mission(folder / "survey.yaml")
+
+
+def tree(folder: Path) -> set[str]:
+    """The files below a folder."""
+    return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+
+
+def added(out: Path, daemon: str) -> list[str]:
+    """What a mission adds to a template, if anything."""
+    path = out / f"etc/systemd/system/{daemon}@survey.service.d/board.conf"
+    return path.read_text().splitlines()[2:] if path.exists() else []
+
+
+def test_a_board_gets_its_units_its_router_and_the_files_of_its_part_of_the_mission(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mission(tmp_path)
+    out = tmp_path / "pi1"
+    assert main(["units", str(tmp_path / "survey.yaml"), "--board", "pi1", "--out", str(out)]) == 0
+    assert tree(out) == {
+        "INSTALL.md",
+        "etc/argosy/survey/board.env",
+        "etc/argosy/survey/code/common.asl",
+        "etc/argosy/survey/code/diver.asl",  # a program may include what stands beside it at run time
+        "etc/argosy/survey/code/scout.asl",
+        "etc/argosy/survey/router.json5",
+        "etc/argosy/survey/survey.yaml",
+        "etc/systemd/system/agentd@.service",
+        "etc/systemd/system/argosy-survey.target",
+        "etc/systemd/system/bridged@.service",
+        "etc/systemd/system/bridged@survey.service.d/board.conf",
+        "etc/systemd/system/commd@.service",
+        "etc/sysusers.d/argosy.conf",
+        "etc/tmpfiles.d/argosy-survey.conf",
+    }
+    said = capsys.readouterr().out
+    assert "argosy-survey.target, commd@survey.service, bridged@survey.service, agentd@survey.service" in said
+    assert "BOARD=pi1\n" in (out / "etc/argosy/survey/board.env").read_text()
+    settings = json.loads((out / "etc/argosy/survey/router.json5").read_text())
+    assert settings["listen"]["endpoints"][0].startswith("unixsock-stream//run/argosy/survey/router.sock")
+    assert settings["access_control"]["default_permission"] == "deny"
+    read = router_config.read(out / "etc/argosy/survey/router.json5")
+    assert read.secured
+    assert read.tls is not None
+    assert str(read.tls.key) == "/etc/argosy/survey/keys/key.pem"
+
+
+def test_a_board_without_robots_has_no_bridge(tmp_path: Path) -> None:
+    write(Board(mission(tmp_path), "pi2"), tmp_path / "pi2")
+    assert not [name for name in tree(tmp_path / "pi2") if "bridged" in name]
+    target = (tmp_path / "pi2/etc/systemd/system/argosy-survey.target").read_text()
+    assert "Wants=commd@survey.service agentd@survey.service\n" in target
+
+
+@pytest.mark.parametrize(
+    ("link", "expected"),
+    [
+        (
+            "serial:/dev/ttyAMA0:921600",
+            [
+                "PrivateDevices=no",
+                "SupplementaryGroups=dialout",
+                "DeviceAllow=/dev/ttyAMA0 rw",
+                "PrivateNetwork=yes",
+                "IPAddressDeny=any",
+                "RestrictAddressFamilies=",
+                "RestrictAddressFamilies=AF_UNIX",
+            ],
+        ),
+        ("udpin:127.0.0.1:14550", ["IPAddressDeny=any", "IPAddressAllow=localhost"]),
+        ("udpout:10.0.0.99:14550", ["IPAddressDeny=any", "IPAddressAllow=10.0.0.99"]),
+        ("udpin:0.0.0.0:14550", []),
+        ("tcp:autopilot.local:5760", []),
+    ],
+)
+def test_the_bridge_alone_gets_the_devices_and_addresses_of_its_robots(
+    tmp_path: Path, link: str, expected: list[str]
+) -> None:
+    write(Board(mission(tmp_path, link=link), "pi1"), tmp_path / "out")
+    assert added(tmp_path / "out", "bridged") == expected
+    assert added(tmp_path / "out", "agentd") == added(tmp_path / "out", "commd") == []
+
+
+def test_an_adapter_that_is_plugged_in_again_is_still_allowed(tmp_path: Path) -> None:
+    write(Board(mission(tmp_path, link="serial:/dev/serial/by-id/usb-Pixhawk:57600"), "pi1"), tmp_path / "out")
+    assert {"DeviceAllow=char-ttyUSB rw", "DeviceAllow=char-ttyACM rw"} < set(added(tmp_path / "out", "bridged"))
+
+
+def test_a_board_that_is_linked_to_no_other_has_no_network_and_needs_no_keys(tmp_path: Path) -> None:
+    write(Board(load_mission("turtle"), "local"), tmp_path / "out")
+    lines = (tmp_path / "out/etc/systemd/system/commd@turtle.service.d/board.conf").read_text()
+    assert "PrivateNetwork=yes" in lines
+    assert "needs no keys" in (tmp_path / "out/INSTALL.md").read_text()
+
+
+def test_one_process_is_one_unit_with_what_the_three_may(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write(Board(mission(tmp_path), "pi1", one_process=True), out)
+    units = {name for name in tree(out) if name.endswith(".service")}
+    assert units == {"etc/systemd/system/board@.service"}
+    assert "DeviceAllow=/dev/ttyAMA0 rw" in added(out, "board")
+    assert "PrivateNetwork=yes" not in added(out, "board")
+    assert "keys ~0700 argosy-board argosy" in (out / "etc/tmpfiles.d/argosy-survey.conf").read_text()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("done:", "router: {external: true}\ndone:"), "router.external: the units run commd as the board's router"),
+        (("code/scout.asl", "../elsewhere.asl"), "is not below the mission file, whose folder is what a board gets"),
+        (("code/scout.asl", "code/none.asl"), "there is no file"),
+    ],
+)
+def test_what_a_board_cannot_run_is_refused_in_words_and_nothing_is_written(
+    tmp_path: Path, change: tuple[str, str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "elsewhere.asl").write_text("+x <- true.\n")
+    mission(tmp_path / "m", FLEET.replace(*change))
+    arguments = ["units", str(tmp_path / "m/survey.yaml"), "--board", "pi1", "--out", str(tmp_path / "out")]
+    assert main(arguments) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_is_not_empty_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mission(tmp_path)
+    assert main(["units", str(tmp_path / "survey.yaml"), "--board", "pi1", "--out", str(tmp_path)]) == 2
+    assert "is not empty" in capsys.readouterr().err
+    assert not (tmp_path / "etc").exists()
+
+
+@pytest.mark.parametrize("venv", ["relative", "/home/pi/argosy", "/opt/with blank"])
+def test_a_place_that_the_daemons_would_not_see_is_refused(venv: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["units", "turtle", "--out", "x", "--venv", venv])
+    assert "--venv" in capsys.readouterr().err
+
+
+def analyzed(out: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run systemd-analyze on the units of a tree instead of this machine's, without asking any running systemd."""
+    environment = os.environ | {"SYSTEMD_UNIT_PATH": f"{out}/etc/systemd/system:"}
+    command = ["systemd-analyze", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
+
+
+def installed(folder: Path) -> str:
+    """A place with the commands that the units start."""
+    for name in ("commd", "bridged", "agentd", "argosy"):
+        (folder / "venv/bin").mkdir(parents=True, exist_ok=True)
+        (folder / "venv/bin" / name).touch(mode=0o755)
+    return str(folder / "venv")
+
+
+@pytest.mark.usefixtures("systemd")
+@pytest.mark.parametrize("one_process", [False, True])
+def test_systemd_finds_nothing_wrong_with_any_unit(tmp_path: Path, one_process: bool) -> None:
+    board = Board(mission(tmp_path), "pi1", installed(tmp_path), one_process)
+    write(board, tmp_path / "out")
+    found = analyzed(tmp_path / "out", "verify", "--man=no", board.target, *board.units)
+    assert (found.returncode, found.stdout + found.stderr) == (0, "")
+
+
+@pytest.mark.usefixtures("systemd")
+@pytest.mark.parametrize("link", ["serial:/dev/ttyAMA0:921600", "udpin:0.0.0.0:14550"])
+def test_no_unit_is_more_exposed_than_it_may_be(tmp_path: Path, link: str) -> None:
+    made = mission(tmp_path, link=link)
+    for one_process in (False, True):
+        board, out = Board(made, "pi1", one_process=one_process), tmp_path / f"out{one_process}"
+        write(board, out)
+        for unit in board.units:
+            found = analyzed(out, "security", "--offline=true", "--no-pager", f"--threshold={MOST * 10:.0f}", unit)
+            assert found.returncode == 0, found.stdout
+
+
+def test_every_template_ships() -> None:
+    assert [path.name for path in templates()] == [
+        f"{name}@.service" for name in ("commd", "bridged", "agentd", "board")
+    ]
