@@ -13,6 +13,8 @@ from schemas.shipped import shipped
 VENV = "/opt/argosy"
 """Where Argosy is installed on a board, as the templates say it."""
 UNITS = "etc/systemd/system"
+WATCHDOG = 10.0
+"""Seconds, as the templates say them."""
 _HEADER = (
     "# Written by `argosy units` from the mission file: change the mission, or add a file of your own beside this.\n"
 )
@@ -118,16 +120,24 @@ def _tmpfiles(board: Board) -> str:
 
 
 def _added(board: Board, daemon: str) -> str:
-    """What a mission adds to a template: the devices and addresses that its daemons reach on this board."""
+    """What a mission adds to a template: patience, and the devices and addresses that its daemons reach here."""
     machines = Reach(hosts=None) if reaches_machines(board.mission, board.name) else Reach()
     if daemon == "agentd":
-        return ""
+        return _patience(board)
     if daemon == "commd":
         return _allowing(machines)
     robots = reach_of_robots(board.mission, board.name)
     if daemon == "board" and machines.hosts is None:
         robots = Reach(robots.devices, None, robots.unknown)
-    return _unknown(robots.unknown) + _allowing(robots)
+    return (_patience(board) if daemon == "board" else "") + _unknown(robots.unknown) + _allowing(robots)
+
+
+def _patience(board: Board) -> str:
+    """The watchdog must not end a mind that the mission allows to be busy for so long."""
+    agents = (board.mission.agents[name].robot for name in agents_of(board.mission, board.name))
+    silences = [float(board.mission.robots[robot].agent_silence) for robot in agents if robot is not None]
+    wanted = 2 * max(silences, default=0.0)
+    return f"WatchdogSec={wanted:g}\n" if wanted > WATCHDOG else ""
 
 
 def _allowing(reach: Reach) -> str:

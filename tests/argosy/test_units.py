@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from argosy.__main__ import main
-from argosy.unit_files import Board, templates
+from argosy.unit_files import WATCHDOG, Board, templates
 from argosy.units import write
 from commd import router_config
 from schemas.mission import Mission, load_mission
@@ -129,6 +129,15 @@ def test_the_bridge_alone_gets_the_devices_and_addresses_of_its_robots(
     write(Board(mission(tmp_path, link=link), "pi1"), tmp_path / "out")
     assert added(tmp_path / "out", "bridged") == expected
     assert added(tmp_path / "out", "agentd") == added(tmp_path / "out", "commd") == []
+
+
+def test_the_watchdog_waits_longer_than_the_mission_lets_a_mind_be_busy(tmp_path: Path) -> None:
+    long = FLEET.replace('link: "LINK"', 'link: "LINK", agent_silence: 30s')
+    write(Board(mission(tmp_path, long), "pi1"), tmp_path / "out")
+    assert added(tmp_path / "out", "agentd") == ["WatchdogSec=60"]
+    write(Board(mission(tmp_path, long), "pi1", one_process=True), tmp_path / "one")
+    assert "WatchdogSec=60" in added(tmp_path / "one", "board")
+    assert all(f"WatchdogSec={WATCHDOG:g}\n" in path.read_text() for path in templates())
 
 
 def test_an_adapter_that_is_plugged_in_again_is_still_allowed(tmp_path: Path) -> None:
