@@ -11,8 +11,8 @@ _LOGGED = re.compile(r"(DEBUG|INFO|WARNING|ERROR|CRITICAL) \S+ \S+ (.*)")
 """The format of `commd.process`: level, daemon, logger, message."""
 _LEVELS: dict[str, Level] = {"WARNING": "warning", "ERROR": "error", "CRITICAL": "error"}
 _LEFT = re.compile(r"leaving (\S+): (.*)")
-_ORDERED = re.compile(r"(\S+): (hold|land|rtl) \(operator: \2\): (\w+) ?(.*)")
-_RELEASED = re.compile(r"(\S+): released: actions are taken again")
+_ORDERED = re.compile(r"robot=(\S+) (hold|land|rtl) \(operator: \2\): (\w+) ?(.*)")
+_RELEASED = re.compile(r"robot=(\S+) released: actions are taken again")
 
 
 @dataclass(frozen=True)

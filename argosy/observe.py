@@ -47,6 +47,9 @@ class Observer:
 
     def _router(self, up: bool) -> None:
         if up:
+            if self.router_lost is not None:
+                away = time.monotonic() - self.router_lost
+                self.picture.journal.add("argosy", f"the router answers again, after {away:.1f} s")
             self.router_lost = None
         elif self.router_lost is None:
             self.router_lost = time.monotonic()

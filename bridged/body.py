@@ -245,7 +245,7 @@ class Body:
 
     def _tell_unheld(self, halt: Execution) -> None:
         if said := _not_done(halt):
-            log.error("%s: the robot may be moving: %s", self._setup.name, said)
+            log.error("robot=%s may be moving: %s", self._setup.name, said)
 
     def _by_action(self, order: Order) -> Execution:
         """Carry out an order as the manifest's `orders` say."""

@@ -106,11 +106,11 @@ class Bridge:
         self.desk.adopt(manifest)
 
     def _lease_changed(self) -> None:
-        log.info("%s: %s", self.name, f"held by {self.lease.holder}" if self.lease.holder else "free")
+        log.info("robot=%s %s", self.name, f"held by {self.lease.holder}" if self.lease.holder else "free")
         try:
             self.ledger.hold(self.lease.answers, self.lease.free)
         except OSError as error:
-            log.error("who has %s cannot be kept on disk: %s", self.name, error.strerror)
+            log.error("robot=%s who has it cannot be kept on disk: %s", self.name, error.strerror)
         self._tell_holder()
 
     def _tell_holder(self) -> None:

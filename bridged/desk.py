@@ -197,14 +197,16 @@ class ActionDesk:
             if not entry.supersedes:
                 self._refuse(action, f"its id cannot be kept on disk: {error.strerror}", follower)
                 return
-            log.error("the id of %s cannot be kept on disk: %s", action.id, error.strerror)  # a way down must stay
+            log.error(
+                "robot=%s the id of %s cannot be kept on disk: %s", self.robot, action.id, error.strerror
+            )  # a way down must stay
         taken = self._take(action, entry) if rival else []
         for other in self._superseded(entry):
             self._end(other, Outcome("cancelled", f"superseded by {action.name} of {action.agent}"), hold=False)
         self.lease.take(action.agent, now)
         deadline = min(float(entry.deadline), action.deadline or math.inf)
         accepted = replace(self._statuses.make(action, "accepted"), deadline=deadline)
-        log.info("action %s %s%s", action.id, action.name, list(arguments.values()))
+        log.info("robot=%s action %s %s%s", self.robot, action.id, action.name, list(arguments.values()))
         follower(accepted)
         self._publish(action.agent, accepted)
         execution = self._calls.perform(action.name, entry, arguments)
@@ -226,7 +228,7 @@ class ActionDesk:
         if reason:
             self._refuse(action, reason, follower)
             return
-        log.info("action %s %s succeeded", action.id, action.name)
+        log.info("robot=%s action %s %s succeeded", self.robot, action.id, action.name)
         status = self._statuses.make(action, "succeeded")
         follower(status)
         self._publish(action.agent, status)
@@ -268,7 +270,7 @@ class ActionDesk:
     def _deny(self, action: Action, reason: str, follower: Follower) -> ActionStatus:
         """Refuse an action whose id stands for another one, or for none."""
         status = self._statuses.make(action, "refused", reason)
-        log.info("action %s %s refused: %s", action.id, action.name, status.reason)
+        log.info("robot=%s action %s %s refused: %s", self.robot, action.id, action.name, status.reason)
         follower(status)
         self._publish(action.agent, status)
         return status
@@ -284,7 +286,7 @@ class ActionDesk:
         job.progress.end()
         self._board.flush(self._now())
         status = self._statuses.make(job.action, outcome.state, outcome.reason, job.execution.feedback)
-        log.info("action %s %s %s %s", job.action.id, job.action.name, status.state, status.reason)
+        log.info("robot=%s action %s %s %s %s", self.robot, job.action.id, job.action.name, status.state, status.reason)
         self._tell(job, status)
         self._record(job.action, status)
         return status
@@ -297,4 +299,4 @@ class ActionDesk:
         try:
             self._ledger.finish(action.agent, status)
         except OSError as error:
-            log.error("how %s ended cannot be kept on disk: %s", status.id, error.strerror)
+            log.error("robot=%s how %s ended cannot be kept on disk: %s", self.robot, status.id, error.strerror)

@@ -95,7 +95,7 @@ class Orders:
         outcome = execution.outcome or Outcome("timed_out", said)
         log.log(
             logging.INFO if outcome.state == "succeeded" else logging.ERROR,
-            "%s: %s (%s): %s %s",
+            "robot=%s %s (%s): %s %s",
             self._desk.robot,
             order,
             reason,
@@ -116,12 +116,12 @@ class Orders:
         if self._stopping:
             return Outcome("refused", "the bridge stops: it takes no action any more")
         self._desk.blocked = ""
-        log.info("%s: released: actions are taken again", self._desk.robot)
+        log.info("robot=%s released: actions are taken again", self._desk.robot)
         return Outcome("succeeded", "actions are taken again")
 
     def agent_lost(self, agent: str, why: str, steps: Sequence[Step]) -> None:
         """Do what the mission declares, step by step, until `call_off`."""
-        log.error("%s: agent %s is lost (%s)", self._desk.robot, agent, why)
+        log.error("robot=%s agent %s is lost (%s)", self._desk.robot, agent, why)
         arming = self._desk.arming
         self._desk.end_all(agent, Outcome("failed", f"agent {agent} is lost: {why}"))
         if (self._driver.active or arming or self._never_heard) and not self._desk.blocked:
@@ -149,14 +149,14 @@ class Orders:
         try:
             await self._bring_to_safety(agent, steps)
         except Exception:
-            log.exception("%s: defect while the lost agent %s is answered for", self._desk.robot, agent)
+            log.exception("robot=%s defect while the lost agent %s is answered for", self._desk.robot, agent)
         self._sequence, self._desk.lease.closed = None, ""
         self._desk.lease.let_go()
 
     async def _bring_to_safety(self, agent: str, steps: Sequence[Step]) -> None:
         if self._never_heard and not self._driver.active:
             self._unheard = f"agent {agent} is lost; the robot was never heard: it is brought to safety when it is"
-            log.error("%s: %s", self._desk.robot, self._unheard)
+            log.error("robot=%s %s", self._desk.robot, self._unheard)
             while self._never_heard:  # noqa: ASYNC110 - drivers do not tell when
                 await asyncio.sleep(LOOK)
             self._unheard = ""
@@ -172,12 +172,12 @@ class Orders:
             if outcome.state == "succeeded" or not self._driver.active or self._driver.overridden:
                 break
             said = "the vehicle did not do the last that was ordered, so"
-            log.error("%s: %s %s is ordered instead", self._desk.robot, said, order)
+            log.error("robot=%s %s %s is ordered instead", self._desk.robot, said, order)
             outcome = await self._until_heard(order, agent)
         if mode := self._driver.overridden:
             others = "which others set (pilot, ground station or failsafe)"
             self._left = f"agent {agent} is lost; the vehicle is left in {mode}, {others}: nothing is ordered"
-            log.error("%s: %s", self._desk.robot, self._left)
+            log.error("robot=%s %s", self._desk.robot, self._left)
 
     async def _until_heard(self, order: Order, agent: str) -> Outcome:
         """Give an order; a vehicle that is out of reach may come back, so it is told until it answers."""

@@ -129,7 +129,7 @@ class Service:
         problems: list[str] = []
         if query.record is not None:
             problems = live.change(query.record)
-            log.info("manifest of %s: %s", self._robot, "; ".join(problems) or f"version {live.version}")
+            log.info("robot=%s manifest: %s", self._robot, "; ".join(problems) or f"version {live.version}")
             if not problems:
                 self._bus.put(key, self._told(live))
         query.reply(self._told(live, problems), key)

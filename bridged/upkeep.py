@@ -63,13 +63,13 @@ class Upkeep:
 
     def _runs(self) -> None:
         if self.problem:
-            log.info("%s: driver `%s` runs again", self._robot, self._name)
+            log.info("robot=%s driver `%s` runs again", self._robot, self._name)
         self.problem = ""
 
     def _failed(self, why: str, then: str) -> None:
         problem = f"driver `{self._name}` does not run: {why}; {then}"
         if problem != self.problem:
-            log.error("%s: %s", self._robot, problem)
+            log.error("robot=%s %s", self._robot, problem)
         self.problem = problem
         try:
             self._on_failure(problem)

@@ -124,5 +124,5 @@ def test_a_daemons_line_is_shown_without_what_is_known_of_it(line: str, said: Li
 def test_what_a_bridge_says_of_its_vehicle_is_understood() -> None:
     assert of_a_bridge(Line("leaving uav1: rtl: the vehicle does it")) == Left("uav1", "rtl: the vehicle does it")
     assert Left("uav1", "armed, and it has not confirmed rtl: no answer").confirmed == ""
-    assert of_a_bridge(Line("uav1: land (operator: land): succeeded ")) == Ordered("uav1", "land", True, "")
+    assert of_a_bridge(Line("robot=uav1 land (operator: land): succeeded ")) == Ordered("uav1", "land", True, "")
     assert of_a_bridge(Line("land (the bridge stops: land): succeeded ")) is None

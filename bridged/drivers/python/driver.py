@@ -160,7 +160,7 @@ class PythonDriver(PlainDriver):
             return
         self._counts["failed"] += 1
         if function not in self._failing:
-            log.warning("%s: `%s` raised %s: %s", self.setup.name, function, result.kind, result.text)
+            log.warning("robot=%s `%s` raised %s: %s", self.setup.name, function, result.kind, result.text)
         self._failing[function] = result.text
 
     def _renew_polls(self) -> None:
