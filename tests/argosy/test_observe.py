@@ -1,0 +1,56 @@
+"""The observer of a run, and the log of a daemon, when the router goes and comes back."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import time
+from pathlib import Path
+
+import pytest
+
+from argosy.journal import Journal
+from argosy.observe import Observer
+from argosy.picture import Picture
+from commd import reminding
+from commd.bus import open_bus
+from schemas.mission import read_mission
+from tests.support.buses import FLEET, session, until
+
+MISSION = f"mission: {FLEET}\nagents: {{a: {{program: a.asl}}}}\n"
+
+
+def test_that_the_router_is_away_and_back_is_told_in_the_run_and_in_the_log(
+    endpoint: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reminding, "AGAIN", (0.05, 0.1, 600.0))
+    caplog.set_level("INFO")
+    journal = Journal(lambda: 0.0)
+    picture = Picture(read_mission(MISSION, Path("m.yaml")), journal, lambda: 0.0)
+
+    def said(word: str) -> bool:
+        return any(re.search(word, entry.text) for entry in journal.entries)
+
+    async def body() -> None:
+        async with asyncio.timeout(60):
+            waiting = open_bus(endpoint, fleet=FLEET, name="argosy", daemon="argosy", stamp=time.time_ns)
+            opening = asyncio.create_task(waiting.__aenter__())
+            await until(
+                lambda: len(re.findall(r"waiting for the router at \S+ for=", caplog.text)) == 2, "it is said again"
+            )
+            router = session(endpoint, "board", "commd", router=True)
+            await router.__aenter__()
+            bus = await opening
+            await until(lambda: bus.router_up, "the router is seen")
+            Observer(bus, picture)
+            assert not said("answer")
+            await router.__aexit__(None, None, None)
+            await until(lambda: said("the router does not answer"), "the run is told")
+            await until(lambda: "router lost for=" in caplog.text, "the log says it again")
+            async with session(endpoint, "board", "commd", router=True):
+                await until(lambda: said(r"the router answers again, after \d+\.\d s"), "the run is told")
+                await waiting.__aexit__(None, None, None)
+
+    asyncio.run(body())
+    assert re.search(r"router back after=\d+\.\ds", caplog.text)
+    assert caplog.text.count("router up") == 1
