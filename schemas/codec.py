@@ -83,10 +83,10 @@ class Codec(Generic[R]):
         media, _, schema = encoding.partition(";")
         if schema.startswith("argosy."):
             said, _, version = schema.removeprefix("argosy.").partition("/")
+            if version != str(VERSION):  # first: another version may answer with another record
+                raise OtherVersion(name, version)
             if said != name:
                 raise BadRecord(f"{name}: expected a {name}, got a {said}")
-            if version != str(VERSION):
-                raise OtherVersion(name, version)
         return "msgpack" if media == MEDIA["msgpack"] else "json"
 
 

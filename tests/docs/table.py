@@ -15,6 +15,9 @@ _NETWORK = "installs from a package index"
 _REAL = "a real vehicle"
 
 NOT_RUN: Final[dict[Key, str]] = {
+    ("CONTRIBUTING.md", "make "): "is what runs this",
+    ("CONTRIBUTING.md", ".ci/run"): "is what runs this",
+    ("CONTRIBUTING.md", ".venv/bin/python -m pytest"): "is what runs this",
     ("README.md", "make fly"): "makes a virtual environment from a package index, then `argosy run`",
     ("README.md", "make test"): "is what runs this",
     ("README.md", "argosy run --real uav1"): _REAL,
@@ -32,12 +35,22 @@ NOT_RUN: Final[dict[Key, str]] = {
         "argosy run examples/lamp",
     ): "tests/bridged/test_example_drivers.py, with the package installed",
     ("docs/fleets.md", "argosy run missions/search_and_rescue.yaml"): "minutes: tests/argosy/test_rescue.py",
+    ("docs/install.md", "pip wheel"): "wants the checkout and a package index: tests/test_wheel.py",
+    ("docs/install.md", "python3 -m venv /opt"): "another folder in tests/test_wheel.py",
+    ("docs/install.md", "/opt/argosy/bin/"): "another folder in tests/test_wheel.py",
+    ("docs/install.md", "argosy wheelhouse"): _NETWORK + ": tests/test_wheel.py",
+    ("docs/install.md", "scp "): "a real board",
+    ("docs/install.md", "ssh "): "a real board",
+    ("docs/install.md", "sudo "): "a real board: the same without sudo in tests/test_wheel.py",
     ("docs/keys.md", "zenoh "): "zenoh-cli is no dependency",
     ("docs/search-and-rescue.md", "make rescue"): "minutes: tests/argosy/test_rescue.py",
     ("docs/search-and-rescue.md", "argosy run"): "minutes: tests/argosy/test_rescue.py",
     ("docs/search-and-rescue.md", "argosy referee"): "judges a flight of minutes: tests/argosy/test_rescue.py",
     ("docs/search-and-rescue.md", "python -m tests.soak_rescue"): "half an hour: `make soak`",
     ("docs/simulated-copter.md", "mavproxy.py"): "wants a terminal: tests/bridged/clients",
+    ("docs/tutorial.md", "sudo apt install"): _NETWORK,
+    ("docs/tutorial.md", "make fly"): "makes a virtual environment from a package index, then `argosy run`",
+    ("docs/tutorial.md", ". .venv/bin/activate"): "the tests have their own virtual environment",
 }
 """Commands that are not run here: the reason. They have to parse all the same."""
 
@@ -49,6 +62,14 @@ argosy run missions/idle.yaml"""
 
 INSTEAD: Final[dict[Key, str]] = {
     ("docs/manifests.md", "argosy run missions/single_uav.yaml"): _ON_THE_GROUND,
+    (
+        "docs/tutorial.md",
+        "argosy run missions/single_uav.yaml",
+    ): "argosy run missions/single_uav.yaml --speed 3 --plain",
+    ("docs/tutorial.md", "argosy run my/mission.yaml --plain --report"): (
+        "argosy run my/mission.yaml --plain --speed 20 --report my/report"
+    ),
+    ("docs/tutorial.md", "argosy run my/mission.yaml --plain"): "argosy run my/mission.yaml --plain --speed 20",
 }
 """Commands that take minutes: what is run in their place, the same at another speed."""
 
@@ -64,7 +85,9 @@ class Stay(NamedTuple):
     says: str
     """What it says when it is up; the next command runs then."""
     ends: str = "interrupt"
-    """`interrupt`: ctrl-C at the end of the page; `itself`: it ends while the page is followed, with exit code 0."""
+    """`interrupt`: ctrl-C; `itself`: it ends while the page is followed, with exit code 0; `failed`: with exit code 1."""
+    after: str = ""
+    """How the command begins after which it is ended or has to end; none: at the end of the page."""
 
 
 STAYS: Final[dict[Key, Stay]] = {
@@ -73,6 +96,8 @@ STAYS: Final[dict[Key, Stay]] = {
     ("docs/mail.md", "argosy run examples/client/survey.yaml"): Stay(says="agentd scout: up", ends="itself"),
     ("docs/manifests.md", "argosy run missions/single_uav.yaml"): Stay(says="agentd uav: up"),
     ("docs/simulated-copter.md", "bridged simulate copter"): Stay(says="copter"),
+    ("docs/tutorial.md", "argosy run missions"): Stay(says="uav: flying to", ends="failed", after="argosy stop rtl"),
+    ("docs/tutorial.md", "python my/weather.py"): Stay(says="waits", after="argosy run my/mission.yaml --plain"),
 }
 
 NOT_WELL_FORMED: Final[dict[Key, str]] = {

@@ -108,6 +108,8 @@ def test_any_bytes_decode_or_are_refused(record: type[Action], payload: bytes, w
 def test_another_major_version_or_record_is_refused_by_name() -> None:
     with pytest.raises(BadRecord, match="version 2 of the record, this daemon speaks version 1"):
         codec(Perception).decode(b'{"name":"a"}', "application/json;argosy.Perception/2")
+    with pytest.raises(BadRecord, match="ActionStatus: version 2 of the record"):
+        codec(ActionStatus).decode(b'{"name":"a"}', "application/json;argosy.ActionDescription/2")
     with pytest.raises(BadRecord, match="expected a Perception, got a Action"):
         codec(Perception).decode(b'{"name":"a"}', "application/json;argosy.Action/1")
 
