@@ -124,9 +124,10 @@ class Reader:
         if code and not code_is_read:
             raise StumbledError(f"{_told(command, output)}\nexit code {code}")
         _compare(command, output)
+        self._leave(after=command.text)
 
     def _stay(self, command: Command, stay: Stay) -> None:
-        output = self._state / f"output{len(self._staying)}"
+        output = self._state / f"output{command.line}"
         folder = (self._state / "folder").read_text().strip()
         script = f'cd "{folder}" && . {self._state}/exported && {_to_run(command)}'
         process = self._start(script, output)
@@ -137,9 +138,13 @@ class Reader:
                 raise StumbledError(f"{_told(command, output)}\nit does not say `{stay.says}`; exit {process.poll()}")
             time.sleep(0.05)
 
-    def _leave(self) -> None:
-        """End what stays, the last first, as a reader would."""
-        for command, stay, process, output in reversed(self._staying):
+    def _leave(self, after: str | None = None) -> None:
+        """End what stays, the last first, as a reader would: all of it, or what is to end after a command."""
+        for one in self._staying[::-1]:
+            command, stay, process, output = one
+            if after is not None and not (stay.after and after.startswith(stay.after)):
+                continue
+            self._staying.remove(one)
             interrupted = stay.ends == "interrupt"
             if interrupted:
                 with contextlib.suppress(ProcessLookupError):
@@ -147,8 +152,9 @@ class Reader:
             try:
                 code = process.wait(END_PATIENCE if interrupted else PATIENCE)
             except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
                 raise StumbledError(f"{_told(command, output)}\nit does not end") from None
-            if code not in ((0, 130, -signal.SIGINT) if interrupted else (0,)):
+            if code not in {"interrupt": (0, 130, -signal.SIGINT), "itself": (0,), "failed": (1,)}[stay.ends]:
                 raise StumbledError(f"{_told(command, output)}\nexit code {code}")
             _compare(command, output)
 
@@ -182,9 +188,12 @@ def _compare(command: Command, output: Path) -> None:
 
 
 def shows(expected: Sequence[str], printed: str) -> bool:
-    """Whether a command printed what a page shows of it: `...` is any text, and alone in a line any lines."""
-    pattern = "".join("(?:.*\n)*?" if line.strip() == "..." else f"{_line(line)}\n" for line in expected)
-    lines = [line.rstrip() for line in printed.rstrip().splitlines()]
+    """Whether a command printed what a page shows of it: `...` is any text, and alone in a line any lines.
+
+    Lines may begin with more or less space: figures are set flush right.
+    """
+    pattern = "".join("(?:.*\n)*?" if line.strip() == "..." else f"{_line(line.strip())}\n" for line in expected)
+    lines = [line.strip() for line in printed.strip().splitlines()]
     return re.fullmatch(pattern, "".join(f"{line}\n" for line in lines)) is not None
 
 

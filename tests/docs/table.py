@@ -85,7 +85,7 @@ class Stay(NamedTuple):
     says: str
     """What it says when it is up; the next command runs then."""
     ends: str = "interrupt"
-    """`interrupt`: ctrl-C; `itself`: it ends while the page is followed, with exit code 0; `failed`: with exit code 1."""
+    """`interrupt`: ctrl-C; `itself`: it ends while the page is followed, with exit code 0; `failed`: with 1."""
     after: str = ""
     """How the command begins after which it is ended or has to end; none: at the end of the page."""
 
@@ -109,6 +109,7 @@ NOT_WELL_FORMED: Final[dict[Key, str]] = {
 """Blocks of `asl`, `python`, `toml`, ... that no parser of ours takes: the reason."""
 
 NOT_COMMANDS: Final[dict[Key, str]] = {
+    ("docs/board.md", "agentd has failed"): "what a board says",
     ("docs/fleets.md", "commd pi1"): "what `argosy run` calls this process",
     ("docs/fleets.md", "bridged pi1 uav1"): "what `argosy run` calls this process",
     ("docs/fleets.md", "agentd pi1"): "what `argosy run` calls this process",

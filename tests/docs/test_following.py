@@ -69,6 +69,7 @@ def test_each_block_that_is_excused_is_there() -> None:
         (["[12:00:01] up"], "[23:59:59.123] up\n", True),
         (["up", "...", "down"], "up\na\nb\ndown\n", True),
         (["up ... m"], "up at 5 m\n", True),
+        (["   9.7 s  up"], "  12.7 s  up\n", True),
         (["5 m"], "6 m\n", False),
         (["up"], "up\ndown\n", False),
         ([], "up\n", False),
