@@ -62,11 +62,16 @@ mkdir -p "$root/opt/checkout" "$root/opt/python" "$root/opt/packages" "$root/opt
 mount --bind "$checkout" "$root/opt/checkout"
 mount --bind "$prefix" "$root/opt/python"
 mount --bind "$packages" "$root/opt/packages"
+cat > "$root/opt/argosy/bin/python" <<END
+#!/bin/sh
+export PYTHONPATH=/opt/checkout:/opt/packages LD_LIBRARY_PATH=/opt/python/lib PYTHONDONTWRITEBYTECODE=1
+exec /opt/python/bin/$python "\$@"
+END
+chmod 755 "$root/opt/argosy/bin/python"
 for name in commd bridged agentd argosy; do
   cat > "$root/opt/argosy/bin/$name" <<END
 #!/bin/sh
-export PYTHONPATH=/opt/checkout:/opt/packages LD_LIBRARY_PATH=/opt/python/lib PYTHONDONTWRITEBYTECODE=1
-exec /opt/python/bin/$python -P -m $name "\$@"
+exec /opt/argosy/bin/python -P -m $name "\$@"
 END
   chmod 755 "$root/opt/argosy/bin/$name"
 done

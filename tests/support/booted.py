@@ -1,6 +1,6 @@
 """A machine whose first process is a real systemd: in namespaces of this one, over a file system that nothing keeps.
 
-Needs root, systemd, and overlay file systems; `why_not` says what is missing. Argosy is in /opt/argosy as on a board.
+Needs root, systemd, cgroups and overlay file systems. Argosy is in /opt/argosy as on a board.
 """
 
 from __future__ import annotations
@@ -24,6 +24,10 @@ _BOOT = Path(__file__).with_name("boot.sh")
 SYSTEMD = Path("/lib/systemd/systemd")
 PATIENCE = 60.0
 """Seconds for what a machine is asked to do."""
+
+
+class NoMachine(RuntimeError):
+    """No machine can be made here; says why."""
 
 
 def why_not() -> str:
@@ -95,7 +99,9 @@ class Machine:
 
 @contextlib.contextmanager
 def booted() -> Iterator[Machine]:
-    """Boot a machine and end it, with all that runs there, when the block ends."""
+    """Boot a machine and end it, with all that runs there, when the block ends. Raises NoMachine."""
+    if why := why_not():
+        raise NoMachine(why)
     name = f"argosy-{os.getpid()}-{time.monotonic_ns()}"
     groups = _cgroups(name)
     folder = tempfile.mkdtemp(prefix="argosy-machine-")
@@ -133,7 +139,7 @@ def _up(process: subprocess.Popen[bytes]) -> Machine:
                 return machine
         time.sleep(0.05)
     said = b"" if process.poll() is None or process.stdout is None else process.stdout.read()
-    raise AssertionError(f"no systemd came up within {PATIENCE:g} s: {said.decode(errors='replace')}")
+    raise NoMachine(f"no systemd came up within {PATIENCE:g} s: {said.decode(errors='replace')}")
 
 
 def _cgroups(name: str) -> list[Path]:
