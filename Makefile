@@ -48,6 +48,7 @@ docs: $(VENV)/docs.stamp  ## the pages as a site in site/; a link that leads now
 reference: $(VENV)/test.stamp  ## write docs/reference anew from docstrings and parsers
 	$(BIN)/python -m tests.docs.stdlib_page
 	$(BIN)/python -m tests.docs.commands_page
+	$(BIN)/python -m tests.docs.records_page
 
 format: $(VENV)/lint.stamp  ## is every file formatted?
 	$(BIN)/ruff format --check .

@@ -1,0 +1,106 @@
+"""docs/reference/records.md from the declarations of schemas/records.py: `python -m tests.docs.records_page`."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import get_args
+
+from schemas.keys import CHANNELS
+from schemas.records import VERSION, State
+from tests.docs.pages import ROOT
+
+SOURCE = ROOT / "schemas" / "records.py"
+PAGE = ROOT / "docs" / "reference" / "records.md"
+_HEAD = f"""\
+# Records
+
+<!-- Written by `make reference` from schemas/records.py. -->
+
+What travels on the [keys](../keys.md), as JSON objects (or MessagePack maps). The Encoding of a sample names its record
+and major version: `application/json;argosy.Perception/{VERSION}`. A field that has its default is left out. Fields that
+a reader does not know are ignored and counted; new fields are optional, so that newer and older daemons
+[work together](../versions.md). A Term is written as [told there](../keys.md#terms).
+"""
+
+
+@dataclass(frozen=True)
+class Told:
+    """A record as its declaration tells it."""
+
+    name: str
+    text: str
+    fields: list[tuple[str, str, str, str]] = field(default_factory=list)
+    """Name, type, default and meaning."""
+
+
+def records() -> Iterator[Told]:
+    """The records in the order of the file, without what they derive from."""
+    for node in ast.parse(SOURCE.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ClassDef) and node.name != "Record":
+            told = Told(node.name, _paragraphs(ast.get_docstring(node) or ""))
+            for at, one in enumerate(node.body):
+                if isinstance(one, ast.AnnAssign) and isinstance(one.target, ast.Name):
+                    default = "needed" if one.value is None else _default(ast.unparse(one.value))
+                    told.fields.append((one.target.id, _type(one.annotation), default, _meaning(node.body[at + 1 :])))
+            yield told
+
+
+def _paragraphs(text: str) -> str:
+    return re.sub(r"(?<!\n)\n(?!\n)", " ", text)
+
+
+def _meaning(following: list[ast.stmt]) -> str:
+    """The text below a field, if there is one."""
+    match following[:1]:
+        case [ast.Expr(value=ast.Constant(value=str(text)))]:
+            return re.sub(r"\s+", " ", text)
+    return ""
+
+
+def _type(annotation: ast.expr) -> str:
+    if isinstance(annotation, ast.Name) and annotation.id == "State":
+        return ", ".join(f"`{word}`" for word in get_args(State))
+    text = re.sub(r"\btuple\[(.*), \.\.\.\]", r"list of \1", ast.unparse(annotation).replace(" | None", ""))
+    if told := re.fullmatch(r"Literal\[(.*)\]", text):
+        return ", ".join(f"`{word}`" for word in told[1].replace("'", "").split(", "))
+    text = re.sub(r"\bstr\b", "string", re.sub(r"\bfloat\b", "number", re.sub(r"\bbool\b", "true or false", text)))
+    text = re.sub(r"dict\[(\w+), (.*)\]", r"object: \1 to \2", text)
+    return re.sub(r"tuple\[(.*), \.\.\.\]", r"list of \1", re.sub(r"\bint\b", "integer", text)).replace(
+        "Any", "anything"
+    )
+
+
+def _default(text: str) -> str:
+    shown = {"()": "`[]`", "Header()": "", "None": "none", "''": '`""`', "True": "`true`", "False": "`false`"}
+    return shown.get(text, f"`{text}`".replace("'", '"'))
+
+
+def _carried(name: str) -> str:
+    """The keys that carry a record."""
+    asked = [f"`{one.key}`" for one in CHANNELS if one.carries is not None and one.carries.__name__ == name]
+    given = [f"`{one.key}`" for one in CHANNELS if one.answers is not None and one.answers.__name__ == name]
+    parts = [f"on {', '.join(asked)}"] * bool(asked) + [f"in answers of {', '.join(given)}"] * bool(given)
+    text = ", ".join(parts)
+    return f"{text[0].upper()}{text[1:]}.\n\n" if text else ""
+
+
+def page() -> str:
+    """The page."""
+    parts = [_HEAD]
+    for told in records():
+        rows = "".join(f"| `{name}` | {' | '.join(_cell(one) for one in rest)} |\n" for name, *rest in told.fields)
+        table = f"| field | type | default | meaning |\n|---|---|---|---|\n{rows}"
+        parts.append(f"\n## {told.name}\n\n{told.text}\n\n{_carried(told.name)}{table}")
+    return "".join(parts)
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+if __name__ == "__main__":
+    PAGE.parent.mkdir(exist_ok=True)
+    PAGE.write_text(page(), encoding="utf-8")
