@@ -56,7 +56,7 @@ def _absent(facts: Facts, row: Row) -> Said:
 
 
 def _complaints(facts: Facts, row: Row) -> Iterator[Said]:
-    health = row.health
+    health = row.now
     if health is None:
         return
     who, logs = f"{row.daemon} {row.name}", logs_of(row.daemon, facts.mission, row.board or "its board")
@@ -69,7 +69,7 @@ def _complaints(facts: Facts, row: Row) -> Iterator[Said]:
     if health.last_error and health.last_error_age is not None:
         text = f"{who}: {counted(health.errors, 'error')}, the last {health.last_error_age:.0f} s ago: "
         yield Said("warning", "daemons", text + health.last_error, logs)
-    before = next((one.health for one in facts.earlier if (one.name, one.daemon) == (row.name, row.daemon)), None)
+    before = next((one.now for one in facts.earlier if (one.name, one.daemon) == (row.name, row.daemon)), None)
     if before is not None and before.header.boot == health.header.boot and health.drops > before.drops:
         text = f"{who} is dropping: {health.drops - before.drops} within {health.uptime - before.uptime:.0f} s"
         yield Said(
@@ -84,8 +84,8 @@ def versions(facts: Facts) -> list[Said]:
     """Whether all run the same version of Argosy, and which is ours."""
     found: dict[str, list[str]] = {}
     for row in facts.rows:
-        if row.health is not None:
-            found.setdefault(row.health.version or "an older one that does not say", []).append(row.name)
+        if row.now is not None:
+            found.setdefault(row.now.version or "an older one that does not say", []).append(row.name)
     if not found:
         return []
     if list(found) == [RELEASE]:

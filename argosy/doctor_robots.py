@@ -75,7 +75,7 @@ def _bridges(facts: Facts) -> list[tuple[str, Health, Health]]:
     """The robots whose bridge told how it is, at both times."""
 
     def told(rows: list[Row]) -> dict[str, Health]:
-        return {row.name: row.health for row in rows if row.daemon == "bridged" and row.well and row.health is not None}
+        return {row.name: row.now for row in rows if row.daemon == "bridged" and row.well and row.now is not None}
 
     before, after = told(list(facts.earlier)), told(list(facts.rows))
     return [(name, before[name], after[name]) for name in facts.mission.robots if name in before and name in after]

@@ -51,7 +51,7 @@ def _lines(fleet: str, rows: Sequence[Row], router_up: bool) -> Iterator[str]:
     yield from _head("argosy_up", "gauge", "Whether a daemon is there and tells how it is.")
     for row in rows:
         yield f"argosy_up{_of(fleet, row)} {int(row.standing == 'up')}"
-    told = [(row, row.health) for row in rows if row.health is not None]
+    told = [(row, row.now) for row in rows if row.now is not None]
     yield from _head("argosy_record_age_seconds", "gauge", "Seconds since a daemon told how it is.")
     for row, _ in told:
         yield f"argosy_record_age_seconds{_of(fleet, row)} {row.age or 0.0:.3f}"

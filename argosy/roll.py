@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
@@ -12,6 +13,8 @@ from schemas.records import Health
 
 SILENT = 3.5
 """Wall seconds without a record after which a daemon that holds its token counts as silent; it tells one a second."""
+UNDER_WAY = 0.5
+"""Wall seconds for which a record of a daemon may arrive after its token has gone."""
 MOST = 5_000
 """Daemons that are followed; further ones are only counted."""
 
@@ -51,8 +54,16 @@ class Row:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is to be said of it in words: the standing, if it is not well, and its own warnings."""
+        if self.standing == "missing":
+            heard = f"; last heard {self.age:.0f} s ago" if self.age is not None else ""
+            return (MEANING["missing"] + heard,)
         standing = () if self.well else (MEANING[self.standing],)
         return standing + (self.health.notes if self.health is not None else ())
+
+    @property
+    def now(self) -> Health | None:
+        """How it is; None if it is not there: what it told last holds no longer."""
+        return None if self.standing == "missing" else self.health
 
 
 class Roll:
@@ -67,6 +78,8 @@ class Roll:
         self._boots: dict[tuple[str, str], set[str]] = {}
         self._since: dict[tuple[str, str], float] = {}
         """When a name was claimed that nobody had."""
+        self._left: dict[tuple[str, str], float] = {}
+        """When nobody had a name any more."""
         self._health: dict[tuple[str, str], tuple[Health, float]] = {}
 
     def token(self, key: str, alive: bool) -> None:
@@ -79,8 +92,9 @@ class Roll:
             boots = self._boots.get(who, set())
             boots.discard(boot)
             if not boots:
-                self._boots.pop(who, None)
                 self._since.pop(who, None)
+                if self._boots.pop(who, None) is not None:
+                    self._left[who] = self._now()
         elif self._room_for(who):
             self._boots.setdefault(who, set()).add(boot)
             self._since.setdefault(who, self._now())
@@ -96,7 +110,9 @@ class Roll:
         heard = {who for who, (_, at) in self._health.items() if self._now() - at <= SILENT}
         there = self._boots.keys() | heard
         others = sorted(there - self.expected.keys())
-        return [self._row(who) for who in (*self.expected, *others)]
+        return [
+            row for who in (*self.expected, *others) if (row := self._row(who)).in_mission or row.standing != "missing"
+        ]
 
     @property
     def settled(self) -> bool:
@@ -116,7 +132,8 @@ class Roll:
         if len(boots) > 1:
             return "twice"
         if not boots:
-            return "unclaimed" if tells else "missing"
+            told_since = age is not None and self._now() - age > self._left.get(who, -math.inf) + UNDER_WAY
+            return "unclaimed" if tells and told_since else "missing"
         if tells or who[1] == "client":  # clients hold their name and tell nothing else
             return "up"
         return "coming" if self._now() - self._since[who] <= SILENT else "silent"

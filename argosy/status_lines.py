@@ -13,8 +13,7 @@ from argosy.roll import Row
 def line(row: Row) -> str:
     """Return a daemon in one line: standing, daemon, name, then what it tells as `key=value`."""
     told: dict[str, object] = {"board": row.board}
-    if row.health is not None:
-        health = row.health
+    if (health := row.now) is not None:
         told |= {
             "version": health.version,
             "uptime": f"{health.uptime:.0f}",
@@ -61,8 +60,8 @@ def _row_to_json(row: Row) -> dict[str, Any]:
         "in_mission": row.in_mission,
         "notes": row.notes,
     }
-    if row.health is not None:
-        health = row.health
+    if row.now is not None:
+        health = row.now
         names = ("version", "pid", "uptime", "cpu", "lag", "drops", "bad_input", "restarts", "errors")
         told |= {name: getattr(health, name) for name in (*names, "last_error", "last_error_age", "counters")}
         told["age"] = None if row.age is None else round(row.age, 1)

@@ -31,16 +31,15 @@ def table(fleet: str, rows: Sequence[Row], *, away: bool = False) -> RenderableT
     for head in HEADS:
         grid.add_column(head, no_wrap=True, justify="right" if head in HEADS[5:] else "left")
     board: str | None = None
-    said: list[Text] = []
     for row in rows:
         grid.add_row(*_cells(row, row.board if row.board != board else ""))
         board = row.board
-        said += [Text(), *words] if (words := _words(row)) and not said else words
+    said = _words(rows)
     ill = any(not row.well for row in rows) or not rows
     last = Text(summary(fleet, rows), style="bold red" if ill else "bold green")
     if away:
         last = Text("the router does not answer: this is what was known last", style="bold red")
-    return Group(grid, *said, Text(), last)
+    return Group(last, Text(), grid, *([Text(), *said] if said else []))
 
 
 def _cells(row: Row, board: str) -> list[Text]:
@@ -48,7 +47,7 @@ def _cells(row: Row, board: str) -> list[Text]:
     mark = Text.assemble("● " if row.well else "✖ ", row.standing, style=STYLES[row.standing])
     name = Text(row.name, style="bold") if row.in_mission else Text(f"{row.name} (not in the mission)", style="yellow")
     cells = [Text(board, style="bold"), Text(row.daemon), name, mark]
-    health = row.health
+    health = row.now
     if health is None:
         return cells
     late = health.lag >= LATE
@@ -62,16 +61,25 @@ def _cells(row: Row, board: str) -> list[Text]:
     ]
 
 
-def _words(row: Row) -> list[Text]:
-    """What is to be said of a daemon in words, each in a line."""
-    who = f"{row.daemon} {row.name}: "
-    style = "yellow" if row.well else "bold red"
-    lines = [Text(printable(f"{who}{note}"), style=style) for note in row.notes]
-    health = row.health
-    if health is not None and health.last_error:
-        age = "before it was started again" if health.last_error_age is None else f"{span(health.last_error_age)} ago"
-        more = f", {health.errors} in all" if health.errors > 1 else ""
-        lines.append(Text(printable(f"{who}last error {age}{more}: {health.last_error}"), style="red"))
+def _words(rows: Sequence[Row]) -> list[Text]:
+    """What is to be said in words, each in a line: what several have in common once."""
+    common: dict[tuple[str, str, bool], list[str]] = {}
+    for row in rows:
+        for note in row.notes:
+            common.setdefault((row.daemon, note, row.well), []).append(row.name)
+    lines = [
+        Text(printable(f"{daemon} {', '.join(names)}: {note}"), style="yellow" if well else "bold red")
+        for (daemon, note, well), names in sorted(common.items(), key=lambda one: one[0][2])
+    ]
+    for row in rows:
+        health = row.now
+        if health is not None and health.last_error:
+            age = (
+                "before it was started again" if health.last_error_age is None else f"{span(health.last_error_age)} ago"
+            )
+            more = f", {health.errors} in all" if health.errors > 1 else ""
+            text = f"{row.daemon} {row.name}: last error {age}{more}: {health.last_error}"
+            lines.append(Text(printable(text), style="red"))
     return lines
 
 
