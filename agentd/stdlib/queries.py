@@ -1,4 +1,4 @@
-"""Collecting over the solutions of a query that a variable holds; those written out are loops of the compiler."""
+"""Queries: collecting over their solutions. Those that are written out are loops of the compiler."""
 
 from __future__ import annotations
 

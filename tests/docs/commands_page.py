@@ -150,10 +150,10 @@ def _cell(text: str) -> str:
 
 
 def _wrapped(usage: str) -> str:
-    """A usage in lines of at most 110 characters, the further ones indented."""
+    """A usage in lines of at most 92 characters, the further ones indented."""
     lines, words = [""], re.findall(r"\[[^][]*(?:\[[^][]*\][^][]*)*\]\S*|\S+", usage)
     for word in words:
-        if len(lines[-1]) + len(word) > 110:
+        if len(lines[-1]) + len(word) > 92:
             lines.append("   ")
         lines[-1] += f" {word}" if lines[-1] else word
     return "\n".join(lines)

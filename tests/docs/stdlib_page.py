@@ -106,8 +106,7 @@ def page() -> str:
     for module in _modules():
         rows = [_row(entry) for entry in entries(module)]
         if rows:
-            doc = inspect.getdoc(module) or ""
-            title, _, rest = doc.splitlines()[0].removesuffix(".").partition(": ")
+            title, _, rest = (inspect.getdoc(module) or "").splitlines()[0].removesuffix(".").partition(": ")
             intro = f"\n{rest[0].upper()}{rest[1:]}.\n" if rest and "``" not in rest else ""
             parts.append(f"\n## {title}\n{intro}\n| call | meaning | examples |\n|---|---|---|\n" + "".join(rows))
     return "".join(parts)
