@@ -1,0 +1,100 @@
+"""The doctor's look at certificates: real keys, a real router that shows its own by mutual TLS."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from argosy import doctor_keys
+from argosy.__main__ import main as argosy
+from argosy.diagnosis import Said
+from argosy.doctor_keys import certificates
+from schemas.mission import Mission, load_mission
+from tests.support.ports import free_port
+from tests.support.processes import Daemon
+
+MISSION = """\
+mission: kept
+security: {operators: [ops]}
+boards: {pi1: {address: "127.0.0.1:PORT1"}, pi2: {address: "127.0.0.1:PORT2"}}
+agents: {a: {program: a.asl, board: pi1}}
+"""
+
+
+class Kept:
+    """A fleet with keys, of which pi1 is there."""
+
+    def __init__(self, folder: Path, days: int) -> None:
+        self.folder = folder
+        path = folder / "kept.yaml"
+        path.write_text(MISSION.replace("PORT1", str(free_port())).replace("PORT2", str(free_port())))
+        (folder / "a.asl").write_text("")
+        assert argosy(["keys", "init", str(path), "--dir", str(folder / "keys"), "--days", str(days)]) == 0
+        self.mission: Mission = load_mission(path)
+
+    def keys(self, name: str) -> Path:
+        return self.folder / "keys" / "machines" / name
+
+    @contextmanager
+    def board(self, name: str, keys_of: str = "") -> Iterator[None]:
+        """Run the router of a board."""
+        where = ("--board", name, "--router", f"tcp/127.0.0.1:{free_port()}", "--state", str(self.folder / "state"))
+        daemon = Daemon("commd", "serve", str(self.mission.path), *where, "--keys", str(self.keys(keys_of or name)))
+        try:
+            daemon.says("board=")
+            yield
+        finally:
+            daemon.kill()
+
+    def seen(self) -> list[Said]:
+        """What the doctor says of the boards that are there, with the operator's keys."""
+        return certificates(self.mission, self.keys("ops"))
+
+
+def test_dates_are_seen_on_this_machine_and_from_the_boards_that_show_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = Kept(tmp_path, 400)
+    with kept.board("pi1"):
+        (absent,) = kept.seen()
+        assert absent.level == "error"
+        assert absent.text.startswith(f"pi2 shows none at {kept.mission.boards['pi2'].address}: ")
+        with kept.board("pi2"):
+            (fine,) = kept.seen()
+            assert fine.level == "ok"
+            assert fine.text.startswith("3 certificates, the first ends on 20")
+            monkeypatch.setattr(doctor_keys, "SOON", 500 * 86_400.0)
+            soon = kept.seen()
+            assert [one.level for one in soon] == ["warning"] * 3
+            assert [one.text.partition(" ends")[0] for one in soon] == [
+                "this machine's certificate (`ops`)",
+                "pi1's certificate (`pi1`)",
+                "pi2's certificate (`pi2`)",
+            ]
+            assert ", in 399 days" in soon[1].text or ", in 400 days" in soon[1].text
+            assert all("argosy keys renew" in one.do for one in soon)
+
+
+def test_keys_that_are_missing_or_open_to_others_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept = Kept(tmp_path, 400)
+    assert certificates(kept.mission, None) == [], "a fleet without keys has no certificates"
+    (missing,) = certificates(kept.mission, tmp_path / "nowhere")
+    assert missing.level == "error"
+    (kept.keys("ops") / "key.pem").chmod(0o644)
+    (found,) = kept.seen()
+    assert "others on this machine may read the key" in found.text
+
+
+def test_a_certificate_that_has_ended_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = Kept(tmp_path, 30)
+    later = time.time() + 31 * 86_400
+    monkeypatch.setattr(doctor_keys.time, "time", lambda: later)
+    (found,) = kept.seen()
+    assert found.level == "error"
+    assert "expired" in found.text
