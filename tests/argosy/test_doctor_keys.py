@@ -94,7 +94,7 @@ def test_a_certificate_that_has_ended_is_an_error(
 ) -> None:
     kept = Kept(tmp_path, 30)
     later = time.time() + 31 * 86_400
-    monkeypatch.setattr(doctor_keys.time, "time", lambda: later)
+    monkeypatch.setattr(time, "time", lambda: later)
     (found,) = kept.seen()
     assert found.level == "error"
     assert "expired" in found.text
