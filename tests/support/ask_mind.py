@@ -1,0 +1,31 @@
+"""Ask an agent over its board's socket whether its part of the mission is done: prints `done`, `not yet` or why not.
+
+python ask_mind.py ENDPOINT FLEET AGENT
+"""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import time
+
+from commd.bus import BusClosed, open_bus
+from schemas import keys
+from schemas.records import MindView
+
+
+async def ask(endpoint: str, fleet: str, agent: str) -> str:
+    """Return in words what the agent says."""
+    try:
+        async with open_bus(endpoint, fleet=fleet, name="asks", daemon="test", stamp=time.time_ns, patience=2.0) as bus:
+            async for reply in bus.query(keys.mind(fleet, agent), None, MindView, 2.0):
+                if reply.record is None:
+                    return reply.error
+                return "done" if all(reply.record.done.values()) else "not yet"
+    except BusClosed as error:
+        return str(error)
+    return "nobody answers"
+
+
+if __name__ == "__main__":
+    print(asyncio.run(ask(*sys.argv[1:])))
