@@ -52,7 +52,7 @@ class BridgeWatch:
         while True:
             await asyncio.sleep(LOOK)
             silent = self._silence.silent(loop.time())
-            if silent and self._bus.router_up and not self.hangs:
+            if silent and self._tokens and self._bus.router_up and not self.hangs:
                 self.hangs, self.up, self.gone = True, False, True
                 log.warning("bridge_lost robot=%s: it is there and has said nothing for %g s", self._robot, SILENCE)
                 self._on_gone()

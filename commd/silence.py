@@ -18,29 +18,37 @@ CATCH_UP = 2.0
 
 
 class Silence:
-    """Tells which daemons say nothing. Those whose token is gone are not judged: that is another loss."""
+    """Tells which daemons say nothing. Who has no token is not found silent, but one that was stays so without it."""
 
     def __init__(self, patience: float = SILENCE) -> None:
         """`patience`: wall seconds that a daemon may be silent between two words."""
         self.patience = patience
         self._until: dict[tuple[str, str], float] = {}
         """By name and boot: when it is to have spoken at the latest."""
+        self._spoke: dict[str, str] = {}
+        """The boot under which each has spoken last."""
+        self._hung: dict[str, str] = {}
+        """Those that say nothing, with their boot; they do so until they speak, or another life of them comes."""
         self._looked = float("inf")
 
     def token(self, name: str, boot: str, alive: bool, wall: float) -> None:
         """The token of a daemon came or went."""
-        if alive:
-            self._until[name, boot] = wall + max(self.patience, FIRST_WORD)
-        else:
+        if not alive:
             self._until.pop((name, boot), None)
+            return
+        first = self._spoke.get(name) != boot
+        self._until[name, boot] = wall + (max(self.patience, FIRST_WORD) if first else self.patience)
+        if self._hung.get(name) != boot:
+            self._hung.pop(name, None)
 
     def word(self, name: str, boot: str, wall: float) -> None:
         """A daemon has put its health."""
         if (name, boot) in self._until:
-            self._until[name, boot] = wall + self.patience
+            self._until[name, boot], self._spoke[name] = wall + self.patience, boot
+            self._hung.pop(name, None)
 
     def excuse(self, wall: float, seconds: float) -> None:
-        """We may have missed words: nobody is silent for some time."""
+        """We may have missed words: nobody falls silent for some time."""
         for life, until in self._until.items():
             self._until[life] = max(until, wall + seconds)
 
@@ -49,7 +57,8 @@ class Silence:
         if wall - self._looked > STALL:
             self.excuse(wall, CATCH_UP)
         self._looked = wall
-        latest: dict[str, float] = {}
-        for (name, _), until in self._until.items():  # of two lives that overlap the new one speaks
-            latest[name] = max(until, latest.get(name, until))
-        return [name for name, until in latest.items() if wall >= until]
+        latest: dict[str, tuple[float, str]] = {}
+        for (name, boot), until in self._until.items():  # of two lives that overlap the new one speaks
+            latest[name] = max((until, boot), latest.get(name, (until, boot)))
+        self._hung |= {name: boot for name, (until, boot) in latest.items() if wall >= until}
+        return list(self._hung)

@@ -81,3 +81,26 @@ def test_a_pause_of_our_own_excuses_nobody_for_longer_than_that(silence: Silence
 def test_after_the_router_was_away_words_have_time_to_come(silence: Silence) -> None:
     silence.excuse(14.0, SILENCE)
     assert looked_at(silence, 14, 60) == [(14 + SILENCE, "uav")]
+
+
+def test_who_hangs_and_then_dies_was_not_back_between(silence: Silence) -> None:
+    looked_at(silence, 10, 20)
+    silence.token("uav", "b1", False, 20.0)
+    assert silence.silent(20.5) == ["uav"]
+    silence.token("uav", "b2", True, 22.0)
+    assert not silence.silent(22.5), "another life of it is there"
+
+
+def test_who_hangs_hangs_on_when_its_token_is_told_again(silence: Silence) -> None:
+    looked_at(silence, 10, 20)
+    silence.excuse(20.0, SILENCE)
+    silence.token("uav", "b1", True, 20.0)
+    assert silence.silent(20.5) == ["uav"]
+    silence.word("uav", "b1", 21.0)
+    assert not silence.silent(21.5)
+
+
+def test_who_has_spoken_has_no_first_word_to_say_when_its_token_comes_again(silence: Silence) -> None:
+    silence.token("uav", "b1", False, 11.0)
+    silence.token("uav", "b1", True, 12.0)
+    assert looked_at(silence, 12, 60) == [(12 + SILENCE, "uav")]

@@ -1,0 +1,75 @@
+"""What a row of docs/field.md says: what failed, what the vehicle showed and when, against what was declared."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+MARGIN = 2.0
+"""Seconds by which a figure may be later than declared: an order is given, taken and shown; two cores do everything."""
+EARLY = 1.2
+"""Seconds by which it may be earlier: patience counts from the last word, and words come once a second."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A moment after the fault, measured and declared, in seconds."""
+
+    what: str
+    measured: float
+    declared: float | None = None
+    why: str = ""
+    """What the declared figure is made of."""
+
+    def __str__(self) -> str:
+        told = "" if self.declared is None else f" (declared {self.declared:g})"
+        return f"{self.what} **{self.measured:.1f}**{told}"
+
+
+@dataclass
+class Row:
+    """One fault."""
+
+    fault: str
+    injected: str
+    figures: list[Figure] = field(default_factory=list)
+    seen: list[str] = field(default_factory=list)
+    """What else was seen."""
+    problems: list[str] = field(default_factory=list)
+
+    def figure(self, what: str, measured: float | None, declared: float | None = None, why: str = "") -> None:
+        """Note a figure; one that is missing, or far from what was declared, is a problem."""
+        if measured is None:
+            self.problems.append(f"{what}: it did not happen")
+            return
+        self.figures.append(Figure(what, measured, declared, why))
+        if declared is not None and not declared - EARLY <= measured <= declared + MARGIN:
+            self.problems.append(f"{what} after {measured:.1f} s, declared {declared:g} s ({why})")
+
+    def expect(self, holds: object, wish: str) -> None:
+        """Note a wish that is not fulfilled."""
+        if not holds:
+            self.problems.append(f"not so: {wish}")
+
+
+Maker = Callable[[Path], Row]
+
+
+def table(runs: Sequence[Sequence[Row]]) -> list[str]:
+    """The rows as Markdown; of several runs of a row the median of each figure, and in brackets the extremes."""
+    lines = ["| what fails | how | seconds after it | declared | what else was seen |", "|---|---|---|---|---|"]
+    for rows in runs:
+        first = rows[0]
+        measured, declared = [], []
+        for index, figure in enumerate(first.figures):
+            values = [row.figures[index].measured for row in rows if len(row.figures) > index]
+            extremes = f" ({min(values):.1f} to {max(values):.1f})" if len(values) > 1 else ""
+            measured.append(f"{figure.what} **{statistics.median(values):.1f}**{extremes}")
+            if figure.declared is not None:
+                declared.append(f"{figure.what} {figure.declared:g}: {figure.why}")
+        seen = "<br>".join(first.seen)
+        cells = (first.fault, first.injected, "<br>".join(measured), "<br>".join(declared), seen)
+        lines.append("| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |")
+    return lines
