@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
 
-.PHONY: fly rescue test index soak faults bench-reasoner bench-bridge bench-mail bench-board docs reference lint types contracts format check-python byte-code clean
+.PHONY: fly rescue test index soak faults attacks bench-reasoner bench-bridge bench-mail bench-board docs reference lint types contracts format check-python byte-code clean
 
 fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
@@ -21,14 +21,19 @@ test: $(VENV)/test.stamp byte-code  ## run all tests, two files at a time; what 
 index: $(VENV)/test.stamp  ## how many recorded exchanges the simulated copter answers as the real one did
 	@$(BIN)/python -m tests.bridged.index_replay
 
-soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/soak.md
+soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/soak.md and docs/units.md
 	$(BIN)/python -m tests.soak
 	$(BIN)/python -m tests.soak_mail
 	$(BIN)/python -m tests.soak_rescue
+	$(BIN)/python -m tests.soak_units
+	$(BIN)/python -m tests.soak_secured
 	nice $(BIN)/python -m tests.soak_parser
 
 faults: $(VENV)/test.stamp  ## inject every fault of the table; writes docs/faults.md
 	$(BIN)/python -m tests.faults
+
+attacks: $(VENV)/test.stamp  ## try every attack of the table on a secured fleet, 30 s; writes docs/attacks.md
+	$(BIN)/python -m tests.attacks
 
 bench-reasoner: $(VENV)/bench.stamp  ## the reasoner beside python-agentspeak, about 12 minutes; writes docs/reasoner.md
 	$(BIN)/python -m benchmarks.reasoner --out docs/reasoner.md $(ARGS)

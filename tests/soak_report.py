@@ -16,7 +16,7 @@ REPORT = ROOT / "docs" / "soak.md"
 def write_section(title: str, lines: list[str], report: Path = REPORT) -> None:
     """Put a section in place of the one with this title, or at the end; the other sections stay as they are."""
     sections = _sections(report.read_text(encoding="utf-8")) if report.exists() else {}
-    sections[title] = "\n".join([f"On {_here()}.", "", *lines])
+    sections[title] = "\n".join([f"On {here()}.", "", *lines])
     body = "\n\n".join(f"## {name}\n\n{text}" for name, text in sections.items())
     report.write_text(f"# Soak\n\nWhat `make soak` found: tests that take longer than CI may.\n\n{body}\n", "utf-8")
 
@@ -26,7 +26,8 @@ def _sections(text: str) -> dict[str, str]:
     return {title: body.strip() for title, body in zip(parts[::2], parts[1::2], strict=True)}
 
 
-def _here() -> str:
+def here() -> str:
+    """Return when and on what a report was made."""
     return (
         f"{datetime.now(UTC):%Y-%m-%d}: Python {platform.python_version()}, {platform.machine()}, "
         f"{os.cpu_count()} cores, eclipse-zenoh {version('eclipse-zenoh')}, pymavlink {version('pymavlink')}"

@@ -103,7 +103,10 @@ def booted() -> Iterator[Machine]:
     if why := why_not():
         raise NoMachine(why)
     name = f"argosy-{os.getpid()}-{time.monotonic_ns()}"
-    groups = _cgroups(name)
+    try:
+        groups = _cgroups(name)
+    except OSError as error:
+        raise NoMachine(f"{error.filename}: {error.strerror}") from None
     folder = tempfile.mkdtemp(prefix="argosy-machine-")
     unshare = ["unshare", "--mount", "--pid", "--fork", "--kill-child=KILL", "--uts", "--ipc", "--net", "--cgroup"]
     enter = "".join(f"echo $$ > {group}/cgroup.procs && " for group in groups)
@@ -131,12 +134,13 @@ def _up(process: subprocess.Popen[bytes]) -> Machine:
     """Wait until systemd has started what there is to start."""
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end and process.poll() is None:
-        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
-        if children and Path(f"/proc/{children[0]}/comm").read_text().strip() == "systemd":
-            machine = Machine(process, int(children[0]))
-            state = machine.run("systemctl", "is-system-running", "--wait", check=False).strip()
-            if state in ("running", "degraded"):
-                return machine
+        with contextlib.suppress(OSError):  # it has just ended
+            children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+            if children and Path(f"/proc/{children[0]}/comm").read_text().strip() == "systemd":
+                machine = Machine(process, int(children[0]))
+                state = machine.run("systemctl", "is-system-running", "--wait", check=False).strip()
+                if state in ("running", "degraded"):
+                    return machine
         time.sleep(0.05)
     said = b"" if process.poll() is None or process.stdout is None else process.stdout.read()
     raise NoMachine(f"no systemd came up within {PATIENCE:g} s: {said.decode(errors='replace')}")

@@ -1,0 +1,180 @@
+"""The units of a board under a real systemd: how exposed they are, a flight by them, and how they come back.
+
+    python -m tests.soak_units
+
+Boots a machine of its own (tests/support/booted.py). Writes docs/units.md.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from argosy.unit_files import Board
+from argosy.units import write
+from schemas.mission import load_mission
+from tests.soak_report import ROOT, here
+from tests.support.analyzed import analyzed, exposure, installed
+from tests.support.booted import Machine, NoMachine, booted
+
+PAGE = ROOT / "docs" / "units.md"
+ASK = "/opt/checkout/tests/support/ask_mind.py"
+KNOCK = "/opt/checkout/tests/support/knock.py"
+FLIGHT = 240.0
+"""Wall seconds for the flight of the paper's first mission, in real time."""
+BACK = 60.0
+EVERY = ("RootDirectoryOrRootImage", "RestrictAddressFamilies_AF_UNIX")
+"""What each unit has, by systemd's names: the system's files, read-only, and unix sockets."""
+REMAINS = {
+    "RestrictAddressFamilies_AF_INET_INET6": "IP sockets",
+    "PrivateNetwork": "the board's network",
+    "IPAddressDeny": "addresses: ",
+    "UMask": "its group may write to its socket",
+    "SupplementaryGroups": "the group `dialout`",
+    "PrivateDevices": "the folder of devices",
+    "DeviceAllow": "devices: ",
+}
+"""What may be left besides, in words; behind a colon comes systemd's own."""
+
+
+def main() -> int:
+    """Measure, and write the page. Returns the exit code."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            lines = [*exposures(Path(folder)), *measured(Path(folder))]
+        except NoMachine as why:
+            print(f"error: {why}", file=sys.stderr)
+            return 1
+    PAGE.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    print(f"{PAGE} written")
+    return 0
+
+
+def exposures(folder: Path) -> Iterator[str]:
+    """The beginning of the page: what systemd itself says of each unit, and what is left open."""
+    yield from (
+        "# The units, measured",
+        "",
+        "What `systemd-analyze` says of the units that `argosy units` writes, and what a real systemd made of them in",
+        "a machine of its own (namespaces over an overlay). What they are and how they are used: [Boards](boards.md).",
+        f"Written by `make soak` on {here()}.",
+        "",
+        "## Exposure",
+        "",
+        "`systemd-analyze verify` finds nothing in any of them. `security --offline` (0 is best, 10 worst) says what",
+        "follows; each sees the system's files, read-only, and may use unix sockets.",
+        "",
+        "| unit | board | exposure | what it may besides |",
+        "|---|---|---|---|",
+    )
+    for mission, board, one, what in (
+        ("search_and_rescue", "pi1", False, "linked to two others, vehicle on loopback"),
+        ("search_and_rescue", "pi1", True, "the same in one process"),
+        ("single_uav", "local", False, "alone, vehicle on loopback"),
+        ("serial", "local", False, "alone, vehicle on a serial line"),
+    ):
+        path: str | Path = mission
+        if mission == "serial":
+            text = (
+                (ROOT / "missions/single_uav.yaml")
+                .read_text()
+                .replace("udpin:127.0.0.1:14550", "serial:/dev/ttyAMA0:921600")
+            )
+            path = ROOT / "missions" / "serial-for-the-page.yaml"
+            path.write_text(text)
+        try:
+            made = Board(load_mission(path), board, installed(folder), one)
+            out = folder / f"{mission}-{one}"
+            write(made, out)
+        finally:
+            if isinstance(path, Path):
+                path.unlink()
+        verified = analyzed(out, "verify", "--man=no", made.target, *made.units)
+        assert (verified.returncode, verified.stdout + verified.stderr) == (0, ""), verified
+        for unit in made.units:
+            total, left = exposure(out, unit)
+            words = [in_words(name, text) for name, text in left.items() if name not in EVERY]
+            yield f"| `{unit.partition('@')[0]}@` | {what} | {total:.1f} | {'; '.join(words)} |"
+
+
+def in_words(name: str, text: str) -> str:
+    """Return what is left open, by systemd's name for it and its description."""
+    found = REMAINS.get(name, text)
+    if not found.endswith(": "):
+        return found
+    return found + text.rpartition(": ")[2].removeprefix("Service ")
+
+
+def measured(folder: Path) -> Iterator[str]:
+    """The rest of the page: the units of the paper's first mission at work."""
+    board = Board(load_mission("single_uav"), "local")
+    write(board, folder / "tree")
+    yield from ("", "## At work", "", "The paper's first mission on one board, in real time, all limits in force.", "")
+    yield from ("| what | seen |", "|---|---|")
+    with booted() as machine:
+        machine.install(folder / "tree")
+        simulator = subprocess.Popen(
+            machine.command("/opt/argosy/bin/argosy", "simulate", board.file, "--speed", "1"),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            stdin=subprocess.DEVNULL,
+        )
+        try:
+            yield from at_work(machine, board)
+        finally:
+            simulator.kill()
+            simulator.wait(10)
+
+
+def at_work(machine: Machine, board: Board) -> Iterator[str]:
+    """Fly, then end each daemon in both ways, then knock at the socket. Yields the rows."""
+    begin = time.monotonic()
+    machine.run("systemctl", "start", board.target, *board.units)
+    yield f"| `systemctl start {board.target}` | all three ready after {time.monotonic() - begin:.1f} s |"
+    member = ("runuser", "-u", "member", "--", "/opt/argosy/bin/python")
+    machine.run("useradd", "--groups", "argosy", "member")
+    machine.run("useradd", "stranger")
+    ask = (*member, ASK, board.router, board.mission.fleet, "uav")
+    flown = machine.until(lambda: machine.run(*ask).strip() == "done", "the mission is done", FLIGHT)
+    yield f"| flight: take-off, waypoint, home, landed | done after {flown:.0f} s |"
+    for unit in board.units:
+        words, memory = machine.show(unit, "StatusText"), int(machine.show(unit, "MemoryCurrent")) / 2**20
+        yield f'| `{unit.partition("@")[0]}` after the flight | {memory:.0f} MB; "{words}" |'
+    for name, signal in (("killed (SIGKILL)", "KILL"), ("hung (SIGSTOP)", "STOP")):
+        for unit in board.units:
+            gone, back = ended(machine, unit, signal)
+            yield f"| `{unit.partition('@')[0]}` {name} | ended after {gone:.1f} s, ready again after {back:.1f} s |"
+    knocks = [
+        machine.run("runuser", "-u", user, "--", "/opt/argosy/bin/python", KNOCK, board.router).strip()
+        for user in ("member", "stranger")
+    ]
+    assert knocks == ["in", "out"], knocks
+    yield "| user `member` of group `argosy` opens a Zenoh session at the socket | connected |"
+    yield "| user `stranger` does the same | refused by the kernel (no right to the folder, nor to the socket) |"
+    begin = time.monotonic()
+    machine.run("systemctl", "stop", board.target)
+    machine.until(lambda: not any(map(machine.main_pid, board.units)), "all have ended")
+    took = time.monotonic() - begin
+    results = {machine.show(unit, "Result") for unit in board.units}
+    yield f"| `systemctl stop {board.target}` | all ended after {took:.1f} s: {', '.join(results)} |"
+
+
+def ended(machine: Machine, unit: str, signal: str) -> tuple[float, float]:
+    """End a unit's process. Returns the seconds until it was gone and until its successor was ready."""
+    first = machine.main_pid(unit)
+    machine.run("kill", f"-{signal}", str(first))
+    gone = machine.until(lambda: machine.main_pid(unit) != first, f"{unit} is ended", BACK)
+    more = machine.until(
+        lambda: machine.main_pid(unit) not in (0, first) and machine.show(unit, "ActiveState") == "active",
+        f"{unit} is ready again",
+        BACK,
+    )
+    return gone, gone + more
+
+
+if __name__ == "__main__":
+    sys.exit(main())
