@@ -60,8 +60,28 @@ echo "+!never <- +mission_done; +mission_failed(no)." > idle.asl
 argosy run missions/idle.yaml"""
 """The first mission with an agent that wants nothing: it does not end."""
 
+_INSTALLED = """\
+mkdir -p site/sprayer-1.dist-info && cp examples/sprayer/*.py site
+cat > site/sprayer-1.dist-info/METADATA <<END
+Name: sprayer
+Version: 1
+END
+cat > site/sprayer-1.dist-info/entry_points.txt <<END
+[argosy.python]
+sprayer = sprayer_functions
+[argosy.python.simulated]
+sprayer = sprayer_twin
+END
+export PYTHONPATH=$PWD/site"""
+"""What an installer would leave of examples/sprayer, on the path."""
+
 INSTEAD: Final[dict[Key, str]] = {
+    ("docs/keys.md", "argosy run missions/single_uav.yaml"): _ON_THE_GROUND,
     ("docs/manifests.md", "argosy run missions/single_uav.yaml"): _ON_THE_GROUND,
+    ("docs/howto/my-robot.md", "pip install"): _INSTALLED,
+    ("docs/howto/my-robot.md", "argosy run examples/sprayer"): (
+        "argosy run examples/sprayer/sprayer.yaml --plain --speed 20"
+    ),
     (
         "docs/tutorial.md",
         "argosy run missions/single_uav.yaml",
@@ -94,8 +114,10 @@ STAYS: Final[dict[Key, Stay]] = {
     ("README.md", "bridged simulate copter"): Stay(says="copter"),
     ("docs/drivers.md", "python room.py"): Stay(says=""),
     ("docs/mail.md", "argosy run examples/client/survey.yaml"): Stay(says="agentd scout: up", ends="itself"),
+    ("docs/keys.md", "argosy run missions/single_uav.yaml"): Stay(says="agentd uav: up"),
     ("docs/manifests.md", "argosy run missions/single_uav.yaml"): Stay(says="agentd uav: up"),
     ("docs/simulated-copter.md", "bridged simulate copter"): Stay(says="copter"),
+    ("docs/howto/my-robot.md", "python examples/sprayer/tank.py"): Stay(says="waits"),
     ("docs/tutorial.md", "argosy run missions"): Stay(says="uav: flying to", ends="failed", after="argosy stop rtl"),
     ("docs/tutorial.md", "python my/weather.py"): Stay(says="waits", after="argosy run my/mission.yaml --plain"),
 }

@@ -42,6 +42,7 @@ def within() -> Iterator[tuple[str, ...]]:
         yield network.within(GROUND)
 
 
+@pytest.mark.timeout(600)  # the tutorial flies five times
 @pytest.mark.parametrize("page", FOLLOWED)
 def test_a_page_can_be_followed(page: str, within: tuple[str, ...], tmp_path: Path) -> None:
     with Reader(tmp_path, within) as reader:
