@@ -51,8 +51,7 @@ def session_config(
             endpoints = [f"{endpoint}#exit_on_failure=true", *listen]
             settings["listen"] = {"endpoints": endpoints, "timeout_ms": -1, "exit_on_failure": False, "retry": _RETRY}
         else:
-            endpoints = [endpoint, *listen] if endpoint else list(listen)
-            settings["listen"] = {"endpoints": endpoints, "timeout_ms": 0, "exit_on_failure": True}
+            settings["listen"] = {"endpoints": [endpoint, *listen], "timeout_ms": 0, "exit_on_failure": True}
         settings["connect"] = {
             "endpoints": list(connect),
             "timeout_ms": -1,
