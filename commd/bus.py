@@ -606,6 +606,7 @@ async def open_bus(
     patience: float = float("inf"),
     tls: Tls | None = None,
     config: zenoh.Config | None = None,
+    make: type[Bus] = Bus,
 ) -> AsyncIterator[Bus]:
     """Open the bus, and close it at the end. A client waits for its router until `stop`, or for `patience` seconds.
 
@@ -648,7 +649,7 @@ async def open_bus(
                 await asyncio.sleep(0.1)
     finally:
         waiting.end()
-    bus = Bus(
+    bus = make(
         session,
         fleet=fleet,
         name=name,
