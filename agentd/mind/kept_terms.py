@@ -104,12 +104,15 @@ class _Writer:
     def __init__(self) -> None:
         self._out: list[Any] = []
         self._variables: dict[Var, int] = {}
+        self._around: set[int] = set()
+        """The maps, sets and queues that what is written now is inside of."""
         self.changeable = False
 
     def write(self, terms: Iterable[Any]) -> list[Any]:
         out = self._out
         work: list[Any] = list(terms)
-        """What is to be written, the next last; a tuple of a token for the end of a term whose parts come before it."""
+        """What is to be written, the next last; a tuple of a token for the end of a term whose parts come before it,
+        and of the term itself if it could be inside of itself."""
         work.reverse()
         until_check, left = FIRST_NODES, MOST_PARTS
         while work:
@@ -128,6 +131,8 @@ class _Writer:
                     out.append(_literal_token(term))
             elif kind is tuple:
                 out.append(term[0])
+                if len(term) == 2:
+                    self._around.discard(id(term[1]))
             else:
                 self._open(term, work)
             until_check -= 1
@@ -162,9 +167,12 @@ class _Writer:
                 work.append(([_REST],))
                 work.append(tail)
             case Collection(kind=kind, content=content):
+                if id(term) in self._around:
+                    raise CannotKeep(f"it is a {kind} that is inside of itself")
+                self._around.add(id(term))
                 self.changeable = True
                 parts = [x for pair in content.items() for x in pair] if kind == "map" else list(content)
-                work.append(([_COLLECTION, kind, len(parts)],))
+                work.append(([_COLLECTION, kind, len(parts)], term))
                 work.extend(reversed(parts))
             case _:
                 raise CannotKeep(f"a {type(term).__name__} is no term")

@@ -144,9 +144,15 @@ def test_a_cyclic_term_is_refused_in_words() -> None:
 
 def test_a_map_that_holds_itself_is_refused_in_words() -> None:
     endless = Collection("map", {})
-    endless.content["me"] = endless
-    with pytest.raises(CannotKeep, match="more than 1000000 parts"):
+    endless.content["me"] = make_list([Collection("set", [endless])])
+    with pytest.raises(CannotKeep, match="it is a map that is inside of itself"):
         terms_to_bytes([endless])
+
+
+def test_a_map_that_stands_in_two_places_is_written_in_both() -> None:
+    twice = Collection("map", {atom("k"): 1.0})
+    pair = make_list([twice, Collection("queue", [twice]), twice])
+    assert text(again(pair)) == text(pair)
 
 
 def test_a_term_that_grows_beyond_measure_when_written_out_is_refused() -> None:
