@@ -17,7 +17,7 @@ import zenoh
 
 from commd.routers import router_of
 from commd.session import BLOCKED_SEND_US, LEASE_MS, RETRY_MS
-from commd.tls import Tls, files_in, identity_of
+from commd.tls import Tls, files_in
 from schemas import access
 from schemas.access import Rights
 from schemas.codec import MAX_BYTES
@@ -151,15 +151,6 @@ class RouterFile:
     """Access is controlled, and denied unless allowed."""
     tls: Tls | None
     """By which it reaches other machines."""
-
-    def check(self, board: str, now: float) -> None:
-        """Raise Findings for keys that other machines would not accept from this board."""
-        if self.tls is None:
-            return
-        identity = identity_of(self.tls, now)
-        if identity.name != board:
-            text = f"is the certificate of `{identity.name}`, and this is board `{board}`"
-            raise Findings([Finding(str(self.tls.certificate), 0, 0, f"{text}: use its own folder of keys")])
 
 
 def read(file: Path) -> RouterFile:

@@ -1,0 +1,58 @@
+"""`make attacks`: tries every attack of the table, prints what came of it and writes docs/attacks.md."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import time
+
+from tests.attacks.links import LINKS
+from tests.attacks.messages import MESSAGES
+from tests.attacks.world import TEXT, Row, World
+from tests.soak_report import ROOT
+from tests.support.secured import Secured
+
+PAGE = ROOT / "docs" / "attacks.md"
+HEAD = """\
+# Attacks
+
+Written by `make attacks`; each row is also a test of `make test`. Three boards with routers as they are deployed
+(mutual TLS between them, a socket on each, access rules from the mission), real `commd` and `bridged` processes on
+loopback. The attacker mostly is `pi3`: a board that has the fleet's trust and abuses it. Agent `a` and robot `r1` live
+on pi1, `b` on pi2, `c` on pi3. Each row also shows that what is allowed still goes through: else it would not count.
+"""
+
+
+def cell(text: str) -> str:
+    """Return a text as it stands in a cell of a table."""
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def main() -> int:
+    """Try every row. Returns the exit code: 1 if one does not hold."""
+    rows: list[Row] = []
+    with Secured(TEXT) as fleet:
+        world = World(fleet)
+        world.begin()
+        for attack in (*LINKS, *MESSAGES):
+            began = time.monotonic()
+            rows.append(asyncio.run(asyncio.wait_for(attack(world), 90)))
+            row = rows[-1]
+            print(
+                f"{row.attack} ({time.monotonic() - began:.1f} s): {'; '.join(row.problems) or 'refused'}", flush=True
+            )
+            for line in row.seen:
+                print(f"    {line}", flush=True)
+    failed = [row for row in rows if row.problems]
+    print(f"{len(rows) - len(failed)} of {len(rows)} hold")
+    if not failed:
+        lines = [HEAD, "| attack | tried | refused by | seen |", "|---|---|---|---|"]
+        lines += [
+            "| " + " | ".join(map(cell, (r.attack, r.tried, r.refused, "<br>".join(r.seen)))) + " |" for r in rows
+        ]
+        PAGE.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,272 @@
+"""Attacks on the links: who is not of the fleet does not come in, and who is comes in as nobody else."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import time
+from typing import Any
+
+import zenoh
+
+from argosy.__main__ import main as argosy
+from commd.reach import why_not
+from commd.session import session_config
+from commd.tls import Tls, files_in
+from schemas import keys
+from schemas.records import BoardServices, LiveManifest, MindView, Outcome, Perception, Receipt, StopOrder
+from tests.attacks.world import NAME, Attack, Row, World, ask, health_of, letter, put_until
+from tests.support.buses import until
+from tests.support.ports import free_port
+
+QUICKLY = 2.0
+"""Wall seconds that a session has to open where it should not."""
+HALF_OPEN = 40
+
+
+async def foreign_authority(world: World) -> Row:
+    """Somebody has made an authority of his own, with the same names."""
+    row = Row("foreign CA", "certificates of another authority for `pi3`, dialled pi1", "pi1's router: TLS handshake")
+    folder = world.fleet.folder / "foreign"
+    argosy(["keys", "init", str(world.fleet.path), "--dir", str(folder)])
+    await _stays_out(row, world, files_in(folder / "machines" / "pi3"))
+    return row
+
+
+async def no_certificate(world: World) -> Row:
+    """Somebody believes the fleet's authority and shows no certificate."""
+    row = Row("no certificate", "a TLS client that trusts the fleet and shows nothing", "pi1's router: TLS handshake")
+    settings = world.fleet.tls("pi3").settings()
+    config = session_config("client", world.fleet.link("pi1"), "attack")
+    config.insert_json5("transport/link/tls/root_ca_certificate", f'"{settings["root_ca_certificate"]}"')
+    row.expect(not await asyncio.to_thread(_opens, config), "no session without a certificate")
+    await _comes_in(row, world)
+    row.seen.append("attacker: `Unable to connect`, without a reason")
+    return row
+
+
+async def plain_tcp(world: World) -> Row:
+    """Somebody speaks Zenoh without TLS."""
+    row = Row("plain TCP", "a Zenoh client by `tcp/` at pi1's port", "pi1's router: it speaks TLS alone")
+    config = session_config("client", world.fleet.link("pi1").replace("tls/", "tcp/"), "attack")
+    row.expect(not await asyncio.to_thread(_opens, config), "no session by plain TCP")
+    await _comes_in(row, world)
+    why = await why_not(world.fleet.link("pi1").replace("tls/", "tcp/"), None)
+    row.seen.append(f"attacker: `Unable to connect`; Argosy's commands add: {why}")
+    return row
+
+
+async def another_boards_certificate(world: World) -> Row:
+    """A board speaks for another one's agent, at a third."""
+    row = Row(
+        "another board's certificate",
+        "pi3's certificate from another place: puts on `b/percept/x` (pi2's agent) at pi1, holds `pi2/alive/..`",
+        "pi1's router: access rules for `pi3`",
+    )
+    async with world.member("pi1") as listener, world.machine("pi3", "pi1") as attacker:
+        heard: list[str] = []
+        listener.subscribe(keys.percept(NAME, "*", "*"), Perception, lambda key, _: heard.append(key))
+        attacker.token(keys.alive(NAME, "pi2", "commd", "feedbeef"))
+        attacker.token(keys.alive(NAME, "c", "attack", "feedbeef"))
+        await put_until(attacker, heard, keys.percept(NAME, "b", "x"), keys.percept(NAME, "c", "x"))
+        row.expect(keys.percept(NAME, "b", "x") not in heard, "no percept of b from pi3")
+        own = keys.alive(NAME, "c", "attack", "feedbeef")
+        tokens: list[str] = []
+        while own not in tokens:
+            tokens = await listener.tokens(keys.alive(NAME, "*", "*", "*"))
+        row.expect(keys.alive(NAME, "pi2", "commd", "feedbeef") not in tokens, "no token of pi2 from pi3")
+        row.seen.append("what is pi3's own (`c/percept/x`, its token) arrived in the same second")
+    return row
+
+
+async def another_boards_keys_on_a_board(world: World) -> Row:
+    """A board is given another one's folder of keys."""
+    row = Row(
+        "another board's keys on a board", "pi1's commd started with pi3's folder of keys", "commd of pi1, at start"
+    )
+    settings = world.fleet.settings("pi1")
+    settings["transport"]["link"]["tls"] = world.fleet.tls("pi3").settings()
+    settings["listen"]["endpoints"] = [f"unixsock-stream/{world.fleet.folder}/other.sock"]
+    file = world.fleet.folder / "other.json5"
+    file.write_text(json.dumps(settings))
+    state = str(world.fleet.folder / "state" / "other")
+    daemon = world.fleet.run(
+        "commd", "serve", str(world.fleet.path), "--board", "pi1", "--config", str(file), "--state", state
+    )
+    row.expect(await asyncio.to_thread(daemon.ends) == 2, "commd ends with 2")
+    said = "the keys are those of `pi3`, and this is board `pi1`"
+    row.expect(said in daemon.text, f"it says `{said}`: {daemon.text[-200:]}")
+    row.seen.append(f"commd: `{said}`")
+    return row
+
+
+async def impostor_router(world: World) -> Row:
+    """A machine of the fleet listens where another board is expected."""
+    row = Row(
+        "a router in another board's place",
+        "pi3's certificate listens where `pi2` is dialled, and serves pi2's mailbox and percepts",
+        "the dialling router: access rules for who is really there",
+    )
+    port, folder = free_port(), world.fleet.folder
+    settings = world.fleet.settings("pi1")
+    settings["listen"]["endpoints"] = [f"unixsock-stream/{folder}/dialler.sock"]
+    settings["connect"]["endpoints"] = [f"tls/127.0.0.1:{port}"]
+    false = session_config("router", f"tls/127.0.0.1:{port}", "impostor", tls=world.fleet.tls("pi3"))
+    with (
+        await asyncio.to_thread(zenoh.open, false) as impostor,
+        await asyncio.to_thread(zenoh.open, zenoh.Config.from_json5(json.dumps(settings))) as dialler,
+    ):
+        await until(lambda: bool(dialler.info.routers_zid()), "the dialler is linked")
+        with (
+            impostor.declare_queryable(keys.mail(NAME, "b", "*"), zenoh.handlers.FifoChannel(8)),
+            impostor.declare_queryable(keys.mail(NAME, "c", "*"), zenoh.handlers.FifoChannel(8)),
+        ):
+            heard: list[str] = []
+            with dialler.declare_subscriber(f"argosy/{NAME}/*/percept/*", lambda s: heard.append(str(s.key_expr))):
+                own, forged = keys.percept(NAME, "c", "x"), keys.percept(NAME, "b", "x")
+                until_then = time.monotonic() + 10
+                while own not in heard and time.monotonic() < until_then:
+                    impostor.put(forged, b"1")
+                    impostor.put(own, b"1")
+                    await asyncio.sleep(0.05)
+                row.expect(own in heard and forged not in heard, "its own percept arrives, b's does not")
+                with (
+                    dialler.declare_querier(keys.mail(NAME, "b", "a")) as to_b,
+                    dialler.declare_querier(keys.mail(NAME, "c", "a")) as to_c,
+                ):
+                    await until(lambda: _matching(to_c), "what it may serve is known")
+                    row.expect(not _matching(to_b), "b's mailbox is not known from there")
+    row.seen.append("no mail for `b` goes there: nobody serves it; the lane says `pi2 is away`")
+    return row
+
+
+async def stolen_relay(world: World) -> Row:
+    """A board hands what it says in another's name to a third one, to be passed on."""
+    row = Row(
+        "by way of a third board",
+        "a member of pi3 puts on `b/percept/x` and asks `b/mail/a` at pi3's own socket",
+        "pi3's own router: rules for its members",
+    )
+    async with world.member("pi1") as listener, world.member("pi3") as attacker:
+        heard: list[str] = []
+        listener.subscribe(keys.percept(NAME, "*", "*"), Perception, lambda key, _: heard.append(key))
+        await put_until(attacker, heard, keys.percept(NAME, "b", "x"), keys.percept(NAME, "c", "x"))
+        row.expect(keys.percept(NAME, "b", "x") not in heard, "no percept of b by way of pi3")
+        row.expect(await ask(attacker, keys.mail(NAME, "b", "a"), letter("a", "b"), Receipt) == [], "no receipt")
+    row.seen.append("attacker: no reply; `argosy doctor` on pi3 lists both as denied")
+    return row
+
+
+async def admin_space(world: World) -> Row:
+    """A machine asks a router for what it knows, and changes its configuration."""
+    row = Row(
+        "a router's own settings",
+        "pi3 asks `@/**` of pi1; a member of pi1 puts on `@/*/router/config/**`",
+        "pi1's router: rules, and `adminspace.permissions.write: false`",
+    )
+    async with world.machine("pi3", "pi1") as attacker, world.member("pi1") as member:
+        row.expect(await attacker.raw.look_up("@/*/router", 2) == [], "a board learns nothing of another's router")
+        mine = await member.raw.look_up("@/*/router", 2)
+        row.expect(mine, "a member may ask")
+        zid = mine[0].key.split("/")[1]
+        member._session.put(f"@/{zid}/router/config/access_control/enabled", "false")
+        heard: list[str] = []
+        member.subscribe(keys.percept(NAME, "*", "*"), Perception, lambda key, _: heard.append(key))
+        await put_until(attacker, heard, keys.percept(NAME, "b", "x"), keys.percept(NAME, "c", "x"))
+        row.expect(keys.percept(NAME, "b", "x") not in heard, "access control is still there")
+    row.seen.append("pi3: no reply; after the put the rules hold as before")
+    return row
+
+
+async def people(world: World) -> Row:
+    """An observer acts, an operator perceives for an agent."""
+    row = Row(
+        "an observer or operator who does more",
+        "`eye` asks `r1/stop`, `c/mail/a`, lists mailboxes and puts; `ops` puts a percept",
+        "pi1's router: rules for observers and operators",
+    )
+    stop = StopOrder(order="hold")
+    async with world.machine("eye", "pi1") as eye, world.machine("ops", "pi1") as ops, world.member("pi1") as member:
+        row.expect(await ask(eye, keys.stop(NAME, "r1"), stop, Outcome) == [], "an observer stops nothing")
+        row.expect(await ask(eye, keys.manifest(NAME, "r1"), None, LiveManifest) == [], "and reads no manifest")
+        row.expect(await ask(eye, keys.mail(NAME, "c", "a"), letter("a", "c"), Receipt) == [], "and sends no mail")
+        row.expect(len(await ask(eye, keys.services(NAME, "*"), None, BoardServices)) == 3, "it sees three boards")
+        row.expect(len(await ask(ops, keys.stop(NAME, "r1"), stop, Outcome)) == 1, "the operator stops the robot")
+        await ask(ops, keys.stop(NAME, "r1"), StopOrder(order="release"), Outcome)
+        heard: list[str] = []
+        member.subscribe(keys.percept(NAME, "*", "*"), Perception, lambda key, _: heard.append(key))
+        for person in (eye, ops):
+            person.put(keys.percept(NAME, "a", "x"), Perception(name="x", header=person.header("x")))
+        async with world.machine("pi3", "pi1") as board:
+            await put_until(board, heard, keys.percept(NAME, "a", "x"), keys.percept(NAME, "c", "x"))
+        row.expect(keys.percept(NAME, "a", "x") not in heard, "neither puts a percept")
+        row.expect(await ask(eye, keys.mind(NAME, "a"), None, MindView) == [], "nobody serves a mind here")
+    row.seen.append("eye: no replies, but three boards' services; ops: the robot's `Outcome`")
+    return row
+
+
+async def half_open(world: World) -> Row:
+    """Connections that never say who they are."""
+    row = Row(
+        "many half-open connections",
+        f"{HALF_OPEN} TCP connections to pi1's port that say nothing",
+        "pi1's router: 100 handshakes at once, each 10 s at most",
+    )
+    knocks = [socket.create_connection(("127.0.0.1", world.fleet.ports["pi1"]), 5) for _ in range(HALF_OPEN)]
+    try:
+        async with world.member("pi1") as member:
+            began = time.monotonic()
+            health = await health_of(member, "pi2", "commd")
+            row.expect(health.daemon == "commd", "links that are there go on")
+            row.seen.append(f"health of pi2 at pi1 after {time.monotonic() - began:.1f} s; members come in meanwhile")
+    finally:
+        for knock in knocks:
+            knock.close()
+    began = time.monotonic()
+    await _comes_in(row, world, patience=30)
+    took = time.monotonic() - began
+    row.seen.append(f"pi3 comes in anew {took:.1f} s after them: Zenoh rests 0.1 s after each broken handshake")
+    return row
+
+
+async def _stays_out(row: Row, world: World, tls: Tls) -> None:
+    config = session_config("client", world.fleet.link("pi1"), "attack", tls=tls)
+    row.expect(not await asyncio.to_thread(_opens, config), "no session opens")
+    row.seen.append(
+        f"attacker: `Unable to connect`; Argosy's commands add: {await why_not(world.fleet.link('pi1'), tls)}"
+    )
+    await _comes_in(row, world)
+
+
+async def _comes_in(row: Row, world: World, patience: float = 5) -> None:
+    """That who may come in does, shows that the attack was refused for what it was."""
+    async with world.machine("pi3", "pi1", patience=patience) as good:
+        row.expect(await ask(good, keys.services(NAME, "pi1"), None, BoardServices), "pi3 itself is let in")
+
+
+def _matching(querier: Any) -> bool:
+    """Whether somebody serves what a querier asks."""
+    return bool(querier.matching_status.matching)
+
+
+def _opens(config: zenoh.Config) -> bool:
+    try:
+        with zenoh.open(config):
+            return True
+    except zenoh.ZError:
+        return False
+
+
+LINKS: tuple[Attack, ...] = (
+    foreign_authority,
+    no_certificate,
+    another_boards_certificate,
+    another_boards_keys_on_a_board,
+    impostor_router,
+    plain_tcp,
+    stolen_relay,
+    admin_space,
+    people,
+    half_open,
+)

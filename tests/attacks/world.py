@@ -1,0 +1,133 @@
+"""What the attacks are tried on: three secured boards with routers and mail, and a robot with its bridge on one."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import aclosing, asynccontextmanager
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias, TypeVar
+
+import zenoh
+
+from commd.bus import Bus, open_bus
+from commd.session import session_config
+from commd.tls import Tls
+from schemas import keys
+from schemas.records import Health, Mail, Mailboxes, Message, Perception, Record
+from tests.support.buses import until
+from tests.support.processes import Daemon
+from tests.support.secured import FLEET, Secured
+
+NAME = "three"
+TEXT = FLEET.replace("prefix: r1}", "prefix: r1, simulate: {vehicle: turtle}}")
+R = TypeVar("R", bound=Record)
+
+
+@dataclass
+class Row:
+    """One attack."""
+
+    attack: str
+    tried: str
+    """How, by whom."""
+    refused: str
+    """By whom, and how."""
+    seen: list[str] = field(default_factory=list)
+    """Where it can be seen, as it was."""
+    problems: list[str] = field(default_factory=list)
+    """What is not as it must be; empty = it was refused, and what is allowed was not."""
+
+    def expect(self, holds: object, wish: str) -> None:
+        """Note a wish that is not fulfilled."""
+        if not holds:
+            self.problems.append(f"not so: {wish}")
+
+
+class World:
+    """The fleet, and the ways of attackers and of those who may."""
+
+    def __init__(self, fleet: Secured) -> None:
+        self.fleet = fleet
+        self.commd: dict[str, Daemon] = {}
+        self.bridged: Daemon
+
+    def begin(self) -> None:
+        """Start the daemons and wait until they serve."""
+        fleet = self.fleet
+        self.commd = {board: fleet.start(board, "commd") for board in fleet.ports}
+        for daemon in self.commd.values():
+            daemon.says("router board=")
+        simulator = fleet.run("argosy", "simulate", str(fleet.path), "--board", "pi1", "--router", fleet.socket("pi1"))
+        simulator.says("simulated turtle", 60)
+        self.bridged = fleet.start("pi1", "bridged")
+        self.bridged.says("serving r1", 60)
+
+    @asynccontextmanager
+    async def member(self, board: str, name: str = "x") -> AsyncIterator[Bus]:
+        """A daemon on a board."""
+        async with open_bus(
+            self.fleet.socket(board), fleet=NAME, name=name, daemon="agentd", stamp=time.time_ns, patience=5
+        ) as bus:
+            yield bus
+
+    @asynccontextmanager
+    async def machine(self, name: str, at: str, tls: Tls | None = None, patience: float = 5) -> AsyncIterator[Bus]:
+        """A machine that shows the keys of `name` to the router of a board."""
+        tls = tls or self.fleet.tls(name)
+        async with open_bus(
+            self.fleet.link(at), fleet=NAME, name=name, daemon="attack", stamp=time.time_ns, tls=tls, patience=patience
+        ) as bus:
+            yield bus
+
+
+Attack: TypeAlias = Callable[[World], Awaitable[Row]]
+
+
+def letter(sender: str, receiver: str, number: int = 1, content: Any = 1) -> Mail:
+    """One message as mail."""
+    one = Message(
+        id=f"{sender}.{time.time_ns()}.{receiver}.{number}",
+        sender=sender,
+        performative="tell",
+        receiver=receiver,
+        content=content,
+    )
+    return Mail(messages=(one,))
+
+
+async def ask(bus: Bus, key: str, record: Record | None, answer: type[R], seconds: float = 5) -> list[R | str]:
+    """Ask once: records, and words of refusal."""
+    async with aclosing(bus.query(key, record, answer, seconds)) as replies:
+        return [reply.record if reply.record is not None else reply.error async for reply in replies]
+
+
+async def waiting_for(bus: Bus, receiver: str, sender: str) -> int:
+    """Messages from a sender that wait for a receiver on any board that answers."""
+    found = await ask(bus, keys.mailboxes(NAME, "*"), None, Mailboxes)
+    queues = [queue for boxes in found if isinstance(boxes, Mailboxes) for queue in boxes.queues]
+    return sum(queue.messages for queue in queues if (queue.receiver, queue.sender) == (receiver, sender))
+
+
+async def health_of(bus: Bus, name: str, daemon: str) -> Health:
+    """The next health record of a daemon."""
+    found: list[Health] = []
+    bus.subscribe(keys.health(NAME, name, daemon), Health, lambda _, record: found.append(record))
+    await until(lambda: bool(found), f"health of {daemon} {name}")
+    return found[-1]
+
+
+def raw_session(endpoint: str, tls: Tls | None) -> zenoh.Session:
+    """A session of Zenoh's own, for what the bus would not send. Raises ZError."""
+    return zenoh.open(session_config("client", endpoint, "attack", tls=tls))
+
+
+async def put_until(attacker: Bus, heard: list[str], forged: str, own: str) -> None:
+    """Put what is forged and then what is allowed, until the latter has arrived twice: the former had its time."""
+    record = Perception(name="x", header=attacker.header("x"))
+    async with asyncio.timeout(15):
+        while heard.count(own) < 2:
+            attacker.put(forged, record)
+            attacker.put(own, record)
+            await asyncio.sleep(0.05)
