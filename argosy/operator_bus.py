@@ -9,13 +9,16 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 from argosy.endpoint import endpoint
+from argosy.fleet_bus import open_fleet_bus
 from commd.bus import Bus, BusClosed, open_bus
-from commd.process import EXIT_BAD_INPUT, EXIT_FAILED
+from commd.process import EXIT_BAD_INPUT, EXIT_FAILED, tls_of
+from commd.tls import Tls, identity_of
 from schemas import keys
-from schemas.findings import Findings
-from schemas.mission import DEFAULT_ROUTER, load_mission
+from schemas.findings import Finding, Findings
+from schemas.mission import DEFAULT_ROUTER, Mission, load_mission
 
 ROUTER_PATIENCE = 3.0
 """Wall seconds to reach the router."""
@@ -34,10 +37,14 @@ class Where:
     fleet: str
     """A fleet, or `ANY`."""
     router: str
+    tls: Tls | None = None
+    """This machine's keys."""
+    mission: Mission | None = None
+    """With keys: the mission whose boards are spoken to, each at its own router."""
 
 
 def add_fleet_arguments(parser: ArgumentParser, without: str) -> None:
-    """Declare `--mission`, `--fleet` and `--router`; `without` is the help of `--fleet`, with its default."""
+    """Declare `--mission`, `--fleet`, `--router` and `--keys`; `without` is the help of `--fleet`, with its default."""
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--mission", metavar="FILE", help="take fleet and router from this mission")
     which.add_argument("--fleet", metavar="NAME", help=without)
@@ -45,25 +52,48 @@ def add_fleet_arguments(parser: ArgumentParser, without: str) -> None:
 
 
 def add_router_argument(parser: ArgumentParser, default: str) -> None:
-    """Declare `--router`."""
-    text = f"the router's endpoint (default: {default})"
+    """Declare `--router` and `--keys`."""
+    text = f"the router's endpoint (default: {default}; with --keys, the boards of the mission)"
     parser.add_argument("--router", type=endpoint, metavar="ENDPOINT", help=text)
+    parser.add_argument("--keys", type=Path, metavar="FOLDER", help="this machine's keys, for a fleet that has some")
 
 
 def where(args: Namespace) -> Where:
-    """Return the fleet and the router that the arguments name. Raises Findings for a mission that cannot be read."""
-    if args.mission:
-        mission = load_mission(args.mission)
-        return Where(mission.fleet, args.router or mission.router.endpoint)
-    return Where(args.fleet or ANY, args.router or DEFAULT_ROUTER)
+    """Return whom the arguments speak to. Raises Findings for a mission that cannot be read, and for useless keys."""
+    mission, tls = load_mission(args.mission) if args.mission else None, tls_of(args)
+    if tls is not None and args.router and not args.router.startswith("tls/"):
+        raise Findings([Finding("--keys", 0, 0, f"are for what is at tls/..., and not for {args.router}")])
+    if tls is not None and not args.router and mission is None:
+        text = "at which board? Say --mission FILE, or --router tls/HOST:PORT"
+        raise Findings([Finding("--keys", 0, 0, text)])
+    if mission is not None:
+        each = mission if tls is not None and not args.router else None
+        return Where(
+            mission.fleet, args.router or (_of_boards(mission) if each else mission.router.endpoint), tls, each
+        )
+    return Where(args.fleet or ANY, args.router or DEFAULT_ROUTER, tls)
+
+
+def _of_boards(mission: Mission) -> str:
+    return f"the boards of {mission.path.name}"
 
 
 @asynccontextmanager
 async def operator_bus(place: Where) -> AsyncIterator[Bus]:
-    """Open the bus as the operator. Raises BusClosed if the router does not answer soon."""
-    fleet = place.fleet if place.fleet != ANY else "operator"
+    """Open the bus as the operator. Raises BusClosed if no router answers soon, and Findings if none can be dialled."""
+    name = identity_of(place.tls, time.time()).name if place.tls is not None else "operator"
+    if place.mission is not None and place.tls is not None:
+        async with open_fleet_bus(place.mission, place.tls, ROUTER_PATIENCE, name=name, daemon="argosy") as bus:
+            yield bus
+        return
     async with open_bus(
-        place.router, fleet=fleet, name="operator", daemon="argosy", stamp=time.time_ns, patience=ROUTER_PATIENCE
+        place.router,
+        fleet=place.fleet if place.fleet != ANY else "operator",
+        name=name,
+        daemon="argosy",
+        stamp=time.time_ns,
+        patience=ROUTER_PATIENCE,
+        tls=place.tls,
     ) as bus:
         yield bus
 
@@ -82,6 +112,9 @@ def on_the_bus(args: Namespace, work: Callable[[Bus, Where], Awaitable[int]]) ->
 
     try:
         return asyncio.run(main())
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return EXIT_BAD_INPUT
     except (BusClosed, Unanswered) as error:
         print(f"error: {error}", file=sys.stderr)
         return EXIT_FAILED

@@ -1,0 +1,125 @@
+"""The operator's bus to a fleet with keys: a session with each board, and each question to the board that it is for.
+
+The router of a board lets an operator through, and not what another board passes on in his name (docs/security.md).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncGenerator, AsyncIterator, Mapping, Sequence
+from contextlib import AsyncExitStack, aclosing, asynccontextmanager
+from typing import Any, TypeVar
+
+from commd.bus import BACKLOG, Bus, BusClosed, Reply, open_bus
+from commd.routers import endpoint_of
+from commd.tls import Tls
+from schemas.findings import Findings
+from schemas.mission import Mission
+from schemas.records import Record
+
+R = TypeVar("R", bound=Record)
+AT_ONCE = 256
+"""Replies of several boards that may wait to be taken."""
+
+
+class Boards:
+    """A session with each board, as far as they are reached."""
+
+    def __init__(self, mission: Mission) -> None:
+        robots = {name: robot.board for name, robot in mission.robots.items()}
+        self.homes: Mapping[str, str] = mission.mailboxes | robots | {board: board for board in mission.boards}
+        """Where each name lives."""
+        self.opening: dict[str, asyncio.Task[FleetBus]] = {}
+
+    async def bus(self, board: str) -> Bus | str:
+        """Return the session with a board, or why there is none."""
+        if board not in self.opening:
+            return "it has no address in the mission"
+        try:
+            return await asyncio.shield(self.opening[board])
+        except BusClosed as closed:
+            return str(closed)
+
+
+class FleetBus(Bus):
+    """A session with one board, whose questions go to whichever board they are for."""
+
+    boards: Boards
+
+    async def query(
+        self, key: str, ask: Record | None, answer: type[R], timeout: float, *, limit: int = BACKLOG
+    ) -> AsyncGenerator[Reply[R], None]:
+        """As `Bus.query`; of a board that is not reached the reply says why."""
+        name = key.split("/")[2]
+        homes = [self.boards.homes[name]] if name in self.boards.homes else list(self.boards.opening)
+        replies: asyncio.Queue[Reply[R] | None] = asyncio.Queue(AT_ONCE)
+
+        async def at(board: str) -> None:
+            bus = await self.boards.bus(board)
+            if isinstance(bus, str):
+                await replies.put(Reply(key, None, f"board {board} is not reached: {bus}"))
+                return
+            async with aclosing(Bus.query(bus, key, ask, answer, timeout, limit=limit)) as its:
+                async for reply in its:
+                    await replies.put(reply)
+
+        async def all_of_them() -> None:
+            await asyncio.gather(*map(at, homes))
+            await replies.put(None)
+
+        asking = asyncio.create_task(all_of_them())
+        try:
+            while (reply := await replies.get()) is not None:
+                yield reply
+            await asking
+        finally:
+            asking.cancel()
+
+
+@asynccontextmanager
+async def open_fleet_bus(mission: Mission, tls: Tls, patience: float, **options: Any) -> AsyncIterator[FleetBus]:
+    """Open sessions with all boards, and go on with the first that is reached; the others follow as they are needed.
+
+    Raises Findings for a mission without addresses, and BusClosed with a line for each board if none is reached.
+    """
+    places = {board: endpoint_of(mission, board, "tls") for board in mission.boards}
+    if not any(places.values()):
+        text = "no board has an address by which it could be reached with keys: name one by --router tls/HOST:PORT"
+        raise Findings([mission.positions.finding(("boards",), text)])
+    boards = Boards(mission)
+    async with AsyncExitStack() as sessions:
+
+        async def reach(endpoint: str) -> FleetBus:
+            opened = open_bus(
+                endpoint,
+                fleet=mission.fleet,
+                stamp=time.time_ns,
+                patience=patience,
+                tls=tls,
+                make=FleetBus,
+                **options,
+            )
+            bus = await sessions.enter_async_context(opened)
+            assert isinstance(bus, FleetBus)
+            bus.boards = boards
+            return bus
+
+        boards.opening = {board: asyncio.create_task(reach(place)) for board, place in places.items() if place}
+        try:
+            yield await _first(list(boards.opening.values()))
+        finally:
+            for task in boards.opening.values():
+                task.cancel()
+            await asyncio.gather(*boards.opening.values(), return_exceptions=True)
+
+
+async def _first(opening: Sequence[asyncio.Task[FleetBus]]) -> FleetBus:
+    """Return the session that is there first. Raises BusClosed with what each attempt says."""
+    said = []
+    for done in asyncio.as_completed([asyncio.shield(task) for task in opening]):
+        try:
+            return await done
+        except BusClosed as closed:
+            said.append(str(closed))
+    raise BusClosed("\n  ".join(("no board of the fleet is reached:", *sorted(said))) if len(said) > 1 else said[0])
