@@ -41,9 +41,12 @@ def _block(*lines: str) -> str:
 def _keys(board: Board) -> list[str]:
     if board.keys is None:
         return ["It is linked to no other machine, and needs no keys.\n"]
-    text = f"Its keys are the folder that `argosy keys add-board {board.name}` has made; only the router reads them:\n"
-    first = "sudo cp -rT KEYS " + board.keys
-    return [text, _block(first, f"sudo systemd-tmpfiles --create argosy-{board.mission.name}.conf")]
+    text = (
+        f"Its keys are the folder `machines/{board.name}` that `argosy keys init` has made (docs/security.md); copy it "
+        "to the board as `keys`. Only the router reads them:\n"
+    )
+    again = f"sudo systemd-tmpfiles --create argosy-{board.mission.name}.conf"
+    return [text, _block(f"sudo cp -rT keys {board.keys}", again, "rm -r keys")]
 
 
 def _secrets(board: Board, secrets: Sequence[str]) -> list[str]:

@@ -7,6 +7,8 @@ Boots a machine of its own (tests/support/booted.py). Writes docs/units.md.
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -24,6 +26,24 @@ from tests.support.booted import Machine, NoMachine, booted
 PAGE = ROOT / "docs" / "units.md"
 ASK = "/opt/checkout/tests/support/ask_mind.py"
 KNOCK = "/opt/checkout/tests/support/knock.py"
+TWO = {
+    "survey.yaml": """\
+mission: survey
+boards: {pi1: {address: 10.0.0.11}, pi2: {address: 10.0.0.12}}
+agents:
+  scout: {board: pi1, program: scout.asl}
+  diver: {board: pi2, program: diver.asl}
+security: {operators: [anna]}
+done: "scout: answered(5)"
+""",
+    "scout.asl": """\
+!ask(1).
++!ask(N) <- .send(diver, tell, question(N)).
++answer(N)[source(A)] <- +answered(N); .print("answer ", N, " of ", A); if (N < 5) { !ask(N+1) }.
+""",
+    "diver.asl": "+question(N)[source(A)] <- .send(A, tell, answer(N)).\n",
+}
+"""A mission of two boards that ask one another."""
 FLIGHT = 240.0
 """Wall seconds for the flight of the paper's first mission, in real time."""
 BACK = 60.0
@@ -32,7 +52,6 @@ EVERY = ("RootDirectoryOrRootImage", "RestrictAddressFamilies_AF_UNIX")
 REMAINS = {
     "RestrictAddressFamilies_AF_INET_INET6": "IP sockets",
     "PrivateNetwork": "the board's network",
-    "IPAddressDeny": "addresses: ",
     "UMask": "its group may write to its socket",
     "SupplementaryGroups": "the group `dialout`",
     "PrivateDevices": "the folder of devices",
@@ -45,7 +64,7 @@ def main() -> int:
     """Measure, and write the page. Returns the exit code."""
     with tempfile.TemporaryDirectory() as folder:
         try:
-            lines = [*exposures(Path(folder)), *measured(Path(folder))]
+            lines = [*exposures(Path(folder)), *measured(Path(folder)), *linked(Path(folder) / "two")]
         except NoMachine as why:
             print(f"error: {why}", file=sys.stderr)
             return 1
@@ -103,10 +122,12 @@ def exposures(folder: Path) -> Iterator[str]:
 
 def in_words(name: str, text: str) -> str:
     """Return what is left open, by systemd's name for it and its description."""
+    if name == "IPAddressDeny":
+        return "its own addresses" if "only localhost" in text else "any address"
     found = REMAINS.get(name, text)
     if not found.endswith(": "):
         return found
-    return found + text.rpartition(": ")[2].removeprefix("Service ")
+    return found + text.rpartition(": ")[2]
 
 
 def measured(folder: Path) -> Iterator[str]:
@@ -161,6 +182,68 @@ def at_work(machine: Machine, board: Board) -> Iterator[str]:
     took = time.monotonic() - begin
     results = {machine.show(unit, "Result") for unit in board.units}
     yield f"| `systemctl stop {board.target}` | all ended after {took:.1f} s: {', '.join(results)} |"
+
+
+def linked(folder: Path) -> Iterator[str]:
+    """Two boards with keys of their fleet and a cable between them: mail, an operator's look, and a router's death."""
+    folder.mkdir()
+    for name, text in TWO.items():
+        (folder / name).write_text(text)
+    mission, keys = load_mission(folder / "survey.yaml"), folder / "keys"
+    said = subprocess.run(
+        [sys.executable, "-m", "argosy", "keys", "init", str(mission.path), "--dir", str(keys)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        cwd=ROOT,
+    )
+    assert said.returncode == 0, said.stderr
+    boards = {name: Board(mission, name) for name in mission.boards}
+    for name, board in boards.items():
+        write(board, folder / name)
+        shutil.copytree(keys / "machines" / name, folder / name / board.folder[1:] / "keys")
+    yield from (
+        "",
+        "## Two boards",
+        "",
+        "Each a machine of its own with a systemd of its own, linked by mutual TLS.",
+        "",
+    )
+    yield from ("| what | seen |", "|---|---|")
+    with booted() as one, booted() as other:
+        cable({one: "10.0.0.11/24", other: "10.0.0.12/24"})
+        begin = time.monotonic()
+        for machine, (name, board) in zip((one, other), boards.items(), strict=True):
+            machine.install(folder / name)
+            machine.run("systemctl", "start", "--no-block", board.target)
+        one.until(lambda: "answer 5" in one.journal("-u", "agentd@survey"), "five questions are answered")
+        took = time.monotonic() - begin
+        yield f"| five questions by mail from `pi1` to `pi2` and back | {took:.1f} s after the start |"
+        one.send(keys / "machines" / "anna", "/tmp/anna")
+        where = ("--router", "tls/10.0.0.12:7447", "--keys", "/tmp/anna")
+        status = one.run("/opt/argosy/bin/argosy", "status", boards["pi1"].file, "--plain", *where, check=False)
+        yield f"| `argosy status` of operator `anna` by `pi2` | {status.strip().splitlines()[-1]} |"
+        ended(other, "commd@survey.service", "KILL")
+        took = one.until(lambda: "pi2" in linked_now(one, boards["pi1"]), "pi2 is linked again")
+        yield f"| `commd` of `pi2` killed | linked to `pi1` {took:.1f} s after it was ready again |"
+
+
+def linked_now(machine: Machine, board: Board) -> str:
+    """Return what `argosy status` says of the daemons that are up, at a board."""
+    where = ("--router", board.router, "--wait", "2")
+    lines = machine.run("/opt/argosy/bin/argosy", "status", board.file, "--plain", *where, check=False).splitlines()
+    return "\n".join(line for line in lines if line.startswith("up commd"))
+
+
+def cable(ends: dict[Machine, str]) -> None:
+    """Connect two machines by a cable, with these addresses."""
+    names = [f"argosy{os.getpid()}{end}" for end in "ab"]
+    subprocess.run(["ip", "link", "add", names[0], "type", "veth", "peer", "name", names[1]], check=True, timeout=30)
+    for (machine, address), name in zip(ends.items(), names, strict=True):
+        subprocess.run(["ip", "link", "set", name, "netns", str(machine.first)], check=True, timeout=30)
+        machine.run("ip", "link", "set", name, "name", "cable")
+        machine.run("ip", "addr", "add", address, "dev", "cable")
+        machine.run("ip", "link", "set", "cable", "up")
 
 
 def ended(machine: Machine, unit: str, signal: str) -> tuple[float, float]:

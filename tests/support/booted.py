@@ -87,11 +87,16 @@ class Machine:
         """Return what its services have said."""
         return self.run("journalctl", "--no-pager", "-n", "200", "-o", "short-monotonic", *options, check=False)
 
+    def send(self, folder: Path, to: str) -> None:
+        """Copy a folder into one there; what is copied belongs to root."""
+        archive = subprocess.run(["tar", "-C", str(folder), "-c", "."], capture_output=True, check=True, timeout=60)
+        self.run("mkdir", "-p", to)
+        command = self.command("tar", "-C", to, "-x", "--no-same-owner", "--no-overwrite-dir")
+        subprocess.run(command, input=archive.stdout, check=True, timeout=60)
+
     def install(self, tree: Path) -> None:
         """Do what INSTALL.md says with what `argosy units` has written."""
-        archive = subprocess.run(["tar", "-C", str(tree), "-c", "etc"], capture_output=True, check=True, timeout=60)
-        command = self.command("tar", "-C", "/", "-x", "--no-same-owner", "--no-overwrite-dir")
-        subprocess.run(command, input=archive.stdout, check=True, timeout=60)
+        self.send(tree / "etc", "/etc")
         self.run("systemd-sysusers")
         self.run("systemd-tmpfiles", "--create", check=False)  # of Debian's own it cannot do everything in here
         self.run("systemctl", "daemon-reload")
