@@ -67,6 +67,10 @@ class Authority:
             raise ValueError("expected a key on an elliptic curve")
         return cls(key)
 
+    def at(self, now: datetime) -> Authority:
+        """Return the authority as it signs at another time."""
+        return Authority(self._key, now)
+
     def secret(self, password: bytes | None) -> bytes:
         """Return the key in PEM, locked by a password if there is one."""
         lock = serialization.BestAvailableEncryption(password) if password else serialization.NoEncryption()
