@@ -13,6 +13,7 @@ Entry = TypeVar("Entry")
 
 _NETWORK = "installs from a package index"
 _REAL = "a real vehicle"
+_BOARD = "on a board: tests/argosy/test_units.py, docs/units.md"
 
 NOT_RUN: Final[dict[Key, str]] = {
     ("CONTRIBUTING.md", "make "): "is what runs this",
@@ -34,6 +35,9 @@ NOT_RUN: Final[dict[Key, str]] = {
         "docs/drivers.md",
         "argosy run examples/lamp",
     ): "tests/bridged/test_example_drivers.py, with the package installed",
+    ("docs/boards.md", "sudo "): _BOARD,
+    ("docs/boards.md", "systemctl "): _BOARD,
+    ("docs/boards.md", "journalctl "): _BOARD,
     ("docs/fleets.md", "argosy run missions/search_and_rescue.yaml"): "minutes: tests/argosy/test_rescue.py",
     ("docs/install.md", "pip wheel"): "wants the checkout and a package index: tests/test_wheel.py",
     ("docs/install.md", "python3 -m venv /opt"): "another folder in tests/test_wheel.py",
@@ -48,6 +52,15 @@ NOT_RUN: Final[dict[Key, str]] = {
     ("docs/search-and-rescue.md", "argosy referee"): "judges a flight of minutes: tests/argosy/test_rescue.py",
     ("docs/search-and-rescue.md", "python -m tests.soak_rescue"): "half an hour: `make soak`",
     ("docs/simulated-copter.md", "mavproxy.py"): "wants a terminal: tests/bridged/clients",
+    ("docs/howto/ardupilot.md", "sim_vehicle.py"): "ArduPilot's simulator is no dependency",
+    ("docs/howto/ardupilot.md", "argosy run --real"): _REAL,
+    ("docs/howto/ardupilot.md", "sudo usermod"): "changes the machine",
+    ("docs/howto/from-jason-ros.md", "argosy run missions/paper_uav.yaml"): "tests/argosy/test_paper_flight.py",
+    ("docs/howto/from-jason-ros.md", "argosy run missions/paper_turtle.yaml"): "tests/bridged/test_turtle.py",
+    ("docs/howto/three-boards.md", "argosy run"): "minutes: tests/argosy/test_rescue.py",
+    ("docs/howto/three-boards.md", "argosy wheelhouse"): "downloads: tests/test_wheel.py",
+    ("docs/howto/three-boards.md", "scp"): _BOARD,
+    ("docs/howto/three-boards.md", "sudo systemctl"): _BOARD,
     ("docs/tutorial.md", "sudo apt install"): _NETWORK,
     ("docs/tutorial.md", "make fly"): "makes a virtual environment from a package index, then `argosy run`",
     ("docs/tutorial.md", ". .venv/bin/activate"): "the tests have their own virtual environment",
