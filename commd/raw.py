@@ -232,6 +232,13 @@ class RawBus:
 
     async def look_up(self, key: str, seconds: float) -> list[Sample]:
         """Ask everybody who serves a key, the router's admin space too. Returns the replies of so many wall seconds."""
+        return [reply for reply in await self._look_up(key, seconds) if not reply.error]
+
+    async def answers(self, key: str, seconds: float) -> bool:
+        """Ask everybody who serves a key, and return whether anybody said anything, if only what is wrong."""
+        return any(reply.payload != b"Timeout" for reply in await self._look_up(key, seconds))  # that is Zenoh's own
+
+    async def _look_up(self, key: str, seconds: float) -> list[Sample]:
         replies: asyncio.Queue[Sample | None] = asyncio.Queue()
 
         def soon(reply: Sample | None) -> None:
@@ -256,8 +263,7 @@ class RawBus:
         with suppress(TimeoutError):
             async with asyncio.timeout(seconds + 1):  # Zenoh ends the query itself; the second is for its last word
                 while (reply := await replies.get()) is not None:
-                    if not reply.error:
-                        found.append(reply)
+                    found.append(reply)
         return found
 
 

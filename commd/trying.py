@@ -14,6 +14,8 @@ from commd.raw import RawBus, Sample
 
 AGAIN = 0.05
 """Wall seconds between two attempts: what was just declared may not have reached the other one yet."""
+ALL_FORBIDDEN = 1.0
+"""Wall seconds that what is forbidden has where nothing is allowed that would show that it had its time."""
 
 
 async def which_come_through(
@@ -35,8 +37,8 @@ async def which_come_through(
     subscriptions = [listener.subscribe(probe, hear) for probe in probes]
     publishers = [speaker.publisher(probe) for probe in probes]
     loop = asyncio.get_running_loop()
-    until = loop.time() + patience
     wanted = [probe for probe, key in probes.items() if key not in forbidden]
+    until = loop.time() + (patience if wanted else min(patience, ALL_FORBIDDEN))
     try:
         while loop.time() < until and not (wanted and min(heard[probe] for probe in wanted) >= 2):
             for publisher in reversed(publishers):  # the forbidden ones first: they have had their time by then
@@ -59,8 +61,8 @@ async def which_are_answered(
     answered: dict[str, int] = dict.fromkeys(probes, 0)
     serving = [server.serve(probe, lambda asked: Sample(asked.key, b"", "zenoh/bytes")) for probe in probes]
     loop = asyncio.get_running_loop()
-    until = loop.time() + patience
     wanted = [probe for probe, key in probes.items() if key not in forbidden]
+    until = loop.time() + (patience if wanted else min(patience, ALL_FORBIDDEN))
     try:
         while loop.time() < until and not (wanted and min(answered[probe] for probe in wanted) >= 2):
             for probe in reversed(probes):
