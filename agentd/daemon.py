@@ -113,6 +113,7 @@ def prepare(mission: Mission, agent: str, seed: int, decisions: int = DECISIONS)
     as_text = robot is not None and not isinstance(mission.robots[robot].manifest, str)
     if robot is not None and isinstance(named := mission.robots[robot].manifest, str):
         as_text = load_manifest(named, mission.path.parent).robot.values == "text"
+    elsewhere = None if robot is None else mission.robots[robot].board
     program = compiled(compose(mission, agent))
     done, failed = endings(mission, agent, "done"), endings(mission, agent, "failed")
     return Part(
@@ -126,6 +127,7 @@ def prepare(mission: Mission, agent: str, seed: int, decisions: int = DECISIONS)
         decisions,
         as_text,
         digest_of(program),
+        elsewhere if elsewhere != mission.agents[agent].board else None,
         mission.agents[agent].presence,
     )
 

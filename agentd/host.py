@@ -83,6 +83,8 @@ class Part:
     """The robot takes a free variable in an action by its name (`values = "text"` in its manifest)."""
     digest: bytes = b""
     """Stands for the program: another one has another digest."""
+    robot_elsewhere: str | None = None
+    """The board of its robot, if that is another one than its own."""
     presence: bool = False
     """It is told who else is there: `online(Agent)[board(B)]`."""
 
@@ -135,7 +137,7 @@ class Host:
         self._acting: Acting | None = None
         if part.robot is not None:
             self._perceiving = Perceiving(bus, part.name, part.robot, self._perceive)
-            watch = BridgeWatch(bus, part.robot, self._bridge_up, self._bridge_gone)
+            watch = BridgeWatch(bus, part.robot, self._bridge_up, self._bridge_gone, part.robot_elsewhere)
             self._acting = Acting(bus, part.name, self._perceiving, watch, clock.to_wall)
             self._tasks.spawn(self._perceiving.run())
             self._tasks.spawn(watch.run())

@@ -18,6 +18,7 @@ from typing import Any, Literal
 import agentd.daemon
 import bridged.daemon
 import commd.daemon
+from agentd.plugins import discover
 from commd.bus import AlreadyRunning, BusClosed
 from commd.notify import Member, Unit
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, run_daemon
@@ -63,6 +64,7 @@ class _Options(ArgumentParser):
 def run(args: Namespace) -> int:
     """Run the board until it is told to stop, or a part of it fails. Returns the exit code."""
     sys.setrecursionlimit(max(sys.getrecursionlimit(), agentd.daemon.DEEPEST_CALLS))
+    discover()
 
     async def main(stop: asyncio.Event) -> int:
         asyncio.get_running_loop().call_later(SETTLED, _settle)

@@ -27,7 +27,15 @@ class BridgeWatch:
     While `run` runs, a bridge whose token is there and that says nothing for `SILENCE` counts as gone: it hangs.
     """
 
-    def __init__(self, bus: Bus, robot: str, on_up: Callable[[], None], on_gone: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        robot: str,
+        on_up: Callable[[], None],
+        on_gone: Callable[[], None],
+        board: str | None = None,
+    ) -> None:
+        """`board`: where the robot is, if that is another one: its bridge may go because the link to it is cut."""
         self.up = False
         """A bridge has been seen and has not been given up."""
         self.gone = False
@@ -41,8 +49,14 @@ class BridgeWatch:
         self._tokens: set[str] = set()
         self._silence = Silence(SILENCE)
         self._router_since = asyncio.get_running_loop().time()
+        self._routers_there: set[str] = set()
+        """Tokens of the other board's commd."""
+        self._board_since: float | None = None
+        """When that board went or came last, if it ever went."""
         self._judging: asyncio.Task[None] | None = None
         bus.on_router(self._router)
+        if board is not None:
+            bus.watch(keys.alive(bus.fleet, board, "commd", "*"), self._board)
         bus.watch(keys.alive(bus.fleet, robot, "bridged", "*"), self._token)
         bus.subscribe(keys.health(bus.fleet, robot, "bridged"), Health, self._word)
 
@@ -76,6 +90,26 @@ class BridgeWatch:
             self._router_since = asyncio.get_running_loop().time()
             self._silence.excuse(self._router_since, SILENCE)
 
+    def _board(self, key: str, alive: bool) -> None:
+        there = bool(self._routers_there)
+        if alive:
+            self._routers_there.add(key)
+        else:
+            self._routers_there.discard(key)
+        if there != bool(self._routers_there) and (there or self._board_since is not None):
+            self._board_since = asyncio.get_running_loop().time()
+
+    def _excused_until(self, lost_at: float) -> float:
+        """Until when a token may be absent, since then, for the loss of our router or of the link to its board."""
+        if not self._bus.router_up:
+            return lost_at + ROUTER_GRACE
+        until = self._router_since + ROUTER_GRACE if self._router_since > lost_at else lost_at
+        if self._board_since is None:
+            return until
+        if not self._routers_there:
+            return max(until, lost_at + ROUTER_GRACE)
+        return max(until, self._board_since + ROUTER_GRACE) if self._board_since >= lost_at else until
+
     def _token(self, key: str, alive: bool) -> None:
         self._silence.token(self._robot, key.rsplit("/", 1)[-1], alive, asyncio.get_running_loop().time())
         if alive:
@@ -93,9 +127,7 @@ class BridgeWatch:
         try:
             await asyncio.sleep(DEBOUNCE)
             while not self._tokens:
-                restarted = self._router_since > lost_at
-                since = lost_at if not self._bus.router_up else self._router_since
-                if (self._bus.router_up and not restarted) or loop.time() - since > ROUTER_GRACE:
+                if loop.time() >= self._excused_until(lost_at):
                     self.up, self.gone, self.hangs = False, True, False
                     why = "its token is gone" if self._bus.router_up else "no router"
                     log.warning("bridge_lost robot=%s: %s", self._robot, why)

@@ -6,6 +6,7 @@ import signal
 import time
 from pathlib import Path
 
+from commd.acting import BUS_GRACE
 from commd.presence import AGENT_GRACE, ROUTER_GRACE
 from commd.session import LEASE_MS
 from commd.silence import SILENCE
@@ -20,6 +21,9 @@ KILLED = AGENT_GRACE, "1 s of grace for a token that is gone"
 STOPPED = LEASE + AGENT_GRACE, "2 s until the router misses the process, 1 s of grace"
 HUNG = SILENCE, "`agent_silence: 5s`"
 CUT = LEASE + ROUTER_GRACE, "2 s until the routers miss each other, 5 s of grace for a whole board"
+ASKER = BUS_GRACE, "`bus_grace` without a word of the bridge"
+SHORT = 3.0
+"""Seconds of a cut that no flight fails by: longer than the lease of the routers, shorter than any grace."""
 WATCHDOG = 10.0
 """`WatchdogSec` of the units, from the last time that it was fed: a loop feeds it within half of that."""
 _BACK = 30.0
@@ -36,7 +40,7 @@ def killed(folder: Path) -> Row:
 
 def killed_and_restarted(folder: Path) -> Row:
     """agentd is killed, and started again by its unit."""
-    row = Row("agentd, killed", "SIGKILL; `Restart=on-failure` after 1 s")
+    row = Row("agentd, killed", "SIGKILL; `Restart=on-failure`")
     with Scene(folder) as scene:
         at = scene.thinker.signal(signal.SIGKILL)
         row.figure("hold", scene.until_shown("BRAKE", at), *KILLED)
@@ -91,7 +95,7 @@ def cut(folder: Path) -> Row:
         network.unplug("pi1")
         safe(row, scene, at, *CUT)
         failed = scene.said("goto failed: ", at)
-        row.figure("the agent is told", None if failed is None else failed - at, *CUT)
+        row.figure("the agent is told", None if failed is None else failed - at, *ASKER)
         told = [line.partition("goto failed: ")[2] for _, line in scene.thinker.lines if "goto failed: " in line]
         row.seen.append(f"the agent is told `{told[0] if told else ''}`")
     return row
@@ -99,11 +103,11 @@ def cut(folder: Path) -> Row:
 
 def cut_for_a_moment(folder: Path) -> Row:
     """The link between the agent's board and the robot's is cut for less than the grace."""
-    row = Row("the link between two boards, for 4 s", "as above, and plugged in again")
+    row = Row(f"the link between two boards, for {SHORT:g} s", "as above, and plugged in again")
     with Network(("pi1", "pi2")) as network, Scene(folder, network=network) as scene:
         at = time.monotonic()
         network.unplug("pi1")
-        time.sleep(4.0)
+        time.sleep(SHORT)
         network.plug("pi1")
         time.sleep(CUT[0] + 4)
         row.expect(not scene.shown(at), f"the flight goes on, shown: {scene.shown(at)}")
