@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
 
-.PHONY: fly rescue test index soak faults attacks bench-reasoner bench-bridge bench-mail bench-board docs reference lint types contracts format check-python byte-code clean
+.PHONY: fly rescue test index soak faults field attacks bench-reasoner bench-bridge bench-mail bench-board docs reference lint types contracts format check-python byte-code clean
 
 fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
@@ -34,6 +34,9 @@ faults: $(VENV)/test.stamp  ## inject every fault of the table; writes docs/faul
 
 attacks: $(VENV)/test.stamp  ## try every attack of the table on a secured fleet, 30 s; writes docs/attacks.md
 	$(BIN)/python -m tests.attacks
+
+field: $(VENV)/test.stamp  ## let daemons fail in flight, 20 minutes; writes docs/field.md
+	$(BIN)/python -m tests.field $(ARGS)
 
 bench-reasoner: $(VENV)/bench.stamp  ## the reasoner beside python-agentspeak, about 12 minutes; writes docs/reasoner.md
 	$(BIN)/python -m benchmarks.reasoner --out docs/reasoner.md $(ARGS)

@@ -1,0 +1,67 @@
+"""`make field`: lets agents, bridges, routers and boards fail in flight, and writes docs/field.md; some 25 minutes.
+
+`--times N` (default 3) flies each row so often; names of rows fly those alone and write nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import sys
+import tempfile
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from tests.field.agents import AGENTS, BOARDS
+from tests.field.bridges import BRIDGES
+from tests.field.rows import Maker, Row, table
+from tests.field.units import UnitFile
+from tests.support.processes import ROOT
+
+PAGE = ROOT / "docs" / "field.md"
+BEGIN, END = "<!-- figures -->", "<!-- end of figures -->"
+
+
+def main() -> int:
+    """Fly the rows. Returns the exit code: 1 if one does not hold."""
+    parser = argparse.ArgumentParser(prog="python -m tests.field", description=__doc__)
+    parser.add_argument("rows", nargs="*", metavar="ROW")
+    parser.add_argument("--times", type=int, default=3)
+    args = parser.parse_args()
+    if os.geteuid():
+        print("boards that are cut off are network namespaces, and these need root", file=sys.stderr)
+        return 2
+    makers = [make for make in (*AGENTS, *BOARDS, *BRIDGES) if not args.rows or make.__name__ in args.rows]
+    runs = [[fly(make) for _ in range(args.times)] for make in makers]
+    failed = [row for rows in runs for row in rows if row.problems]
+    if not failed and not args.rows:
+        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+        figures = "\n".join([head(args.times), "", *table(runs)])
+        PAGE.write_text(f"{before}{BEGIN}\n{figures}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+    return 1 if failed else 0
+
+
+def fly(make: Maker) -> Row:
+    """Fly a row, and print what came of it."""
+    with tempfile.TemporaryDirectory() as folder:
+        row = make(Path(folder))
+    print(f"{make.__name__}: {'; '.join(row.problems) or 'holds'}: {', '.join(map(str, row.figures))}", flush=True)
+    return row
+
+
+def head(times: int) -> str:
+    """Say where the figures come from."""
+    unit = UnitFile.read("agentd")
+    return (
+        f"Flown by `make field` on {datetime.now(UTC):%Y-%m-%d}, each row {times} times at speed 1: Python "
+        f"{platform.python_version()}, eclipse-zenoh\n{version('eclipse-zenoh')}, {os.cpu_count()} cores of "
+        f"{platform.machine()} for all daemons and the vehicle. Units: `WatchdogSec={unit.watchdog:g}`, "
+        f"`RestartSec={unit.restart_after:g}`,\n`TimeoutAbortSec={unit.abort:g}`. Seconds after the fault: the median, "
+        "and in brackets the extremes."
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,42 @@
+"""A few rows of docs/field.md as tests: in the order and for the reasons declared, with patience for a busy machine."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tests.boards.network import NEEDED, NoNamespaces, possible
+from tests.field import agents, bridges, rows
+from tests.field.rows import Maker
+from tests.field.units import UnitFile
+
+BUSY = 25.0
+"""Seconds by which a figure may be late here; `make field` holds them to 2."""
+
+
+@pytest.fixture(autouse=True)
+def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rows, "MARGIN", BUSY)
+    monkeypatch.setattr(agents, "MARGIN", BUSY)
+    monkeypatch.setattr(bridges, "MARGIN", BUSY)
+    monkeypatch.setattr(rows, "EARLY", 3.0)
+
+
+@pytest.mark.parametrize("fly", [agents.hung_and_watched, bridges.board_hung], ids=lambda row: row.__name__)
+def test_a_function_that_hangs_in_flight_is_answered_for_and_ended_by_the_watchdog(fly: Maker, tmp_path: Path) -> None:
+    assert not fly(tmp_path).problems
+
+
+def test_a_link_between_boards_that_is_cut_brings_the_vehicle_home(tmp_path: Path) -> None:
+    try:
+        possible()
+    except NoNamespaces as error:
+        pytest.fail(str(error)) if os.environ.get(NEEDED) else pytest.skip(str(error))
+    assert not agents.cut(tmp_path).problems
+
+
+@pytest.mark.parametrize("daemon", ["commd", "bridged", "agentd", "board"])
+def test_the_units_that_are_shipped_say_what_the_page_counts_with(daemon: str) -> None:
+    assert UnitFile.read(daemon).watchdog == agents.WATCHDOG
