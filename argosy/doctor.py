@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import importlib
-import importlib.util
 import json
 import sys
 from argparse import ArgumentParser, Namespace
@@ -13,9 +11,8 @@ from contextlib import aclosing
 from dataclasses import asdict
 from typing import Any
 
-import msgspec
-
 from argosy.diagnosis import Check, Facts, RobotFacts, Said, counted
+from argosy.doctor_access import findings as access
 from argosy.doctor_fleet import clocks, daemons, disks, links, mail, versions
 from argosy.doctor_keys import certificates
 from argosy.doctor_robots import percepts, vehicles
@@ -56,9 +53,12 @@ def run(args: Namespace) -> int:
     except Findings as findings:
         print(findings, file=sys.stderr)
         return EXIT_BAD_INPUT
-    said = certificates(mission, getattr(args, "keys", None))
+    said = certificates(mission, args.keys)
     try:
         said += asyncio.run(examine(mission, place))
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return EXIT_BAD_INPUT
     except BusClosed as closed:
         do = "start commd there (`systemctl start argosy-{0}.target`), or name another router by --router"
         said.append(Said("error", "router", str(closed), do.format(mission.name)))
@@ -71,7 +71,7 @@ async def examine(mission: Mission, place: Where) -> list[Said]:
     async with operator_bus(place) as bus:
         facts = await gather(bus, mission)
         said = [one for check in CHECKS for one in check(facts)]
-        return said + await _access(bus, mission)
+        return said + await access(bus, mission)
 
 
 async def gather(bus: Bus, mission: Mission) -> Facts:
@@ -134,7 +134,7 @@ def _of_the_file(mission: Mission, robot: str) -> dict[str, Any] | None:
         manifest = load_manifest(named, mission.path.parent)
     except Findings:
         return None
-    return {name: msgspec.to_builtins(entry) for name, entry in manifest.percepts.items()}
+    return {name: {"source": entry.source, "ttl": entry.ttl} for name, entry in manifest.percepts.items()}
 
 
 async def _mailboxes(bus: Bus) -> dict[str, Mailboxes]:
@@ -143,15 +143,6 @@ async def _mailboxes(bus: Bus) -> dict[str, Mailboxes]:
         async for reply in replies:
             if reply.record is not None:
                 found[reply.record.board] = reply.record
-    return found
-
-
-async def _access(bus: Bus, mission: Mission) -> list[Said]:
-    """What the access rules let this machine do, by trying: of fleets that have keys."""
-    if importlib.util.find_spec("argosy.doctor_access") is None:
-        return []
-    checks = importlib.import_module("argosy.doctor_access")
-    found: list[Said] = await checks.findings(bus, mission)
     return found
 
 

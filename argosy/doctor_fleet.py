@@ -140,8 +140,13 @@ def links(facts: Facts) -> list[Said]:
     """Whether each board reaches each other one, how soon, and how fast the link is."""
     said: list[Said] = []
     fine: list[LinkReport] = []
+    there = {row.name for row in facts.rows if row.daemon == "commd" and row.well}
     for board, why in facts.boards.items():
-        if isinstance(why, str):
+        if isinstance(why, str) and board in there:
+            text = f"{board} is there and answers no checkup: clock, disk and links are not known ({why})"
+            do = "ask with an operator's keys, observers may not; an Argosy before 0.2 does not know the question"
+            said.append(Said("warning", "links", text, do))
+        elif isinstance(why, str):
             do = f"is it switched on and in the network? {logs_of('commd', facts.mission, board)}"
             said.append(Said("error", "links", f"{board} is not reached from here: {why}", do))
     pairs = [(board, link) for board, report in facts.reports.items() for link in report.links]

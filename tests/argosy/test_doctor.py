@@ -155,6 +155,8 @@ def test_links_are_judged_by_answers_time_and_rate(facts: Facts, link: dict[str,
 def test_a_board_that_does_not_answer_is_an_error(facts: Facts) -> None:
     found = only(links(replace(facts, boards={"pi2": "no answer within 3 s"})), "error")
     assert found.text == "pi2 is not reached from here: no answer within 3 s"
+    there = replace(facts, boards={"pi2": "its commd does not answer"}, rows=[row("pi2", "commd", "pi2")])
+    assert only(links(there), "warning").text.startswith("pi2 is there and answers no checkup")
 
 
 @pytest.mark.parametrize(
