@@ -21,9 +21,6 @@ NOT_RUN: Final[dict[Key, str]] = {
     ("CONTRIBUTING.md", ".venv/bin/python -m pytest"): "is what runs this",
     ("README.md", "make fly"): "makes a virtual environment from a package index, then `argosy run`",
     ("README.md", "make test"): "is what runs this",
-    ("README.md", "argosy run --real uav1"): _REAL,
-    ("README.md", "argosy manifest"): "run in docs/manifests.md",
-    ("README.md", "zenoh "): "zenoh-cli is no dependency",
     ("docs/drivers.md", "pip install"): _NETWORK,
     ("docs/drivers.md", "argosy check counting.yaml"): "tests/argosy/test_robots.py, with the package installed",
     ("docs/drivers.md", "argosy run counting.yaml"): "tests/argosy/test_robots.py, with the package installed",
@@ -61,6 +58,8 @@ NOT_RUN: Final[dict[Key, str]] = {
     ("docs/howto/three-boards.md", "argosy wheelhouse"): "downloads: tests/test_wheel.py",
     ("docs/howto/three-boards.md", "scp"): _BOARD,
     ("docs/howto/three-boards.md", "sudo systemctl"): _BOARD,
+    ("docs/operations.md", "sudo systemctl"): _BOARD,
+    ("docs/operations.md", "systemctl"): _BOARD,
     ("docs/tutorial.md", "sudo apt install"): _NETWORK,
     ("docs/tutorial.md", "make fly"): "makes a virtual environment from a package index, then `argosy run`",
     ("docs/tutorial.md", ". .venv/bin/activate"): "the tests have their own virtual environment",
@@ -124,7 +123,6 @@ class Stay(NamedTuple):
 
 
 STAYS: Final[dict[Key, Stay]] = {
-    ("README.md", "bridged simulate copter"): Stay(says="copter"),
     ("docs/drivers.md", "python room.py"): Stay(says=""),
     ("docs/mail.md", "argosy run examples/client/survey.yaml"): Stay(says="agentd scout: up", ends="itself"),
     ("docs/keys.md", "argosy run missions/single_uav.yaml"): Stay(says="agentd uav: up"),

@@ -11,7 +11,6 @@ RUN_IN = {
     "examples/compass": "tests/agentd/test_plugins.py",
     "examples/lamp": "tests/argosy/test_robots.py",
     "examples/sprayer": "docs/howto/my-robot.md",
-    "examples/sprayer": "docs/howto/my-robot.md",
     "missions/paper_turtle.yaml": "tests/bridged/test_turtle.py",
     "missions/paper_uav.yaml": "tests/argosy/test_paper_flight.py",
     "missions/search_and_rescue.yaml": "tests/boards/test_rescue.py",
