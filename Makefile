@@ -15,8 +15,8 @@ rescue: $(VENV)/fly.stamp byte-code  ## fly the paper's search and rescue on thr
 	@$(BIN)/argosy run missions/search_and_rescue.yaml --report report/rescue $(ARGS)
 	@$(BIN)/argosy referee missions/search_and_rescue.yaml report/rescue
 
-test: $(VENV)/test.stamp byte-code  ## run all tests, two files at a time; what fails is tried once more, and told
-	$(BIN)/python -m pytest -n 2 --dist loadfile --reruns 1 $(ARGS)
+test: $(VENV)/test.stamp byte-code  ## run all tests, three files at a time, as most of them wait; what fails is tried once more, and told
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --reruns 1 $(ARGS)
 
 index: $(VENV)/test.stamp  ## how many recorded exchanges the simulated copter answers as the real one did
 	@$(BIN)/python -m tests.bridged.index_replay

@@ -9,6 +9,7 @@ from __future__ import annotations
 import faulthandler
 import itertools
 from collections.abc import Callable
+from hashlib import sha256
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -22,6 +23,26 @@ settings.load_profile("reproducible")
 _tests = itertools.count()
 END_PATIENCE = 60.0
 """Seconds that the interpreter has to end after the last test."""
+
+
+LONGEST = (
+    "tests/test_wheel.py",
+    "tests/argosy/test_fleets.py",
+    "tests/argosy/test_flight.py",
+    "tests/argosy/test_rescue.py",
+    "tests/test_by_hand.py",
+)
+"""Files that take a minute or more: of several files at a time, these may not be the last."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest files first, and mix the others: most of one folder compute, of another wait for processes."""
+
+    def turn(item: pytest.Item) -> tuple[bool, str]:
+        file = item.nodeid.partition("::")[0]
+        return file not in LONGEST, sha256(file.encode()).hexdigest()
+
+    items.sort(key=turn)  # stable: those of a file stay in their order
 
 
 def pytest_unconfigure() -> None:

@@ -60,6 +60,7 @@ class Boards:
             listen=listen,
             connect=connect,
             state=self.folder / "state",
+            config=None,
         )
         stop = asyncio.Event()
         task = asyncio.create_task(serve_commd(self.mission, args, stop))

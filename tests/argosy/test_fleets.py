@@ -169,7 +169,7 @@ def test_a_flight_goes_on_when_a_daemon_dies_in_the_air_and_is_started_again(
     text = re.sub(r"(?m)^failed: .*", "", text)
     single_uav.write_text(re.sub(r"(?m)^done: .*", 'done: "uav: landed"', text))
     single_uav.with_name("flight.asl").write_text(FLIGHT)
-    running = start(single_uav, "--speed", "5", "--restart", real_daemons=True)
+    running = start(single_uav, "--speed", "10", "--restart", real_daemons=True)
     running.until("uav: goto(-27.603683,-48.518052,20)", 120)
     kill(running, victim)
     running.until(f"{victim}: up again", 120)
