@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
@@ -53,6 +54,7 @@ def run(args: Namespace) -> int:
     except Findings as findings:
         print(findings, file=sys.stderr)
         return EXIT_BAD_INPUT
+    logging.getLogger("bus").setLevel(logging.ERROR)  # who is not reached is told below
     said = certificates(mission, args.keys)
     try:
         said += asyncio.run(examine(mission, place))

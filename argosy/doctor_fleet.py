@@ -27,7 +27,9 @@ def daemons(facts: Facts) -> list[Said]:
     """Who is missing or hangs, and what those who are there complain of."""
     if not facts.rows:
         return [Said("error", "daemons", "nobody is there", logs_of("commd", facts.mission, "each board"))]
-    said = [_absent(facts, row) for row in facts.rows if not row.well]
+    dark = _dark(facts)
+    said = [_nothing_of(facts, board) for board in dark]
+    said += [_absent(facts, row) for row in facts.rows if not row.well and row.board not in dark]
     for row in facts.rows:
         said += _complaints(facts, row)
     strangers = [f"{row.daemon} {row.name}" for row in facts.rows if not row.in_mission and row.daemon != "agentd"]
@@ -38,6 +40,20 @@ def daemons(facts: Facts) -> list[Said]:
         oldest = max((row.age or 0.0 for row in facts.rows), default=0.0)
         said.insert(0, Said("ok", "daemons", f"all {len(facts.rows)} are up, heard within {oldest:.1f} s"))
     return said
+
+
+def _dark(facts: Facts) -> list[str]:
+    """Boards with several daemons of which none is there."""
+    by_board: dict[str, list[Row]] = {}
+    for row in facts.rows:
+        by_board.setdefault(row.board, []).append(row)
+    return [b for b, rows in by_board.items() if len(rows) > 1 and all(row.standing == "missing" for row in rows)]
+
+
+def _nothing_of(facts: Facts, board: str) -> Said:
+    its = ", ".join(f"{row.daemon} {row.name}" for row in facts.rows if row.board == board)
+    do = f"is it switched on and in the network? on {board}: `systemctl status argosy-{facts.mission.name}.target`"
+    return Said("error", "daemons", f"nothing of {board} is there: {its}", do)
 
 
 def _absent(facts: Facts, row: Row) -> Said:

@@ -116,10 +116,12 @@ async def open_fleet_bus(mission: Mission, tls: Tls, patience: float, **options:
 
 async def _first(opening: Sequence[asyncio.Task[FleetBus]]) -> FleetBus:
     """Return the session that is there first. Raises BusClosed with what each attempt says."""
-    said = []
-    for done in asyncio.as_completed([asyncio.shield(task) for task in opening]):
-        try:
-            return await done
-        except BusClosed as closed:
-            said.append(str(closed))
+    said, waiting = list[str](), set(opening)
+    while waiting:
+        done, waiting = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            try:
+                return task.result()
+            except BusClosed as closed:
+                said.append(str(closed))
     raise BusClosed("\n  ".join(("no board of the fleet is reached:", *sorted(said))) if len(said) > 1 else said[0])

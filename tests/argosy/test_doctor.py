@@ -67,6 +67,10 @@ def test_daemons_that_are_not_well_are_errors_with_where_to_look(facts: Facts) -
     found = only(daemons(replace(facts, rows=[row(), row("b", board="pi2", standing="missing")])), "error")
     assert found.text == "agentd b on pi2 is missing: the mission has it, and it is not there"
     assert "on pi2: `systemctl status agentd@trial`" in found.do
+    both = [row("pi2", "commd", "pi2", standing="missing"), row("b", board="pi2", standing="missing"), row()]
+    dark = only(daemons(replace(facts, rows=both)), "error")
+    assert dark.text == "nothing of pi2 is there: commd pi2, agentd b"
+    assert "`systemctl status argosy-trial.target`" in dark.do
     for standing in ("silent", "twice", "unclaimed"):
         assert only(daemons(replace(facts, rows=[row(standing=standing)])), "error").text.startswith("agentd a on pi1")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +17,7 @@ from argosy.doctor_keys import certificates
 from schemas.mission import Mission, load_mission
 from tests.support.ports import free_port
 from tests.support.processes import Daemon
+from tests.support.secured import Secured
 
 MISSION = """\
 mission: kept
@@ -98,3 +100,22 @@ def test_a_certificate_that_has_ended_is_an_error(
     (found,) = kept.seen()
     assert found.level == "error"
     assert "expired" in found.text
+
+
+def test_an_operator_with_keys_looks_a_secured_fleet_over(capsys: pytest.CaptureFixture[str]) -> None:
+    with Secured() as fleet:
+        fleet.routers(["pi1", "pi2"])
+        fleet.start("pi1", "agentd").says("agents=a")
+        capsys.readouterr()
+        assert argosy(["doctor", str(fleet.path), "--keys", str(fleet.keys("ops")), "--json"]) == 1
+        told = json.loads(capsys.readouterr().out)["findings"]
+        assert argosy(["status", str(fleet.path), "--keys", str(fleet.keys("eye")), "--wait", "5"]) == 1
+        seen = capsys.readouterr().out.splitlines()
+    levels = {(one["what"], one["level"]) for one in told}
+    assert {("versions", "ok"), ("clocks", "ok"), ("disks", "ok"), ("access", "ok")} <= levels, told
+    errors = [one["text"] for one in told if one["level"] == "error"]
+    assert any(text.startswith("pi3 shows none at ") for text in errors)
+    assert "nothing of pi3 is there: commd pi3, bridged r3, agentd c" in errors
+    assert {"up commd pi1", "up commd pi2", "up agentd a", "missing commd pi3"} <= {
+        " ".join(line.split()[:3]) for line in seen
+    }
