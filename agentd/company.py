@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from contextlib import suppress
 
 from agentd.language.signatures import signature
 from agentd.language.terms import Literal, atom
@@ -17,6 +16,7 @@ from agentd.roster import Roster
 from commd.bus import Bus
 from commd.clock import Clock
 from commd.presence import Presence
+from commd.tasks import wait_at_most
 from schemas import keys
 
 ONLINE, BOARD = signature("online", 1), signature("board", 1)
@@ -86,8 +86,7 @@ class Company:
                 if agent in self.online:
                     self._look(agent)
             pause = presence.due - clock.wall()
-            with suppress(TimeoutError):
-                await asyncio.wait_for(self._changed.wait(), None if pause == float("inf") else max(0.0, pause))
+            await wait_at_most(self._changed, None if pause == float("inf") else max(0.0, pause))
             self._changed.clear()
 
     def _look_at_all(self) -> None:

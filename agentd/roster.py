@@ -9,9 +9,10 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Collection, Iterable, Mapping
-from contextlib import aclosing, suppress
+from contextlib import aclosing
 
 from commd.bus import Bus, BusClosed
+from commd.tasks import wait_at_most
 from schemas import keys
 from schemas.mission import RESERVED
 from schemas.records import BoardServices
@@ -67,8 +68,7 @@ class Roster:
         """Ask the directories of these boards again, when one is back and now and then, for ever."""
         pause = ASK_EVERY
         while True:
-            with suppress(TimeoutError):
-                await asyncio.wait_for(self._ask.wait(), pause)
+            await wait_at_most(self._ask, pause)
             self._ask.clear()
             answered = [await self._refresh(board) for board in boards]
             pause = ASK_EVERY if all(answered) else ASK_AGAIN

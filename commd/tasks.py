@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Coroutine
+from contextlib import suppress
 from typing import Any
 
 
@@ -44,10 +45,6 @@ class Tasks:
 
 async def wait_at_most(event: asyncio.Event, seconds: float | None) -> None:
     """Wait for an event, at most so many wall seconds (None: until it comes)."""
-    if seconds is None:
-        await event.wait()
-        return
-    try:
-        await asyncio.wait_for(event.wait(), seconds)
-    except TimeoutError:
-        return
+    with suppress(TimeoutError):
+        async with asyncio.timeout(seconds):  # wait_for of Python 3.11 forgets a cancel that comes with the event
+            await event.wait()
