@@ -1,6 +1,6 @@
-"""`make field`: lets agents, bridges, routers and boards fail in flight, and writes docs/field.md; some 25 minutes.
+"""`make field`: lets agents, bridges, routers and boards fail in flight, and writes docs/field.md; some 30 minutes.
 
-`--times N` (default 3) flies each row so often; names of rows fly those alone and write nothing.
+`--times N` (default 3) flies each row so often; names of rows (`agents.hung`) fly those alone and write nothing.
 """
 
 from __future__ import annotations
@@ -16,10 +16,12 @@ from pathlib import Path
 
 from tests.field.agents import AGENTS, BOARDS
 from tests.field.bridges import BRIDGES
+from tests.field.machine import SYSTEMD
 from tests.field.rows import Maker, Row, table
 from tests.field.units import UnitFile
 from tests.support.processes import ROOT
 
+ALL = (*AGENTS, *BOARDS, *BRIDGES, *SYSTEMD)
 PAGE = ROOT / "docs" / "field.md"
 BEGIN, END = "<!-- figures -->", "<!-- end of figures -->"
 
@@ -33,8 +35,9 @@ def main() -> int:
     if os.geteuid():
         print("boards that are cut off are network namespaces, and these need root", file=sys.stderr)
         return 2
-    makers = [make for make in (*AGENTS, *BOARDS, *BRIDGES) if not args.rows or make.__name__ in args.rows]
-    runs = [[fly(make) for _ in range(args.times)] for make in makers]
+    makers = {f"{make.__module__.rpartition('.')[2]}.{make.__name__}": make for make in ALL}
+    chosen = [make for name, make in makers.items() if not args.rows or name in args.rows]
+    runs = [[fly(make) for _ in range(args.times)] for make in chosen]
     failed = [row for rows in runs for row in rows if row.problems]
     if not failed and not args.rows:
         before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)

@@ -5,13 +5,12 @@ Times are the machine's monotonic seconds; the vehicle flies in real time unless
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
 from tests.boards.network import GROUND, Network
+from tests.field.flight import Flight
 from tests.field.units import Managed, UnitFile
 from tests.support.ports import free_port
 from tests.support.processes import Daemon
@@ -60,7 +59,7 @@ def if_asked(mind, trail):
 """
 
 
-class Scene:
+class Scene(Flight):
     """The daemons of one copter: on this machine, or on the two boards of a network."""
 
     def __init__(
@@ -168,28 +167,6 @@ class Scene:
     def said(self, words: str, after: float = 0.0) -> float | None:
         """Return when the agent, or what it runs in, said something."""
         return self.thinker.said(words, after)
-
-    def shown(self, after: float) -> list[tuple[float, str, bool]]:
-        """Return the modes of the vehicle since a moment: when (seconds after it), which, and whether it is armed."""
-        lines = [json.loads(line) for line in list(self.vehicle.lines) if line.startswith("{")]
-        return [(line["at"] - after, line["mode"], line["armed"]) for line in lines if line["at"] > after]
-
-    def shows(self, mode: str, after: float) -> float | None:
-        """Return how many seconds after a moment the vehicle was in a mode first; None if it was not."""
-        return next((at for at, shown, _ in self.shown(after) if shown == mode), None)
-
-    def until(self, condition: Callable[[], bool], wish: str, seconds: float) -> None:
-        """Wait until something holds."""
-        end = time.monotonic() + seconds
-        while not condition():
-            if time.monotonic() > end:
-                raise AssertionError(f"not within {seconds:g} s: {wish}\n{self.transcript()}")
-            time.sleep(0.02)
-
-    def until_shown(self, mode: str, after: float, seconds: float = 40) -> float:
-        """Wait until the vehicle is in a mode; returns the seconds since `after`."""
-        self.until(lambda: self.shows(mode, after) is not None, f"the vehicle is in {mode}", seconds)
-        return self.shows(mode, after) or 0.0
 
     def transcript(self) -> str:
         """All that was said."""
