@@ -64,19 +64,13 @@ class KeyFolder:
         shutil.rmtree(self.machine(name), ignore_errors=True)
 
     def spread(self) -> None:
-        """Write whom to believe into the folder of each machine."""
-        for name, member in self.record.believed.items():
-            if member.kind == "board":
-                # Nobody dials people: a board's anchors are everybody's, a person's are the boards'.
-                self._believe(name, self.record.believed)
-            else:
-                boards = {other: its for other, its in self.record.believed.items() if its.kind == "board"}
-                self._believe(name, {**boards, name: member})
-
-    def _believe(self, name: str, others: dict[str, Member]) -> None:
-        anchors = (self._authority.anchor(self._machine(other, its)) for other, its in sorted(others.items()))
-        _folder(self.machine(name))
-        _write(self.machine(name) / ROOT, b"".join(anchors))
+        """Write whom to believe into the folder of each machine: boards believe everybody, people the boards alone."""
+        believed = sorted(self.record.believed.items())
+        anchors = {name: self._authority.anchor(self._machine(name, its)) for name, its in believed}
+        boards = {name for name, its in believed if its.kind == "board"}
+        for name in anchors:
+            whom = set(anchors) if name in boards else boards | {name}
+            _write(self.machine(name) / ROOT, b"".join(pem for other, pem in anchors.items() if other in whom))
 
     def _certify(self, name: str, kind: Kind, generation: int, hosts: tuple[str, ...], more: tuple[str, ...]) -> None:
         ends = (datetime.now(UTC) + timedelta(days=self.record.days)).replace(microsecond=0)
@@ -87,7 +81,7 @@ class KeyFolder:
         except ValueError as error:
             raise wrong(self.machine(name), str(error)) from None
         folder = self.machine(name)
-        _folder(folder)
+        _folder(folder.parent)
         _write(folder / KEY, pair.key)
         _write(folder / CERTIFICATE, pair.certificate)
         self._keep(name, member)
@@ -142,7 +136,8 @@ def alone(path: Path) -> Iterator[None]:
 
 def _folder(path: Path) -> None:
     try:
-        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.mkdir(mode=0o700, exist_ok=True)
         path.chmod(0o700)
     except OSError as error:
         raise wrong(path, f"cannot be made: {error.strerror}") from None
@@ -151,6 +146,7 @@ def _folder(path: Path) -> None:
 def _write(file: Path, content: bytes) -> None:
     """Put a file in place whole, for its owner alone. Raises Findings."""
     part = file.with_name(f".{file.name}.part")
+    _folder(file.parent)
     try:
         part.unlink(missing_ok=True)
         descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
