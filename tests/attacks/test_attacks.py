@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterator
+from contextlib import AbstractAsyncContextManager
 
 import pytest
 
 from argosy.diagnosis import Said
 from argosy.doctor_access import findings
+from commd import denials
+from commd.bus import Denied
+from commd.client import Client, NotJoined, UnknownReceiver, join
+from schemas import keys
 from schemas.mission import read_mission
+from schemas.records import MindView
 from tests.attacks.links import LINKS
 from tests.attacks.messages import MESSAGES
-from tests.attacks.world import TEXT, Attack, World
+from tests.attacks.world import NAME, TEXT, Attack, World
+from tests.support.buses import until
 from tests.support.secured import Secured
 
 
@@ -73,3 +80,68 @@ def test_the_doctor_says_what_a_router_lets_through_against_the_mission(world: W
     )
     assert said[1].text.startswith("the router of pi1 lets pi3, against the mission, put on argosy/three/c/")
     assert said[0].do == "make its configuration anew (`argosy units MISSION --board pi1`) and start its commd again"
+
+
+def test_a_daemon_that_its_router_denies_ends_at_once_and_says_what_and_by_whom(world: World) -> None:
+    """Agent `b` lives on pi2."""
+    where = ("--router", world.fleet.socket("pi1"), "--state", str(world.fleet.folder / "state" / "lost"))
+    agentd = world.fleet.run("agentd", "serve", str(world.fleet.path), "b", *where)
+    bridged = world.fleet.run("bridged", "serve", str(world.fleet.path), "r2", *where)
+    assert (agentd.ends(), bridged.ends()) == (1, 1)
+    assert "error: agentd: the router `commd/pi1` denies agentd of `b`: to serve argosy/three/b/inbox" in agentd.text
+    assert (
+        "error: bridged: the router `commd/pi1` denies bridged of `r2`: to serve argosy/three/b/action/*"
+        in bridged.text
+    )
+    for daemon in (agentd, bridged):
+        assert "by its rules they are not of its board; `argosy units` makes them anew" in daemon.text
+
+
+def test_what_is_denied_later_is_noted_and_forgotten_when_it_is_taken_back(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(denials, "SETTLING", 0.05)
+    monkeypatch.setattr(denials, "PATIENCE", 0.3)
+
+    async def body() -> None:
+        async with world.member("pi1", "a") as bus:
+            bus.serve(keys.mind(NAME, "a"), MindView, _nothing)
+            await bus.permitted(puts=[keys.health(NAME, "a", "agentd")])
+            with pytest.raises(
+                Denied, match="denies agentd of `a`: to put on argosy/three/b/health/agentd: by its rules"
+            ):
+                await bus.permitted(puts=[keys.health(NAME, "b", "agentd"), keys.health(NAME, "a", "agentd")])
+            withdraw = bus.serve(keys.mind(NAME, "b"), MindView, _nothing)
+            await until(lambda: "to serve argosy/three/b/mind" in bus.access.note, "it is noted")
+            withdraw()
+            await until(lambda: bus.access.note == "", "it is forgotten")
+
+    asyncio.run(asyncio.wait_for(body(), 60))
+
+
+def test_a_client_in_a_secured_fleet_has_a_name_of_its_board(world: World) -> None:
+    fleet = world.fleet
+
+    def joined(name: str, board: str) -> AbstractAsyncContextManager[Client]:
+        return join(name, mission=fleet.mission, board=board, router=fleet.socket(board))
+
+    async def body() -> None:
+        with pytest.raises(NotJoined, match="join kid: names made on board pi1 begin with `pi1_`, such as `pi1_kid`"):
+            async with joined("kid", "pi1"):
+                pass
+        async with joined("pi1_kid", "pi1") as kid, joined("pi2_kid", "pi2") as other:
+            while True:
+                try:
+                    await kid.send("pi2_kid", "tell", 1)
+                    break
+                except UnknownReceiver:
+                    await asyncio.sleep(0.05)
+            async for message in other.messages():
+                assert (message.sender, message.content) == ("pi1_kid", 1)
+                break
+
+    asyncio.run(asyncio.wait_for(body(), 60))
+
+
+async def _nothing(query: object) -> None:
+    pass
