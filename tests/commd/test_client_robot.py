@@ -83,7 +83,7 @@ def test_a_robot_is_held_when_its_program_is_gone(
         async with join("driver", mission=mission, router=endpoint) as me:
             assert await me.percepts().until(lambda seen: bool(seen.of("pose")), 20)
             assert (await me.perform("cmd_vel", 0.5, 0, 0)).state == "succeeded"
-        await until(lambda: "turtle: agent driver is lost" in caplog.text, "the bridge misses the program")
+        await until(lambda: "turtle agent driver is lost" in caplog.text, "the bridge misses the program")
 
     in_the_studio(endpoint, tmp_path, body, mission=mission)
 
