@@ -19,6 +19,7 @@ import agentd.daemon
 import bridged.daemon
 import commd.daemon
 from agentd.plugins import discover
+from commd import router_config
 from commd.bus import AlreadyRunning, BusClosed
 from commd.notify import Member, Unit
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, run_daemon
@@ -83,6 +84,8 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
     """Run the parts that this board has, the router before the others. To the service manager they are one unit."""
     board = commd.daemon.chosen(mission, args.board)
     given = Namespace(**{**vars(args), "board": board, "robots": [], "agents": []})
+    if given.config is not None and given.router is None:  # agents and bridges go in where the router opens for them
+        given.router = router_config.read(given.config).listen[0]
     daemons: dict[str, Serve] = {"commd": commd.daemon.serve}
     if any(robot.board == board for robot in mission.robots.values()):
         daemons["bridged"] = bridged.daemon.serve

@@ -7,6 +7,7 @@ import asyncio
 import logging
 import re
 import signal
+import tempfile
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,8 +20,10 @@ import bridged.daemon
 import commd.daemon
 from argosy import board
 from argosy.board import Parts
+from commd import router_config
 from commd.bus import BusClosed
 from commd.notify import Member, Unit
+from commd.router_config import router_settings
 from schemas.findings import Finding, Findings
 from schemas.mission import Mission, load_mission
 from tests.support.buses import until
@@ -220,3 +223,18 @@ def test_agents_and_bridges_begin_when_the_router_serves() -> None:
 
     assert _run(stop_when_ready=True, commd=noting("commd"), bridged=noting("bridged")) == 0
     assert begun == ["commd", "commd is ready", "bridged", "bridged is ready"]
+
+
+def test_with_a_routers_file_agents_and_bridges_go_in_where_the_router_opens_for_them(tmp_path: Path) -> None:
+    (tmp_path / "idle.asl").write_text('+!begin <- .print("begun").\n!begin.\n')
+    (tmp_path / "mission.yaml").write_text("mission: quiet\nagents: {a: {program: idle.asl}}\n")
+    mission = load_mission(tmp_path / "mission.yaml")
+    with tempfile.TemporaryDirectory() as short:  # the name of a unix socket has 108 bytes at most
+        settings = router_settings(mission, "local", socket=f"{short}/router.sock", keys=None)
+        (tmp_path / "router.json5").write_text(router_config.write(settings))
+        where = ("--config", str(tmp_path / "router.json5"), "--state", str(tmp_path / "state"))
+        with running("argosy", "board", str(mission.path), *where) as one:
+            one.says("[a] begun", 60)
+            assert f"endpoint=unixsock-stream/{short}/router.sock" in one.text
+            one.signal(signal.SIGTERM)
+            assert one.ends() == 0

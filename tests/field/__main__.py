@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import os
 import platform
+import signal
 import sys
 import tempfile
 from datetime import UTC, datetime
@@ -35,6 +36,7 @@ def main() -> int:
     if os.geteuid():
         print("boards that are cut off are network namespaces, and these need root", file=sys.stderr)
         return 2
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what it has started ends with it
     makers = {f"{make.__module__.rpartition('.')[2]}.{make.__name__}": make for make in ALL}
     chosen = [make for name, make in makers.items() if not args.rows or name in args.rows]
     runs = [[fly(make) for _ in range(args.times)] for make in chosen]
