@@ -33,6 +33,7 @@ NOT_RUN: Final[dict[Key, str]] = {
         "argosy run examples/lamp",
     ): "tests/bridged/test_example_drivers.py, with the package installed",
     ("docs/boards.md", "sudo "): _BOARD,
+    ("docs/security.md", "sudo "): _BOARD,
     ("docs/boards.md", "systemctl "): _BOARD,
     ("docs/boards.md", "journalctl "): _BOARD,
     ("docs/fleets.md", "argosy run missions/search_and_rescue.yaml"): "minutes: tests/argosy/test_rescue.py",
