@@ -91,7 +91,9 @@ def end_lives(words: str = "") -> None:
 
 
 def _machine() -> str:
-    """Return which life of the machine this is; nothing where it does not say."""
+    """Return which life of the machine this is, as its unit says, which may not see it itself; nothing if unknown."""
+    if told := os.environ.get("ARGOSY_BOOT"):
+        return told
     try:
         return _BOOT.read_text().strip()
     except OSError:

@@ -65,3 +65,14 @@ def test_where_nothing_can_be_written_restarts_are_not_known(tmp_path: Path, cap
     assert life.restarts is None
     assert "restarts are not counted" in caplog.text
     life.end("whatever")
+
+
+def test_which_life_of_the_machine_it_is_may_be_told_by_the_unit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    note = tmp_path / "pi1.commd.life"
+    lives = []
+    for boot in ("one", "one", "two", "two"):
+        monkeypatch.setenv("ARGOSY_BOOT", boot)
+        lives.append(Life(note).restarts)
+    assert lives == [0, 1, 0, 1]
