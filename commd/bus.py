@@ -429,7 +429,7 @@ class Bus:
 
     async def permitted(self, puts: Collection[str] = ()) -> None:
         """Ask the router whether it lets through what was declared, and puts on these keys. Raises Denied."""
-        if self.mode == "client" and (words := await denials.refused(self, puts)):
+        if self.guarded and (words := await denials.refused(self, puts)):
             raise Denied(words)
 
     def _declare(self, kind: str, key: str) -> Callable[[], None]:

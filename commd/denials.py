@@ -1,6 +1,9 @@
 """Whether the router lets this daemon through. Zenoh's router drops without a word what its access rules deny: a put
-returns, a declaration succeeds, a query has no reply. So a daemon asks its router, at the start and after each change,
-whether what it declared is known there, and tries whether what it puts comes through.
+returns, a declaration succeeds, a query has no reply. So a daemon looks from a second session, at the start and after
+each change, whether what it declared can be seen by others, and whether what it puts comes through.
+
+The router's admin space would tell too, and must not be asked: with Zenoh 1.10 a router that lists what is declared
+while somebody declares may stand still for ever.
 """
 
 from __future__ import annotations
@@ -8,47 +11,47 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
-from collections.abc import Collection, Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import AsyncIterator, Collection, Sequence
+from contextlib import asynccontextmanager
+from typing import TYPE_CHECKING
 
 from commd.trying import which_come_through
+from schemas.keys import ROOT
 
 if TYPE_CHECKING:
     from commd.bus import Bus
+    from commd.raw import Publisher, Querier
 
 PATIENCE = 2.0
-"""Wall seconds that a declaration has to be known to the router, and a put to come through."""
+"""Wall seconds that a declaration has to be seen, and a put to come through."""
 AGAIN = 0.05
 ANSWER = 1.0
 """Wall seconds that the router has to answer."""
 SETTLING = 5.0
-"""Wall seconds after a change until it is looked whether it is known."""
+"""Wall seconds after a change until it is looked whether it is seen."""
 KINDS = {"queryable": "to serve", "subscriber": "to subscribe to", "token": "to hold the token"}
+ROUTER = "@/*/router"
+"""What a router says of itself."""
 log = logging.getLogger("access")
-
-Declared = tuple[str, str]
-"""A kind of Zenoh's, as its admin space calls it, and a key expression."""
 
 
 async def refused(bus: Bus, puts: Collection[str] = ()) -> str:
     """Return in words what the router denies of all that was declared and of these keys to put on; empty if nothing.
 
-    What cannot be known, because the router does not answer or does not tell, is no denial.
+    What cannot be known, because the router does not answer, is no denial.
     """
-    loop = asyncio.get_running_loop()
-    until = loop.time() + PATIENCE
-    missing = set(bus.declared)
-    while missing and (known := await _known(bus)) is not None:
-        missing = set(bus.declared) - known
-        if not missing or loop.time() >= until:
-            break
-        await asyncio.sleep(AGAIN)
-    else:
-        missing = set()
-    denied = [f"{KINDS[kind]} {key}" for kind, key in sorted(missing)]
-    if puts and bus.guarded:
-        denied += [f"to put on {key}" for key in await _silenced(bus, puts)]
-    return await in_words(bus, denied) if denied else ""
+    from commd.bus import BusClosed
+
+    try:
+        async with _second_session(bus) as other:
+            unseen = await _unseen(bus, other)
+            through = await which_come_through(bus.raw, other.raw, puts, PATIENCE) if puts else set()
+            answers = await other.raw.look_up(ROUTER, ANSWER)
+    except BusClosed:
+        return ""
+    denied = [f"{KINDS[kind]} {key}" for kind, key in unseen]
+    denied += [f"to put on {key}" for key in puts if key not in through]
+    return await in_words(bus, denied) if denied and answers else ""
 
 
 async def in_words(bus: Bus, denied: Sequence[str]) -> str:
@@ -60,10 +63,11 @@ async def in_words(bus: Bus, denied: Sequence[str]) -> str:
 
 async def router_name(bus: Bus) -> str:
     """Return what this daemon's router is called."""
-    for _, said in await _ask(bus, "@/*/router"):
-        name = (said.get("metadata") or {}).get("name")
-        if name:
-            return f"the router `{name}`"
+    for answer in await bus.raw.look_up(ROUTER, ANSWER):
+        try:
+            return f"the router `{json.loads(answer.payload)['metadata']['name']}`"
+        except (ValueError, KeyError, TypeError):
+            continue
     return "the router"
 
 
@@ -91,42 +95,38 @@ class Watch:
             self.note = note
 
 
-async def _known(bus: Bus) -> set[Declared] | None:
-    """What the router knows of this session's declarations; None if it does not say."""
-    if not await _ask(bus, "@/*/router"):
-        return None
-    known: set[Declared] = set()
-    for kind in sorted({kind for kind, _ in bus.declared}):
-        mark = f"/router/{kind}/"
-        for key, said in await _ask(bus, f"@/*{mark}**"):
-            if bus.zid in said.get("clients", ()):
-                known.add((kind, key.partition(mark)[2]))
-    return known
+@asynccontextmanager
+async def _second_session(bus: Bus) -> AsyncIterator[Bus]:
+    """Another session at this daemon's router. Raises BusClosed if it does not let one in."""
+    from commd.bus import open_bus
+
+    async with open_bus(
+        bus.endpoint, fleet=bus.fleet, name=bus.name, daemon="access", stamp=lambda: 0, tls=bus.tls, patience=ANSWER
+    ) as other:
+        yield other
 
 
-async def _ask(bus: Bus, key: str) -> list[tuple[str, dict[str, Any]]]:
-    """Ask the router's admin space."""
-    found = []
-    for sample in await bus.raw.look_up(key, ANSWER):
-        try:
-            said = json.loads(sample.payload)
-        except ValueError:
-            continue
-        if isinstance(said, dict):
-            found.append((sample.key, said))
-    return found
-
-
-async def _silenced(bus: Bus, puts: Iterable[str]) -> list[str]:
-    """Return those of the keys on which a put of this session does not come through."""
-    from commd.bus import BusClosed, open_bus
-
+async def _unseen(bus: Bus, other: Bus) -> list[tuple[str, str]]:
+    """Return what a session has declared and another one does not see."""
+    declared = sorted(bus.declared)
+    seekers: dict[tuple[str, str], Querier | Publisher] = {}
+    for kind, key in declared:
+        if kind == "queryable":
+            seekers[kind, key] = other.raw.querier(key)
+        elif kind == "subscriber":
+            seekers[kind, key] = other.raw.publisher(key)
+    tokens = [key for kind, key in declared if kind == "token"]
+    loop = asyncio.get_running_loop()
+    until = loop.time() + PATIENCE
     try:
-        async with open_bus(
-            bus.endpoint, fleet=bus.fleet, name=bus.name, daemon="access", stamp=lambda: 0, tls=bus.tls, patience=ANSWER
-        ) as listener:
-            puts = list(puts)
-            through = await which_come_through(bus.raw, listener.raw, puts, PATIENCE)
-    except BusClosed:
-        return []
-    return [key for key in puts if key not in through]
+        while True:
+            held = set(await other.tokens(f"{ROOT}/{bus.fleet}/*/alive/**")) if tokens else set[str]()
+            unseen = [("token", key) for key in tokens if key not in held]
+            unseen += [one for one, seeker in seekers.items() if not seeker.matching]
+            unseen = sorted(one for one in unseen if one in bus.declared)
+            if not unseen or loop.time() >= until:
+                return unseen
+            await asyncio.sleep(AGAIN)
+    finally:
+        for seeker in seekers.values():
+            seeker.close()

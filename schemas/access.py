@@ -79,10 +79,11 @@ def of_board(mission: Mission, board: str) -> Rights:
 def of_member(mission: Mission, board: str) -> Rights:
     """As a daemon on a board at its own router: speak for the board, speak with its robots, and be its operator.
 
-    Raises Findings for a manifest that cannot be read.
+    Of the router itself it asks only who that is: one that lists what is declared may stand still. Raises Findings for
+    a manifest that cannot be read.
     """
     robots = robot_keys(mission, board)
-    on_robots = Rights(puts=robots, deletes=robots, serves=robots, asks=(*robots, "@/**"), hears=robots)
+    on_robots = Rights(puts=robots, deletes=robots, serves=robots, asks=(*robots, "@/*/router"), hears=robots)
     return of_board(mission, board) + of_operator() + on_robots
 
 

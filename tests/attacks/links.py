@@ -97,7 +97,7 @@ async def another_boards_keys_on_a_board(world: World) -> Row:
     row.expect(await asyncio.to_thread(daemon.ends) == 2, "commd ends with 2")
     said = "the keys are those of `pi3`, and this is board `pi1`"
     row.expect(said in daemon.text, f"it says `{said}`: {daemon.text[-200:]}")
-    row.seen.append(f"commd: `{said}`")
+    row.seen.append(f"commd: ``{said}``")
     return row
 
 
@@ -162,7 +162,7 @@ async def admin_space(world: World) -> Row:
     """A machine asks a router for what it knows, and changes its configuration."""
     row = Row(
         "a router's own settings",
-        "pi3 asks `@/**` of pi1; a member of pi1 puts on `@/*/router/config/**`",
+        "pi3 asks `@/*/router` of pi1; a member of pi1 puts on `@/*/router/config/**` and lists `@/*/router/token/**`",
         "pi1's router: rules, and `adminspace.permissions.write: false`",
     )
     async with world.machine("pi3", "pi1") as attacker, world.member("pi1") as member:
@@ -170,6 +170,7 @@ async def admin_space(world: World) -> Row:
         mine = await member.raw.look_up("@/*/router", 2)
         row.expect(mine, "a member may ask")
         zid = mine[0].key.split("/")[1]
+        row.expect(await member.raw.look_up(f"@/{zid}/router/token/**", 2) == [], "and lists nothing")
         member._session.put(f"@/{zid}/router/config/access_control/enabled", "false")
         heard: list[str] = []
         member.subscribe(keys.percept(NAME, "*", "*"), Perception, lambda key, _: heard.append(key))

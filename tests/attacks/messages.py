@@ -79,7 +79,7 @@ async def run_time_name(world: World) -> Row:
         )
         word = kid[0].problem if kid and isinstance(kid[0], BoardServices) else ""
         row.expect(word == "names made on board pi1 begin with `pi1_`, such as `pi1_kid`", "kid is told so")
-    row.seen.append(f"attacker: no reply; member of pi1: `{word}`")
+    row.seen.append(f"attacker: no reply; member of pi1: ``{word}``")
     return row
 
 
