@@ -9,10 +9,11 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
+from commd.tls import SOON
 from schemas.findings import Finding, Findings
 
 RECORD, MACHINES = "fleet.json", "machines"
-SOON_DAYS = 30
+SOON_DAYS = round(SOON / 86_400)
 """A certificate that ends within so many days is to be made anew."""
 
 Kind: TypeAlias = Literal["board", "operator", "observer"]

@@ -23,6 +23,8 @@ from schemas.mission import DEFAULT_PORT, Mission
 
 ROOT, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"
 """The files in a folder of keys."""
+SOON = 30 * 86_400.0
+"""Seconds before its end from which on a certificate is to be made anew."""
 _NO_CHECK_TIME = 0x200000
 """OpenSSL's X509_V_FLAG_NO_CHECK_TIME: a certificate is looked at in its own right first, then its dates are."""
 

@@ -19,7 +19,7 @@ import pytest
 import zenoh
 
 from commd.bus import Bus, BusClosed, open_bus
-from commd.links import Links
+from commd.links import Links, ending
 from commd.reach import attempt, why_not
 from commd.session import session_config
 from commd.tls import Tls
@@ -190,7 +190,7 @@ def test_a_board_tells_which_link_is_missing_and_why_until_it_is_there(fleet: Fl
         one, two = (f"127.0.0.1:{free_port()}" for _ in range(2))
         mission = read_mission(TWO.replace("ONE", one).replace("TWO", two), Path("m.yaml"))
         old = fleet.make("pi2", ends=-5)
-        tls = fleet.make("pi1")
+        tls = fleet.make("pi1", ends=90 * 86_400)
         async with router(free_port, tls, at=f"tls/{one}") as bus:
             links = Links(bus, mission, "pi1", tls, look=0.05)
             watching = asyncio.create_task(links.watch())
@@ -205,6 +205,16 @@ def test_a_board_tells_which_link_is_missing_and_why_until_it_is_there(fleet: Fl
             watching.cancel()
 
     asyncio.run(asyncio.wait_for(body(), 60))
+
+
+@pytest.mark.parametrize(
+    ("days", "words"),
+    [(31, ()), (29, ("the certificate of pi2 ends on",)), (-1, ("the certificate of `pi2` expired on",))],
+)
+def test_a_board_tells_when_its_own_certificate_ends_soon(fleet: FleetKeys, days: int, words: tuple[str, ...]) -> None:
+    said = ending(fleet.make("pi2", ends=days * 86_400), time.time())
+    assert len(said) == len(words)
+    assert all(one.startswith(begin) for one, begin in zip(said, words, strict=True))
 
 
 def test_an_expired_certificate_ends_its_links_and_a_new_one_on_disk_is_dialled_with_at_once(
