@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from argosy.unit_files import Board
@@ -64,7 +65,12 @@ def main() -> int:
     """Measure, and write the page. Returns the exit code."""
     with tempfile.TemporaryDirectory() as folder:
         try:
-            lines = [*exposures(Path(folder)), *measured(Path(folder)), *linked(Path(folder) / "two")]
+            lines = [
+                *exposures(Path(folder)),
+                *measured(Path(folder)),
+                *further(Path(folder)),
+                *linked(Path(folder) / "two"),
+            ]
         except NoMachine as why:
             print(f"error: {why}", file=sys.stderr)
             return 1
@@ -75,6 +81,7 @@ def main() -> int:
 
 def exposures(folder: Path) -> Iterator[str]:
     """The beginning of the page: what systemd itself says of each unit, and what is left open."""
+    venv = installed(folder)
     yield from (
         "# The units, measured",
         "",
@@ -90,31 +97,20 @@ def exposures(folder: Path) -> Iterator[str]:
         "| unit | board | exposure | what it may besides |",
         "|---|---|---|---|",
     )
-    for mission, board, one, what in (
-        ("search_and_rescue", "pi1", False, "linked to two others, vehicle on loopback"),
-        ("search_and_rescue", "pi1", True, "the same in one process"),
-        ("single_uav", "local", False, "alone, vehicle on loopback"),
-        ("serial", "local", False, "alone, vehicle on a serial line"),
-    ):
-        path: str | Path = mission
-        if mission == "serial":
-            text = (
-                (ROOT / "missions/single_uav.yaml")
-                .read_text()
-                .replace("udpin:127.0.0.1:14550", "serial:/dev/ttyAMA0:921600")
-            )
-            path = ROOT / "missions" / "serial-for-the-page.yaml"
-            path.write_text(text)
-        try:
-            made = Board(load_mission(path), board, installed(folder), one)
-            out = folder / f"{mission}-{one}"
-            write(made, out)
-        finally:
-            if isinstance(path, Path):
-                path.unlink()
-        verified = analyzed(out, "verify", "--man=no", made.target, *made.units)
+    with serial_mission() as serial:
+        boards = (
+            (Board(load_mission("search_and_rescue"), "pi1", venv), "linked to two others, vehicle on loopback"),
+            (Board(load_mission("search_and_rescue"), "pi1", venv, True), "the same in one process"),
+            (Board(load_mission("single_uav"), "local", venv), "alone, vehicle on loopback"),
+            (Board(load_mission(serial), "local", venv), "alone, vehicle on a serial line"),
+        )
+        for number, (board, _) in enumerate(boards):
+            write(board, folder / str(number))
+    for number, (board, what) in enumerate(boards):
+        out = folder / str(number)
+        verified = analyzed(out, "verify", "--man=no", board.target, *board.units)
         assert (verified.returncode, verified.stdout + verified.stderr) == (0, ""), verified
-        for unit in made.units:
+        for unit in board.units:
             total, left = exposure(out, unit)
             words = [in_words(name, text) for name, text in left.items() if name not in EVERY]
             yield f"| `{unit.partition('@')[0]}@` | {what} | {total:.1f} | {'; '.join(words)} |"
@@ -182,6 +178,50 @@ def at_work(machine: Machine, board: Board) -> Iterator[str]:
     took = time.monotonic() - begin
     results = {machine.show(unit, "Result") for unit in board.units}
     yield f"| `systemctl stop {board.target}` | all ended after {took:.1f} s: {', '.join(results)} |"
+
+
+def further(folder: Path) -> Iterator[str]:
+    """Further rows: all in one process, and the device of a serial link beside another one."""
+    one = Board(load_mission("single_uav"), "local", one_process=True)
+    write(one, folder / "one")
+    with booted() as machine:
+        machine.install(folder / "one")
+        begin = time.monotonic()
+        machine.run("systemctl", "start", one.target, *one.units)
+        took, memory = time.monotonic() - begin, int(machine.show(one.units[0], "MemoryCurrent")) / 2**20
+        yield f"| `--one-process`: `board` | ready after {took:.1f} s, {memory:.0f} MB |"
+    with serial_mission() as path:
+        serial = Board(load_mission(path), "local")
+        write(serial, folder / "serial")
+    unit = serial.units[1]
+    with booted() as machine:
+        machine.install(folder / "serial")
+        for name, number in (("ttyAMA0", "229"), ("ttyAMA1", "200")):  # no serial lines, but denied unless allowed
+            machine.run("mknod", "-m", "660", f"/dev/{name}", "c", "10", number)
+            machine.run("chown", "root:dialout", f"/dev/{name}")
+        machine.run("systemctl", "start", "--no-block", serial.target)
+        opened = "cannot be opened: it is not a serial device"
+        machine.until(lambda: opened in machine.journal("-u", unit), "the link's device is opened")
+        yield "| `bridged` opens the device of its link (here one that is no serial line) | opened |"
+        command = machine.show(unit, "ExecStart").partition("argv[]=")[2].partition(" ;")[0]
+        text = f"[Service]\nExecStart=\nExecStart={command} --link serial:/dev/ttyAMA1:921600\n"
+        machine.run("sh", "-c", f'printf "%s" "$1" > /etc/systemd/system/{unit}.d/other.conf', "sh", text)
+        machine.run("systemctl", "daemon-reload")
+        machine.run("systemctl", "restart", "--no-block", unit)
+        machine.until(lambda: "operation not permitted" in machine.journal("-u", unit), "another device is refused")
+        yield "| `bridged` is told to open another device of the same group | refused: `operation not permitted` |"
+
+
+@contextmanager
+def serial_mission() -> Iterator[Path]:
+    """Lend the paper's first mission with a serial link, beside its programs."""
+    text = (ROOT / "missions/single_uav.yaml").read_text(encoding="utf-8")
+    path = ROOT / "missions" / "serial-for-the-page.yaml"
+    path.write_text(text.replace("udpin:127.0.0.1:14550", "serial:/dev/ttyAMA0:921600"), encoding="utf-8")
+    try:
+        yield path
+    finally:
+        path.unlink()
 
 
 def linked(folder: Path) -> Iterator[str]:
