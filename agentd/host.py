@@ -51,7 +51,9 @@ Team: TypeAlias = "Callable[[Host, TeamRequest], Awaitable[TeamReply]]"
 log = logging.getLogger("agent")
 
 SLICE = 500
-"""Reasoning cycles in a row before the event loop gets a turn."""
+"""Reasoning cycles in a row before the event loop gets a turn, at most."""
+LONGEST_SLICE = 0.2
+"""Wall seconds that they are to take: who says nothing for long counts as hung (`agent_silence`)."""
 INPUTS = 20_000
 """Inputs that may wait for the mind; mail beyond is refused to its sender, who keeps it."""
 ASK_TIMEOUT = 30.0
@@ -87,6 +89,11 @@ class Part:
     """The board of its robot, if that is another one than its own."""
     presence: bool = False
     """It is told who else is there: `online(Agent)[board(B)]`."""
+
+
+def next_slice(cycles: int, seconds: float) -> int:
+    """Return how many cycles the next slice has, after one of so many that took so long."""
+    return SLICE if seconds * SLICE <= cycles * LONGEST_SLICE else max(1, int(cycles * LONGEST_SLICE / seconds))
 
 
 class Host:
@@ -194,6 +201,7 @@ class Host:
         """
         loop = loop or Loop.unwatched()
         mind, clock = self._mind, self._clock
+        cycles = SLICE
         await self._come_back()
         waiting = asyncio.create_task(stop.wait())
         waiting.add_done_callback(lambda _: self._wake.set())
@@ -201,8 +209,10 @@ class Host:
             while not stop.is_set():
                 loop.beat()
                 self._wake.clear()
-                for effect in mind.run(clock.now(), SLICE):
+                begun = clock.wall()
+                for effect in mind.run(clock.now(), cycles):
                     self._carry_out(effect)
+                cycles = next_slice(cycles, clock.wall() - begun)
                 look_at = self._keep()
                 if self.stopped is not None:
                     break

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from agentd.host import SLICE, next_slice
 from tests.support.processes import running
 from tests.support.promises import least
 
@@ -145,3 +146,18 @@ def test_an_agent_goes_on_when_nobody_reads_its_prints_or_they_cannot_be_shown(t
             _, said = agent.communicate(timeout=60)
         assert b"stops the team" in said
         assert b"defect" not in said
+
+
+@pytest.mark.parametrize(
+    ("cycles", "seconds", "then"),
+    [
+        (SLICE, 0.0, SLICE),
+        (SLICE, 0.1, SLICE),
+        (SLICE, 2.0, 50),  # 4 ms a cycle
+        (50, 0.2, 50),
+        (50, 0.02, SLICE),  # 0.4 ms a cycle
+        (1, 3.0, 1),  # one cycle is never cut
+    ],
+)
+def test_heavy_reasoning_lets_the_event_loop_turn_five_times_a_second(cycles: int, seconds: float, then: int) -> None:
+    assert next_slice(cycles, seconds) == then
