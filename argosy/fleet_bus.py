@@ -58,7 +58,9 @@ class FleetBus(Bus):
         async def at(board: str) -> None:
             bus = await self.boards.bus(board)
             if isinstance(bus, str):
-                await replies.put(Reply(key, None, f"board {board} is not reached: {bus}"))
+                root, fleet, _, rest = key.split("/", 3)
+                its_key = "/".join((root, fleet, board, rest)) if "*" in name else key
+                await replies.put(Reply(its_key, None, f"board {board} is not reached: {bus}"))
                 return
             async with aclosing(Bus.query(bus, key, ask, answer, timeout, limit=limit)) as its:
                 async for reply in its:

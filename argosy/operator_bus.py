@@ -14,7 +14,7 @@ from pathlib import Path
 from argosy.endpoint import endpoint
 from argosy.fleet_bus import open_fleet_bus
 from commd.bus import Bus, BusClosed, open_bus
-from commd.process import EXIT_BAD_INPUT, EXIT_FAILED, tls_of
+from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, tls_of
 from commd.tls import Tls, identity_of
 from schemas import keys
 from schemas.findings import Finding, Findings
@@ -108,7 +108,10 @@ def on_the_bus(args: Namespace, work: Callable[[Bus, Where], Awaitable[int]]) ->
 
     async def main() -> int:
         async with operator_bus(place) as bus:
-            return await work(bus, place)
+            code = await work(bus, place)
+            if code != EXIT_DONE and place.mission is not None and bus.name in place.mission.security.observers:
+                print(f"note: `{bus.name}` is an observer by the mission: it sees, and orders nothing", file=sys.stderr)
+            return code
 
     try:
         return asyncio.run(main())
