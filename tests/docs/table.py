@@ -102,6 +102,10 @@ INSTEAD: Final[dict[Key, str]] = {
     ("docs/tutorial.md", "argosy run my/mission.yaml --plain --report"): (
         "argosy run my/mission.yaml --plain --speed 20 --report my/report"
     ),
+    (
+        "docs/tutorial.md",
+        "argosy run my/mission.yaml --plain --speed 2",
+    ): "argosy run my/mission.yaml --plain --speed 8",
     ("docs/tutorial.md", "argosy run my/mission.yaml --plain"): "argosy run my/mission.yaml --plain --speed 20",
 }
 """Commands that take minutes: what is run in their place, the same at another speed."""
@@ -131,7 +135,9 @@ STAYS: Final[dict[Key, Stay]] = {
     ("docs/simulated-copter.md", "bridged simulate copter"): Stay(says="copter"),
     ("docs/howto/my-robot.md", "python examples/sprayer/tank.py"): Stay(says="waits"),
     ("docs/tutorial.md", "argosy run missions"): Stay(says="uav: flying to", ends="failed", after="argosy stop rtl"),
-    ("docs/tutorial.md", "python my/weather.py"): Stay(says="waits", after="argosy run my/mission.yaml --plain"),
+    ("docs/tutorial.md", "python my/weather.py"): Stay(
+        says="waits", after="argosy run my/mission.yaml --plain --speed 2"
+    ),
 }
 
 NOT_WELL_FORMED: Final[dict[Key, str]] = {
