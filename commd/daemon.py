@@ -29,6 +29,7 @@ from commd.process import (
     run_daemon,
     tls_of,
 )
+from commd.refusals import hear_refusals
 from commd.routers import router_of
 from commd.state import state_directory
 from commd.tls import check_board
@@ -57,6 +58,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(args: Namespace) -> int:
     """Run the daemon until it is told to stop. Returns the exit code."""
+    if args.keys is not None or args.config is not None:
+        hear_refusals()
     return run_daemon("commd", lambda stop: serve(load_mission(args.mission), args, stop))
 
 
