@@ -11,6 +11,7 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
+from commd import refusals
 from commd.bus import Bus
 from commd.reach import why_not
 from commd.routers import endpoint_of
@@ -40,9 +41,9 @@ class Links:
         self._read_again = 0.0
 
     def health(self) -> Health:
-        """Tell which links are missing, and that the certificate ends soon."""
+        """Tell which links are missing, that the certificate ends soon, and how often somebody was refused."""
         missing = (f"no link to {board}: {why}" for board, why in sorted(self._why.items()))
-        return Health(notes=(*self._ending, *missing))
+        return Health(notes=(*self._ending, *missing), counters=dict(refusals.counters))
 
     async def watch(self) -> None:
         """Look, ask and tell, for ever."""
