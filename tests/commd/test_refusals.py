@@ -1,0 +1,74 @@
+"""What a board tells of machines that it refuses."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+import time
+
+import pytest
+
+from argosy.__main__ import main as argosy
+from commd.bus import open_bus
+from commd.refusals import in_words
+from commd.tls import files_in
+from schemas import keys
+from schemas.records import Health
+from tests.support.buses import until
+from tests.support.secured import Secured
+
+
+def test_a_refused_machine_is_seen_in_the_log_and_the_health_of_the_board(capsys: pytest.CaptureFixture[str]) -> None:
+    with Secured() as fleet:
+        foreign = fleet.folder / "foreign"
+        argosy(["keys", "init", str(fleet.path), "--dir", str(foreign)])
+        commd = fleet.start("pi1", "commd")
+        commd.says("router board=")
+        tls = files_in(foreign / "machines" / "pi3")
+        (tls.root).write_bytes(fleet.tls("pi3").root.read_bytes())  # so that it goes there at all
+        command = [sys.executable, "-c", _DIAL, str(fleet.ports["pi1"]), str(tls.certificate), str(tls.key)]
+        commd.until(
+            lambda text: (
+                "refused a machine that dials this board: its certificate is of another authority" in text
+                or bool(subprocess.run(command, timeout=60).returncode)
+            ),
+            "the refusal is told",
+        )
+
+        async def counted() -> None:
+            options = {"fleet": "three", "name": "x", "daemon": "agentd", "stamp": time.time_ns}
+            async with open_bus(fleet.socket("pi1"), **options) as bus:  # type: ignore[arg-type]
+                told: list[int] = []
+                key = keys.health("three", "pi1", "commd")
+                bus.subscribe(key, Health, lambda _, said: told.append(said.counters.get("refused", 0)))
+                await until(lambda: bool(told) and told[-1] > 0, "health counts it")
+
+        asyncio.run(counted())
+
+
+_DIAL = """
+import socket, ssl, sys
+context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+context.load_cert_chain(sys.argv[2], sys.argv[3])
+try:
+    with context.wrap_socket(socket.create_connection(("127.0.0.1", int(sys.argv[1])), 5)) as session:
+        session.settimeout(1)
+        session.recv(1)
+except OSError:
+    pass
+"""
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ("peer sent no certificates", "it showed no certificate"),
+        ("invalid peer certificate: UnknownIssuer", "its certificate is of another authority, or was revoked"),
+        ("received corrupt message of type InvalidContentType", "it speaks no TLS"),
+        ("something that nobody knew", "something that nobody knew"),
+    ],
+)
+def test_what_zenoh_says_of_handshakes_is_told_in_words(said: str, words: str) -> None:
+    assert in_words(said) == words
