@@ -7,8 +7,8 @@ import json
 import logging
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Sequence
-from contextlib import aclosing
+from collections.abc import Iterator, Sequence
+from contextlib import aclosing, contextmanager
 from dataclasses import asdict
 from typing import Any
 
@@ -54,10 +54,10 @@ def run(args: Namespace) -> int:
     except Findings as findings:
         print(findings, file=sys.stderr)
         return EXIT_BAD_INPUT
-    logging.getLogger("bus").setLevel(logging.ERROR)  # who is not reached is told below
     said = certificates(mission, args.keys)
     try:
-        said += asyncio.run(examine(mission, place))
+        with _quiet():
+            said += asyncio.run(examine(mission, place))
     except Findings as findings:
         print(findings, file=sys.stderr)
         return EXIT_BAD_INPUT
@@ -66,6 +66,18 @@ def run(args: Namespace) -> int:
         said.append(Said("error", "router", str(closed), do.format(mission.name)))
     show(said, as_json=args.json)
     return EXIT_FAILED if any(one.level == "error" for one in said) else EXIT_DONE
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Leave what the sessions log untold: who is not reached is among the findings."""
+    log = logging.getLogger("bus")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
 
 
 async def examine(mission: Mission, place: Where) -> list[Said]:
