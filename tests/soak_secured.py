@@ -1,27 +1,28 @@
 """Search and rescue as deployed: mutual TLS between three boards, a socket on each, access rules from the mission.
 
-    python -m tests.soak_secured [--open]
+    python -m tests.soak_secured
 
 Keys and routers' configurations are made as for real boards; each daemon is started by its own command. The referee
-judges by the simulators' logs. With `--open` the same without keys and rules, by plain TCP, to compare. Prints seconds
-and the verdict.
+judges by the simulators' logs. Then the same without keys and rules, by plain TCP, to compare. Writes its section of
+docs/soak.md.
 """
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import re
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
-from argosy.referee import judge_run
+from argosy.referee import Verdict, judge_run
 from commd.bus import Bus, open_bus
 from schemas import keys
 from schemas.records import Mailboxes, MindView
+from tests.soak_report import write_section
 from tests.support.ports import free_port
-from tests.support.processes import ROOT
+from tests.support.processes import ROOT, Daemon
 from tests.support.secured import Secured
 
 SHIPPED = ROOT / "missions" / "search_and_rescue.yaml"
@@ -39,7 +40,7 @@ class Open(Secured):
     def socket(self, board: str) -> str:
         return self._inside[board]
 
-    def start(self, board: str, daemon: str, *options: str):  # type: ignore[no-untyped-def]
+    def start(self, board: str, daemon: str, *options: str) -> Daemon:
         """Start a daemon of a board by plain TCP."""
         how = ["--router", self.socket(board)]
         if daemon == "commd":
@@ -86,32 +87,56 @@ async def watch(fleet: Secured, secured: bool) -> tuple[float, int]:
     return took, waiting
 
 
-def main() -> int:
-    """Fly it and judge it. Returns the exit code."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--open", action="store_true", help="by plain TCP and without rules, to compare")
-    args = parser.parse_args()
-    kind = Open if args.open else Secured
+@dataclass(frozen=True)
+class Flown:
+    """How one run went."""
+
+    took: float
+    """Wall seconds."""
+    waiting: int
+    """Messages that wait at the end."""
+    denied: list[str]
+    """Lines in which a daemon says that it is denied something."""
+    verdict: Verdict
+
+
+def fly(kind: type[Secured]) -> Flown:
+    """Fly the mission once, and judge it."""
     with kind(mission_text(), SHIPPED.with_suffix("")) as fleet:
         report = fleet.folder / "report"
         fleet.routers()
         for board in fleet.ports:
-            fleet.run(
-                "argosy", "simulate", str(fleet.path), "--board", board, "--router", fleet.socket(board),
-                "--report", str(report),
-            ).says("simulated copter", 60)  # fmt: skip
-        bridges = [fleet.start(board, "bridged") for board in fleet.ports]
-        for daemon in bridges:
+            how = ("--board", board, "--router", fleet.socket(board), "--report", str(report))
+            fleet.run("argosy", "simulate", str(fleet.path), *how).says("simulated copter", 60)
+        for daemon in [fleet.start(board, "bridged") for board in fleet.ports]:
             daemon.says("serving ", 60)
-        agents = [fleet.start(board, "agentd") for board in fleet.ports]
-        for daemon in agents:
+        for daemon in [fleet.start(board, "agentd") for board in fleet.ports]:
             daemon.says("agents=", 60)
-        took, waiting = asyncio.run(watch(fleet, not args.open))
-        verdict = judge_run(fleet.mission, report)
+        took, waiting = asyncio.run(watch(fleet, kind is Secured))
         denied = [line for daemon in fleet.daemons for line in daemon.lines if "denie" in line]
-        print(f"done after {took:.0f} s, {waiting} messages wait, {len(denied)} denials told\n{verdict}")
-        print(*denied, sep="\n")
-    return 0 if verdict.good and not denied else 1
+        return Flown(took, waiting, denied, judge_run(fleet.mission, report))
+
+
+def told(flown: Flown) -> str:
+    """Return a run as a cell of a table."""
+    rescues = flown.verdict.rescues.values()
+    return f"{flown.took:.0f} s, {sum(len(drops) == 1 for drops in rescues)} of {len(rescues)} victims got one buoy"
+
+
+def main() -> int:
+    """Fly it secured and open, and judge both. Returns the exit code."""
+    runs: dict[str, Flown] = {}
+    for title, kind in (("mutual TLS, sockets, access rules", Secured), ("plain TCP, no rules", Open)):
+        flown = runs[title] = fly(kind)
+        print(f"{title}: {flown.took:.0f} s, {flown.waiting} messages wait\n{flown.verdict}", flush=True)
+        print(*flown.denied, sep="\n")
+    good = all(one.verdict.good and not one.denied and not one.waiting for one in runs.values())
+    if good:
+        lines = ["| boards linked by | mission done after |", "|---|---|"]
+        write_section(
+            "Search and rescue, secured", [*lines, *(f"| {name} | {told(one)} |" for name, one in runs.items())]
+        )
+    return 0 if good else 1
 
 
 if __name__ == "__main__":

@@ -87,7 +87,8 @@ async def percept_injection(world: World) -> Row:
     """A board tells an agent of another board what it perceives."""
     row = Row(
         "percept injection",
-        "pi3 puts on `a/percept/pose` at pi1, and serves `a/percept/**` for when `a` asks what it missed",
+        "pi3 puts on `a/percept/pose` and on `*/percept/pose` at pi1, and serves `a/percept/**` and `*/percept/**` for "
+        "when `a` asks what it missed",
         "pi1's router: `pi3` may put and serve for `c` alone",
     )
     async with world.machine("pi3", "pi1") as attacker, world.member("pi1", "a") as agent:
@@ -103,11 +104,14 @@ async def percept_injection(world: World) -> Row:
         async def forge(query) -> None:  # type: ignore[no-untyped-def]
             query.reply(Perception(name="pose", header=attacker.header("pose")), keys.percept(NAME, "a", "pose"))
 
-        attacker.serve(keys.percept(NAME, "a", "**"), Perception, forge)
+        for name in ("a", "*"):
+            attacker.serve(keys.percept(NAME, name, "**"), Perception, forge)
         attacker.serve(keys.percept(NAME, "c", "**"), Perception, forge)
         await served(agent, keys.percept(NAME, "c", "**"))
-        await put_until(attacker, names, keys.percept(NAME, "a", "pose"), keys.percept(NAME, "c", "x"))
-        row.expect(all(source != "pi3" for key, source in heard if "/a/" in key), "nothing of pi3 for a")
+        for name in ("a", "*"):
+            names.clear()
+            await put_until(attacker, names, keys.percept(NAME, name, "pose"), keys.percept(NAME, "c", "x"))
+        row.expect(all(source != "pi3" for key, source in heard if "/c/" not in key), "nothing of pi3 for a")
         told = await ask(agent, keys.percept(NAME, "a", "**"), None, Perception)
         sources = {one.header.source for one in told if isinstance(one, Perception)}
         row.expect("pi3" not in sources and sources, "what a asks for is answered by its bridge alone")
