@@ -35,7 +35,7 @@ faults: $(VENV)/test.stamp  ## inject every fault of the table; writes docs/faul
 attacks: $(VENV)/test.stamp  ## try every attack of the table on a secured fleet, 30 s; writes docs/attacks.md
 	$(BIN)/python -m tests.attacks
 
-field: $(VENV)/test.stamp  ## let daemons fail in flight, 20 minutes; writes docs/field.md
+field: $(VENV)/test.stamp  ## let daemons fail in flight, half an hour; writes docs/field.md
 	$(BIN)/python -m tests.field $(ARGS)
 
 bench-reasoner: $(VENV)/bench.stamp  ## the reasoner beside python-agentspeak, about 12 minutes; writes docs/reasoner.md
@@ -52,6 +52,8 @@ bench-board: $(VENV)/test.stamp  ## what one board needs: three daemons beside o
 
 docs: $(VENV)/docs.stamp  ## the pages as a site in site/; a link that leads nowhere fails it (--quiet would hide it from --strict)
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --site-dir site
+	@! grep -rnoE '<(script|link|img|iframe)[^>]* (src|href)="?(https?:)?//[^">]*' site --include='*.html' \
+	  || { echo "error: the site loads this from elsewhere"; exit 1; }
 
 reference: $(VENV)/test.stamp  ## write docs/reference anew from docstrings and parsers
 	$(BIN)/python -m tests.docs.stdlib_page
