@@ -16,6 +16,7 @@ from typing import Any
 
 from commd.bus import AlreadyRunning, Bus, BusClosed
 from commd.clock import Clock
+from commd.hung import tell_when_aborted
 from commd.lag import loop_lag
 from commd.lives import end_lives
 from commd.logs import begin_logging, handler_of_this_process, one_line
@@ -80,7 +81,13 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
                 loop.add_signal_handler(signum, stop.set)
         return await main(stop)
 
+    def aborted(words: str) -> None:
+        stderr().write(f"error: {name}: {words}", ERROR)
+        end_lives(one_line(words))
+        flush()
+
     words = ""
+    tell_when_aborted(aborted)
     try:
         code = asyncio.run(supervised())
         if code != EXIT_DONE:

@@ -145,6 +145,7 @@ def watched(row: Row, scene: Scene, at: float) -> None:
     found = unit.happened.watchdog[0] - at
     row.figure("ended by its watchdog", found)
     row.expect(found <= WATCHDOG + MARGIN, f"the watchdog finds it within {WATCHDOG:g} s")
+    row.seen += [line.partition("error: ")[2] for _, line in unit.lines if "ended by SIGABRT" in line]
     back(row, scene, at)
 
 
