@@ -64,7 +64,8 @@ def head(times: int) -> str:
         f"{platform.python_version()}, eclipse-zenoh\n{version('eclipse-zenoh')}, {os.cpu_count()} cores of "
         f"{platform.machine()} for all daemons and the vehicle. Units: `WatchdogSec={unit.watchdog:g}`, "
         f"`RestartSec={unit.restart_after:g}`,\n`TimeoutAbortSec={unit.abort:g}`. Seconds after the fault: the median, "
-        "and in brackets the extremes."
+        f"and in brackets the extremes. Load average of the machine at the end: {os.getloadavg()[2]:.0f}; what is "
+        "started again takes\nas long as that lets it."
     )
 
 
