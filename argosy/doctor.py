@@ -5,11 +5,13 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import shutil
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import aclosing, contextmanager
 from dataclasses import asdict
+from textwrap import wrap
 from typing import Any
 
 from argosy.diagnosis import Check, Facts, RobotFacts, Said, counted
@@ -168,11 +170,13 @@ def show(said: Sequence[Said], *, as_json: bool) -> None:
         told = {"well": not errors, "errors": errors, "warnings": warnings, "findings": [asdict(one) for one in said]}
         print(json.dumps(told, ensure_ascii=False, indent=2))
         return
-    colours = sys.stdout.isatty()
+    terminal = sys.stdout.isatty()
     width = max((len(one.what) for one in said), default=0)
+    columns = max(40, shutil.get_terminal_size().columns - width - 11) if terminal else sys.maxsize
     for one in said:
-        level = f"{STYLES[one.level]}{one.level:7}\x1b[0m" if colours else f"{one.level:7}"
-        print(f"{level}  {one.what:{width}}  {printable(one.text)}")
-        if one.do:
-            print(f"{'':7}  {'':{width}}  do: {one.do}")
+        level = f"{STYLES[one.level]}{one.level:7}\x1b[0m" if terminal else f"{one.level:7}"
+        lines = [*wrap(printable(one.text), columns), *(wrap(f"do: {one.do}", columns) if one.do else [])]
+        print(f"{level}  {one.what:{width}}  {lines[0]}")
+        for line in lines[1:]:
+            print(f"{'':7}  {'':{width}}  {line}")
     print(f"{counted(errors, 'error')}, {counted(warnings, 'warning')}")
