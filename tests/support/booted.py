@@ -34,7 +34,7 @@ def why_not() -> str:
     """Return in words why no such machine can be made here; empty if one can be tried."""
     if os.geteuid() != 0:
         return "a machine of its own needs root"
-    missing = [name for name in ("unshare", "nsenter", "ip", "mount") if shutil.which(name) is None]
+    missing = [name for name in ("unshare", "nsenter", "setpriv", "ip", "mount") if shutil.which(name) is None]
     if not SYSTEMD.exists():
         missing.append("systemd")
     return f"a machine of its own needs {', '.join(missing)}" if missing else ""
@@ -109,6 +109,7 @@ def booted() -> Iterator[Machine]:
         raise NoMachine(why)
     name = f"argosy-{os.getpid()}-{time.monotonic_ns()}"
     try:
+        sweep()
         groups = _cgroups(name)
     except OSError as error:
         raise NoMachine(f"{error.filename}: {error.strerror}") from None
@@ -118,7 +119,7 @@ def booted() -> Iterator[Machine]:
     python = f"python{sys.version_info.major}.{sys.version_info.minor}"
     boot = ["sh", str(_BOOT), folder, str(ROOT), sys.base_prefix, python, sysconfig.get_path("platlib")]
     process = subprocess.Popen(
-        ["sh", "-c", f'{enter}exec "$@"', "sh", *unshare, *boot],
+        ["setpriv", "--pdeathsig", "KILL", "sh", "-c", f'{enter}exec "$@"', "sh", *unshare, *boot],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -151,13 +152,24 @@ def _up(process: subprocess.Popen[bytes]) -> Machine:
     raise NoMachine(f"no systemd came up within {PATIENCE:g} s: {said.decode(errors='replace')}")
 
 
+def sweep() -> None:
+    """Remove the groups that runs which were killed have left behind; their machines died with them."""
+    for root in _roots():
+        for group in root.glob("argosy-*-*"):
+            if not Path("/proc", group.name.split("-")[1]).exists():
+                _gone(group)
+
+
+def _roots() -> list[Path]:
+    if (_CGROUPS / "cgroup.controllers").exists():
+        return [_CGROUPS]
+    roots = [_CGROUPS / one for one in ("systemd", "unified", "memory", "pids", "devices")]
+    return [root for root in roots if (root / "cgroup.procs").exists()]
+
+
 def _cgroups(name: str) -> list[Path]:
     """Make the groups that the machine's processes begin in: its systemd manages what is below."""
-    if (_CGROUPS / "cgroup.controllers").exists():
-        roots = [_CGROUPS]
-    else:
-        roots = [_CGROUPS / one for one in ("systemd", "unified", "memory", "pids", "devices")]
-    made = [root / name for root in roots if (root / "cgroup.procs").exists()]
+    made = [root / name for root in _roots()]
     for group in made:
         group.mkdir()
     return made
