@@ -1,7 +1,7 @@
 """What the access rules let this machine do at each router, found out by trying, beside what the mission says.
 
 Nothing is done by it: puts and answers are tried one level below the keys that daemons hear and serve, questions are
-asked without what they would have to carry, and tokens are of no daemon.
+asked without what they would have to carry, and tokens are of no daemon and no agent.
 """
 
 from __future__ import annotations
@@ -167,12 +167,12 @@ def _trials(mission: Mission, rights: Rights, at: str, present: Collection[str])
                 add("asks", keys.manifest(fleet, robot))
         for name in senders:
             add("puts", keys.health(fleet, name, "argosy"))
-            add("holds", keys.alive(fleet, name, "argosy", "trial"))
             for receiver in receivers:
                 add("asks", keys.mail(fleet, receiver, name))
             if f"{board}/commd" in present:
                 add("asks", keys.outbox(fleet, name))
         add("puts", keys.services(fleet, board))
+        # Of the board alone: a bridge takes any token of its agent for the agent, even of one that was lost in flight.
         add("holds", keys.alive(fleet, board, "argosy", "trial"))
         if f"{board}/commd" in present:
             add("asks", keys.mailboxes(fleet, board))
