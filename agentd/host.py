@@ -53,7 +53,9 @@ log = logging.getLogger("agent")
 SLICE = 500
 """Reasoning cycles in a row before the event loop gets a turn, at most."""
 LONGEST_SLICE = 0.2
-"""Wall seconds that they are to take: who says nothing for long counts as hung (`agent_silence`)."""
+"""Wall seconds that they take at most: who says nothing for long counts as hung (`agent_silence`)."""
+BATCH = 10
+"""Cycles between two looks at the clock."""
 INPUTS = 20_000
 """Inputs that may wait for the mind; mail beyond is refused to its sender, who keeps it."""
 ASK_TIMEOUT = 30.0
@@ -91,9 +93,13 @@ class Part:
     """It is told who else is there: `online(Agent)[board(B)]`."""
 
 
-def next_slice(cycles: int, seconds: float) -> int:
-    """Return how many cycles the next slice has, after one of so many that took so long."""
-    return SLICE if seconds * SLICE <= cycles * LONGEST_SLICE else max(1, int(cycles * LONGEST_SLICE / seconds))
+def reason(mind: Mind, clock: Clock) -> list[Effect]:
+    """Run one slice; the first cycle with an effect is its last, and one with nothing left to do."""
+    until, last = clock.wall() + LONGEST_SLICE, mind.cycle + SLICE
+    while True:
+        effects = mind.run(clock.now(), min(BATCH, last - mind.cycle))
+        if effects or not mind.ready or mind.cycle >= last or clock.wall() >= until:
+            return effects
 
 
 class Host:
@@ -201,7 +207,6 @@ class Host:
         """
         loop = loop or Loop.unwatched()
         mind, clock = self._mind, self._clock
-        cycles = SLICE
         await self._come_back()
         waiting = asyncio.create_task(stop.wait())
         waiting.add_done_callback(lambda _: self._wake.set())
@@ -209,10 +214,8 @@ class Host:
             while not stop.is_set():
                 loop.beat()
                 self._wake.clear()
-                begun = clock.wall()
-                for effect in mind.run(clock.now(), cycles):
+                for effect in reason(mind, clock):
                     self._carry_out(effect)
-                cycles = next_slice(cycles, clock.wall() - begun)
                 look_at = self._keep()
                 if self.stopped is not None:
                     break

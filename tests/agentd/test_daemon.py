@@ -11,7 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from agentd.host import SLICE, next_slice
+from agentd.host import BATCH, SLICE, reason
+from agentd.mind import Mind
+from commd.clock import Clock
+from tests.agentd.minds import mind_of
 from tests.support.processes import running
 from tests.support.promises import least
 
@@ -148,16 +151,27 @@ def test_an_agent_goes_on_when_nobody_reads_its_prints_or_they_cannot_be_shown(t
         assert b"defect" not in said
 
 
+class Laborious(Clock):
+    """A clock by which the cycles of a mind take so many seconds each."""
+
+    def __init__(self, mind: Mind, costs: list[float]) -> None:
+        super().__init__()
+        self.mind, self.costs = mind, costs
+
+    def wall(self) -> float:
+        return sum(self.costs[: self.mind.cycle])
+
+
 @pytest.mark.parametrize(
-    ("cycles", "seconds", "then"),
+    ("costs", "cycles"),
     [
-        (SLICE, 0.0, SLICE),
-        (SLICE, 0.1, SLICE),
-        (SLICE, 2.0, 50),  # 4 ms a cycle
-        (50, 0.2, 50),
-        (50, 0.02, SLICE),  # 0.4 ms a cycle
-        (1, 3.0, 1),  # one cycle is never cut
+        ([0.0] * SLICE, SLICE),
+        ([0.033] * SLICE, BATCH),
+        ([0.0] * 100 + [0.033] * SLICE, 110),  # light ones before do not make it longer
+        ([0.005] * SLICE, 40),
     ],
 )
-def test_heavy_reasoning_lets_the_event_loop_turn_five_times_a_second(cycles: int, seconds: float, then: int) -> None:
-    assert next_slice(cycles, seconds) == then
+def test_heavy_reasoning_lets_the_event_loop_turn_five_times_a_second(costs: list[float], cycles: int) -> None:
+    mind = mind_of("!g. +!g <- !!g.")
+    reason(mind, Laborious(mind, costs))
+    assert mind.cycle == cycles
