@@ -27,7 +27,7 @@ class Upkeep:
         self, robot: str, name: str, driver: Driver, on_failure: Callable[[str], None], loop: Loop | None = None
     ) -> None:
         """`on_failure` is told why the driver does not run, each time that it has stopped. Its turns are beats of
-        `loop`, from the first one after each start: to open a link may take long."""
+        `loop`, from the first one after it began to wait: to open a link may take long."""
         self._loop = loop or Loop.unwatched()
         self._robot, self._name, self._driver, self._on_failure = robot, name, driver, on_failure
         self.problem = ""
@@ -38,7 +38,7 @@ class Upkeep:
         loop, (pause, longest) = asyncio.get_running_loop(), PAUSES
         while True:
             running = loop.call_later(LASTS, self._runs)
-            self._loop.rest()
+            loop.call_soon(self._loop.rest)  # after what the driver tells before it first waits: it opens its link then
             try:
                 await self._driver.run()
                 raise RuntimeError(f"driver `{self._name}` of {self._robot} has ended by itself")

@@ -14,8 +14,10 @@ import pytest
 
 from bridged import upkeep
 from bridged.daemon import leave, serve
-from bridged.drivers.mavlink.link import LinkError
+from bridged.drivers.mavlink import sockets
+from bridged.drivers.mavlink.link import LinkAddress, LinkError, open_link
 from bridged.drivers.mavlink.wire import Encoder
+from commd.notify import Loop, Unit
 from schemas import keys
 from schemas.findings import Findings
 from schemas.manifest import find_manifest
@@ -30,6 +32,7 @@ from tests.bridged.sky import MISSION
 from tests.bridged.workshop import MISSION as workshop_mission
 from tests.bridged.workshop import Workshop, checked, in_the_workshop
 from tests.support.buses import Connect, on_a_bus, served
+from tests.support.notify_socket import NotifySocket
 from tests.support.ports import free_port
 
 SONAR = """
@@ -314,6 +317,54 @@ def test_a_robot_that_cannot_be_left_for_a_defect_does_not_keep_others_from_bein
     caplog.set_level("INFO")
     asyncio.run(leave(workshop.bridge, mission))
     assert "leaving bench: not known, for a defect" in caplog.text
+
+
+def test_a_driver_that_looks_at_its_robot_and_then_opens_its_link_slowly_is_not_missed_meanwhile(
+    tmp_path: Path,
+) -> None:
+    class Slow:
+        """As the MAVLink driver: a look before the link is opened tells that it is down."""
+
+        def __init__(self, loop: Loop) -> None:
+            self._loop = loop
+
+        async def run(self) -> None:
+            self._loop.beat()
+            await asyncio.Event().wait()
+
+    async def body(manager: NotifySocket) -> None:
+        at = 100.0
+        member = Unit(manager.environment(watchdog=8), lambda: at).member("bridged")
+        opens, works = member.loop(), member.loop()
+        driver: Any = Slow(opens)
+        running = asyncio.create_task(upkeep.Upkeep("r", "slow", driver, print, opens).keep_apart())
+        await asyncio.sleep(0.01)
+        before = len(manager.fields("WATCHDOG"))
+        for _ in range(10):
+            at += 2
+            works.beat()
+        assert len(manager.fields("WATCHDOG")) == before + 10
+        running.cancel()
+
+    with NotifySocket(tmp_path / "notify") as manager:
+        asyncio.run(asyncio.wait_for(body(manager), 30))
+
+
+@pytest.mark.parametrize("link", ["udpout:slow.invalid:14550", "tcpin:slow.invalid:5760"])
+def test_a_link_whose_name_nobody_looks_up_is_given_up_for_now_and_may_come(
+    link: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def never(*_: object, **__: object) -> None:
+        await asyncio.Event().wait()
+
+    async def body() -> None:
+        monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", never)
+        with pytest.raises(LinkError, match="cannot be opened: the name service does not answer") as caught:
+            await open_link(LinkAddress.parse(link), lambda *_: None, system=255, component=190)
+        assert upkeep.may_come(caught.value)
+
+    monkeypatch.setattr(sockets, "LOOKUP_TIMEOUT_S", 0.05)
+    asyncio.run(asyncio.wait_for(body(), 30))
 
 
 def test_what_may_come_by_waiting_is_a_device_or_a_name() -> None:

@@ -3,8 +3,8 @@
 import asyncio
 import errno
 import socket
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import cast
 
 from bridged.drivers.mavlink.endpoint import (
@@ -19,6 +19,9 @@ from bridged.drivers.mavlink.peer import LinkError, Peer
 
 CONNECT_TIMEOUT_S = 5.0
 """How long a TCP peer may take to answer a call."""
+
+LOOKUP_TIMEOUT_S = 10.0
+"""How long the name service may take to say where the host of a link is."""
 
 MAX_REMEMBERED = 256
 """Addresses that a socket remembers before it forgets those that the link has forgotten."""
@@ -93,15 +96,27 @@ class UdpSocket(asyncio.DatagramProtocol):
         return True
 
 
+@contextmanager
+def _in_words(link: Switchboard) -> Iterator[None]:
+    """Raise LinkError for what keeps a socket of a link from being opened."""
+    try:
+        yield
+    except TimeoutError as error:
+        said = socket.gaierror(socket.EAI_AGAIN, f"no answer within {LOOKUP_TIMEOUT_S:g} s")
+        said.__cause__ = error
+        raise LinkError(f"link {link.address} cannot be opened: the name service does not answer") from said
+    except OSError as error:
+        raise LinkError(f"link {link.address} cannot be opened: {in_words(error)}") from error
+
+
 async def open_udp(link: Switchboard) -> Connection:
     """Binds or connects a socket as the link's address says. Raises LinkError."""
     where = (link.address.host, link.address.port)
     ends = {"local_addr": where} if link.address.kind == "udpin" else {"remote_addr": where}
     loop = asyncio.get_running_loop()
-    try:
-        _, opened = await loop.create_datagram_endpoint(lambda: UdpSocket(link), **ends)  # type: ignore[arg-type]
-    except OSError as error:
-        raise LinkError(f"link {link.address} cannot be opened: {in_words(error)}") from error
+    with _in_words(link):
+        async with asyncio.timeout(LOOKUP_TIMEOUT_S):
+            _, opened = await loop.create_datagram_endpoint(lambda: UdpSocket(link), **ends)  # type: ignore[arg-type]
     link.set_state(True, "open")
     return Connection(opened.lost, opened.close)
 
@@ -164,10 +179,9 @@ class TcpListener(Endpoint):
             return connection
 
         loop = asyncio.get_running_loop()
-        try:
-            server = await loop.create_server(accept, link.address.host, link.address.port, reuse_address=True)
-        except OSError as error:
-            raise LinkError(f"link {link.address} cannot be opened: {in_words(error)}") from error
+        with _in_words(link):
+            async with asyncio.timeout(LOOKUP_TIMEOUT_S):
+                server = await loop.create_server(accept, link.address.host, link.address.port, reuse_address=True)
         link.set_state(True, "open")
         return cls(server, connections)
 
