@@ -166,9 +166,10 @@ class Laborious(Clock):
     ("costs", "cycles"),
     [
         ([0.0] * SLICE, SLICE),
-        ([0.033] * SLICE, BATCH),
-        ([0.0] * 100 + [0.033] * SLICE, 110),  # light ones before do not make it longer
-        ([0.005] * SLICE, 40),
+        ([0.5] * SLICE, 1),
+        ([0.033] * SLICE, 7),
+        ([0.0] * 95 + [0.5] * SLICE, 95 + BATCH),  # light ones before do not make it longer
+        ([0.005] * SLICE, 47),
     ],
 )
 def test_heavy_reasoning_lets_the_event_loop_turn_five_times_a_second(costs: list[float], cycles: int) -> None:
