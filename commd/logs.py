@@ -103,7 +103,15 @@ class LogHandler(logging.Handler):
         """Errors logged so far, passed or not."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write a record if it may pass."""
+        """Write a record if it may pass. What is wrong with it is told here, not to whoever logs: it ends no loop."""
+        try:
+            self._take(record)
+        except Exception as error:
+            self._take(_plain(record, f"a line that cannot be told ({type(error).__name__}): {record.msg!r:.200}"))
+
+    def _take(self, record: logging.LogRecord) -> None:
+        if not isinstance(record.msg, str):  # all that is no text is one kind
+            record = _plain(record, str(record.msg))
         subject = subject_of(record)
         if record.levelno >= logging.ERROR:
             self._remember(subject, record)
@@ -122,7 +130,7 @@ class LogHandler(logging.Handler):
                 self._timer.cancel()
             self._timer = None
             for count, last in self._flood.untold():
-                text = f"suppressed={count} the last: {last.getMessage()}"
+                text = f"suppressed={count} the last: {_said(last)}"
                 self._write(logging.LogRecord(last.name, last.levelno, "", 0, text, None, None))
         finally:
             self.release()
@@ -136,10 +144,10 @@ class LogHandler(logging.Handler):
         return max(found, key=lambda one: one.at, default=None)
 
     def _remember(self, subject: str, record: logging.LogRecord) -> None:
-        self.errors += 1
         text = record.getMessage()
         if record.exc_info and (error := record.exc_info[1]) is not None:
             text += f" error={type(error).__name__}: {error}"
+        self.errors += 1
         self._errors[subject] = LastError(one_line(text), self._now())
         self._errors.move_to_end(subject)
         if len(self._errors) > SUBJECTS:
@@ -170,6 +178,18 @@ class LineFormatter(logging.Formatter):
         return f"error={type(error).__name__}: {error}{at}"
 
 
+def _plain(record: logging.LogRecord, text: str) -> logging.LogRecord:
+    """Return a record that says a text in place of what it said."""
+    return logging.LogRecord(record.name, record.levelno, record.pathname, record.lineno, "%s", (text,), None)
+
+
+def _said(record: logging.LogRecord) -> str:
+    try:
+        return record.getMessage()
+    except Exception:
+        return str(record.msg)
+
+
 def begin_logging(daemon: str) -> LogHandler:
     """Log to standard error from now on, as a daemon of this name, from level INFO on."""
     handler = LogHandler(stderr())
@@ -191,8 +211,8 @@ def subject_of(record: logging.LogRecord) -> str:
 
 
 def one_line(text: str) -> str:
-    """Return a text without line breaks and without what a terminal takes for a command, of bounded length."""
+    """Return a text without line breaks and what a terminal takes for a command, that is Unicode, of bounded length."""
     text = text.rstrip("\n")
-    if not text.isprintable():
-        text = text.translate(_CONTROLS)
+    if not text.isprintable():  # half a surrogate pair is in the name of a file that is no UTF-8
+        text = text.translate(_CONTROLS).encode("utf-8", "backslashreplace").decode()
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}… ({len(text) - LONGEST} characters more)"

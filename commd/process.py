@@ -24,6 +24,7 @@ from commd.output import flush, stderr
 from commd.tls import Tls, tls_in
 from commd.versions import OtherMajor
 from schemas import keys
+from schemas.codec import BadRecord, Wire, codec
 from schemas.endpoints import check_endpoint
 from schemas.findings import Findings
 from schemas.records import Health
@@ -31,6 +32,8 @@ from schemas.release import RELEASE
 
 HEALTH_PERIOD = 1.0
 """Wall seconds between two health records."""
+NOTES = 50
+"""Warnings of one record; further ones are left out."""
 LINGER = 1.0
 """Wall seconds that threads have which are no daemons when the daemon has ended."""
 ERROR = 3
@@ -136,7 +139,7 @@ def _defect(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
 
 
 async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[], Health] = Health) -> None:
-    """Publish the daemon's health once a second, for ever."""
+    """Publish the daemon's health once a second, for ever: others take it for the sign that the daemon lives."""
     loop = loop_lag()
     while True:
         try:
@@ -146,28 +149,42 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
             health = Health(notes=(f"defect in argosy: {type(error).__name__}: {error}",))
         used = resource.getrusage(resource.RUSAGE_SELF)
         words, age, errors = _last_error(bus, name)
-        bus.put(
-            keys.health(bus.fleet, name, bus.daemon),
-            Health(
-                header=bus.header("health", name),
-                daemon=bus.daemon,
-                pid=os.getpid(),
-                uptime=round(clock.wall(), 1),
-                cpu=round(used.ru_utime + used.ru_stime, 3),
-                drops=bus.counters["dropped"] + health.drops,
-                bad_input=bus.counters["bad_input"] + health.bad_input,
-                counters=_with_unknown_fields(health.counters, bus.counters["unknown_fields"]),
-                percepts=health.percepts,
-                notes=(*health.notes, *bus.strangers.notes(), *filter(None, (bus.access.note,))),
-                version=RELEASE,
-                restarts=bus.life.restarts if bus.life is not None else None,
-                lag=round(max(loop.worst, health.lag), 3),
-                errors=errors,
-                last_error=words,
-                last_error_age=age,
-            ),
+        notes = (*health.notes, *bus.strangers.notes(), *filter(None, (bus.access.note,)))
+        told = Health(
+            header=bus.header("health", name),
+            daemon=bus.daemon,
+            pid=os.getpid(),
+            uptime=round(clock.wall(), 1),
+            cpu=round(used.ru_utime + used.ru_stime, 3),
+            drops=bus.counters["dropped"] + health.drops,
+            bad_input=bus.counters["bad_input"] + health.bad_input,
+            counters=_with_unknown_fields(health.counters, bus.counters["unknown_fields"]),
+            percepts=health.percepts,
+            notes=tuple(one_line(str(note)) for note in notes[:NOTES]),
+            version=RELEASE,
+            restarts=bus.life.restarts if bus.life is not None else None,
+            lag=round(max(loop.worst, health.lag), 3),
+            errors=errors,
+            last_error=words,
+            last_error_age=age,
         )
+        if bad := _unreadable(told, bus.wire):
+            bus.counters["unsendable"] += 1
+            log.error("health of %s cannot be told: %s", name, bad)
+            plain = {field: getattr(told, field) for field in ("header", "daemon", "pid", "uptime", "cpu", "version")}
+            told = Health(**plain, notes=(one_line(f"its health cannot be told: {bad}"),))
+        bus.put(keys.health(bus.fleet, name, bus.daemon), told)
         await asyncio.sleep(HEALTH_PERIOD)
+
+
+def _unreadable(health: Health, wire: Wire) -> str:
+    """Return why others could not read a record, whoever made its figures and words; empty if they can."""
+    made = codec(Health)
+    try:
+        made.decode(made.encode(health, wire), made.encoding(wire))
+    except BadRecord as bad:
+        return str(bad)
+    return ""
 
 
 def _with_unknown_fields(counters: dict[str, float], unknown: int) -> dict[str, float]:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import math
+import os
 import signal
 import time
 from argparse import Namespace
 from collections.abc import Awaitable, Callable
 from contextlib import aclosing
 from pathlib import Path
+from typing import cast
 from unittest.mock import Mock
 
 import pytest
@@ -53,6 +56,45 @@ def test_a_figure_that_cannot_be_told_does_not_end_a_daemons_health(endpoint: st
         await until(lambda: len(heard) == 2, "health goes on")
         reporting.cancel()
         assert [one.notes for one in heard] == [("defect in argosy: KeyError: 'figure'",), ("all is well",)]
+
+    on_a_bus(endpoint, body)
+
+
+UNTELLABLE: dict[str, Health] = {
+    "a name that is no Unicode": Health(counters={"\udcff": 1.0}),
+    "no number": Health(counters={"x": math.nan}),
+    "a word for a number": Health(counters={"x": cast(float, "much")}),
+}
+
+
+@pytest.mark.parametrize("what", UNTELLABLE)
+def test_a_daemon_whose_health_others_could_not_read_still_says_that_it_lives(endpoint: str, what: str) -> None:
+    async def body(connect: Connect) -> None:
+        observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
+        heard: list[Health] = []
+        observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
+        await subscribed(bus, keys.health(FLEET, "uav1", "bridged"))
+        reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), lambda: UNTELLABLE[what]))
+        await until(lambda: len(heard) == 1, "health goes on")
+        reporting.cancel()
+        assert heard[0].pid == os.getpid()
+        assert [note.partition(": ")[0] for note in heard[0].notes] == ["its health cannot be told"]
+
+    on_a_bus(endpoint, body)
+
+
+def test_warnings_of_health_are_lines_of_unicode_and_bounded(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
+        heard: list[Health] = []
+        observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
+        await subscribed(bus, keys.health(FLEET, "uav1", "bridged"))
+        notes = ("no file \udcff.jpg", *("x" * 10_000 for _ in range(1000)))
+        reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), lambda: Health(notes=notes)))
+        await until(lambda: len(heard) == 1, "health goes on")
+        reporting.cancel()
+        assert heard[0].notes[0] == r"no file \udcff.jpg"
+        assert sum(map(len, heard[0].notes)) < 400_000
 
     on_a_bus(endpoint, body)
 

@@ -196,6 +196,37 @@ def test_an_error_that_does_not_pass_is_still_the_last_one(desk: Desk) -> None:
     desk.handler.tell_suppressed()
 
 
+@pytest.mark.parametrize(
+    ("message", "args", "line"),
+    [
+        ({"battery": 3}, (), "{'battery': 3}"),
+        (["a"], (), "['a']"),
+        (ValueError("no fix"), (), "no fix"),
+        ("battery %d", ("full",), "a line that cannot be told (TypeError): 'battery %d'"),
+        ("one %s", ("1", "2"), "a line that cannot be told (TypeError): 'one %s'"),
+    ],
+)
+def test_whoever_logs_what_is_no_line_is_not_stopped_by_it_and_floods_nobody(
+    desk: Desk, message: object, args: tuple[str, ...], line: str
+) -> None:
+    for _ in range(BURST + 10):
+        desk.log.error(message, *args)
+    assert desk.said == [f"ERROR commd mail {line}"] * BURST
+    assert desk.handler.errors == BURST + 10
+    desk.handler.tell_suppressed()
+
+
+def test_exceptions_are_no_kinds_of_their_own(desk: Desk) -> None:
+    for number in range(BURST + 10):
+        desk.log.warning(ValueError(f"{number}"))
+    assert len(desk.said) == BURST
+    desk.handler.tell_suppressed()
+
+
+def test_a_line_is_unicode_whatever_a_file_is_called() -> None:
+    assert one_line("no such file: \udcff.jpg\n") == r"no such file: \udcff.jpg"
+
+
 def test_a_line_has_no_controls_and_an_end() -> None:
     assert one_line("a\tb\x1b[31mc\u2028d\n") == r"a\tb\x1b[31mc\u2028d"
     long = one_line("x" * (LONGEST + 10))
