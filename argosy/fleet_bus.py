@@ -62,21 +62,31 @@ class FleetBus(Bus):
                 its_key = "/".join((root, fleet, board, rest)) if "*" in name else key
                 await replies.put(Reply(its_key, None, f"board {board} is not reached: {bus}"))
                 return
-            async with aclosing(Bus.query(bus, key, ask, answer, timeout, limit=limit)) as its:
-                async for reply in its:
-                    await replies.put(reply)
+            try:
+                async with aclosing(Bus.query(bus, key, ask, answer, timeout, limit=limit)) as its:
+                    async for reply in its:
+                        await replies.put(reply)
+            except BusClosed as closed:
+                await replies.put(Reply(key, None, f"board {board} is reached no longer: {closed}"))
+
+        asking = [asyncio.create_task(at(board)) for board in homes]
 
         async def all_of_them() -> None:
-            await asyncio.gather(*map(at, homes))
+            try:
+                await asyncio.gather(*asking)
+            except Exception:  # it is raised below, where whoever asks waits
+                await replies.put(None)
+                raise
             await replies.put(None)
 
-        asking = asyncio.create_task(all_of_them())
+        ending = asyncio.create_task(all_of_them())
         try:
             while (reply := await replies.get()) is not None:
                 yield reply
-            await asking
+            await ending
         finally:
-            asking.cancel()
+            for task in (ending, *asking):
+                task.cancel()
 
 
 @asynccontextmanager
