@@ -40,14 +40,16 @@ METRICS = (
 )
 
 
-def exposition(fleet: str, rows: Sequence[Row], *, router_up: bool) -> str:
-    """Return the whole page."""
-    return "\n".join(_lines(fleet, rows, router_up)) + "\n"
+def exposition(fleet: str, rows: Sequence[Row], *, router_up: bool, dropped: int = 0) -> str:
+    """Return the whole page; `dropped` is what came of more daemons than are followed."""
+    return "\n".join(_lines(fleet, rows, router_up, dropped)) + "\n"
 
 
-def _lines(fleet: str, rows: Sequence[Row], router_up: bool) -> Iterator[str]:
+def _lines(fleet: str, rows: Sequence[Row], router_up: bool, dropped: int) -> Iterator[str]:
     yield from _head("argosy_router_up", "gauge", "Whether the router answers this exporter.")
     yield f"argosy_router_up{_labels(fleet=fleet)} {int(router_up)}"
+    yield from _head("argosy_not_followed_total", "counter", "What came of more daemons than are followed.")
+    yield f"argosy_not_followed_total{_labels(fleet=fleet)} {dropped}"
     yield from _head("argosy_up", "gauge", "Whether a daemon is there and tells how it is.")
     for row in rows:
         yield f"argosy_up{_of(fleet, row)} {int(row.standing == 'up')}"
@@ -74,7 +76,7 @@ def _head(name: str, kind: str, text: str) -> list[str]:
 
 
 def _of(fleet: str, row: Row, **more: str) -> str:
-    return _labels(fleet=fleet, board=row.board, daemon=row.daemon, name=row.name, **more)
+    return _labels(fleet=row.fleet or fleet, board=row.board, daemon=row.daemon, name=row.name, **more)
 
 
 def _labels(**labels: str) -> str:

@@ -9,7 +9,7 @@ import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 
-from argosy.operator_bus import ANY, Where, add_router_argument, on_the_bus
+from argosy.operator_bus import ANY, Where, add_router_argument, on_the_bus, unreached
 from argosy.picture import without_figures
 from argosy.roll import SILENT, Roll, Row
 from argosy.status_lines import line, summary, to_json
@@ -58,14 +58,17 @@ def run(args: Namespace) -> int:
             return await _watch(roll, bus, fleet, args)
         rows = roll.rows()
         _view(fleet, mission, args)(rows)
-        return EXIT_DONE if well(rows) else EXIT_FAILED
+        missing = await unreached(bus)
+        for one in missing:
+            print(f"note: {one}", file=sys.stderr)
+        return EXIT_DONE if well(rows) and not missing else EXIT_FAILED
 
     return on_the_bus(args, ask)
 
 
 def call_the_roll(bus: Bus, fleet: str, mission: Mission | None) -> Roll:
     """Begin to hear who is there and how they are."""
-    roll = Roll(mission, asyncio.get_running_loop().time)
+    roll = Roll(mission, asyncio.get_running_loop().time, several=fleet == ANY)
     bus.watch(keys.alive(fleet, "*", "*", "*"), roll.token)
     bus.subscribe(keys.health(fleet, "*", "*"), Health, roll.heard)
     return roll
@@ -126,9 +129,9 @@ async def _tell_changes(roll: Roll, fleet: str, args: Namespace) -> int:
         if args.json:
             print(json.dumps(to_json(fleet, rows, well(rows)), ensure_ascii=False), flush=True)
         else:
-            said: dict[tuple[str, str], object] = {(row.name, row.daemon): _what_matters(row) for row in rows}
+            said: dict[tuple[str, str], object] = {(row.title, row.daemon): _what_matters(row) for row in rows}
             for row in rows:
-                if known.get((row.name, row.daemon)) != said[row.name, row.daemon]:
+                if known.get((row.title, row.daemon)) != said[row.title, row.daemon]:
                     print(now, line(row), flush=True)
             for name, daemon in known.keys() - said.keys():
                 print(now, f"gone {daemon} {name}", flush=True)

@@ -50,7 +50,7 @@ def run(args: Namespace) -> int:
     async def serve(bus: Bus, where: Where) -> int:
         roll = call_the_roll(bus, where.fleet, mission)
         fleet = "" if where.fleet == ANY else where.fleet
-        page = Page(lambda: exposition(fleet, roll.rows(), router_up=bus.router_up))
+        page = Page(lambda: exposition(fleet, roll.rows(), router_up=bus.router_up, dropped=roll.dropped))
         try:
             server = await asyncio.start_server(page.answer, host.strip("[]"), port, limit=REQUEST_BYTES)
         except OSError as error:

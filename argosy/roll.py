@@ -17,6 +17,11 @@ UNDER_WAY = 0.5
 """Wall seconds for which a record of a daemon may arrive after its token has gone."""
 MOST = 5_000
 """Daemons that are followed; further ones are only counted."""
+FORGET = 60.0
+"""Wall seconds without a word after which a daemon that is gone, and that the mission has not, is forgotten."""
+
+Who = tuple[str, str, str]
+"""Fleet, name and daemon."""
 
 Standing = Literal["up", "coming", "silent", "twice", "unclaimed", "missing"]
 WELL: frozenset[Standing] = frozenset({"up", "coming"})
@@ -45,6 +50,13 @@ class Row:
     age: float | None = None
     """Wall seconds since then."""
     in_mission: bool = True
+    fleet: str = ""
+    """Where several are shown."""
+
+    @property
+    def title(self) -> str:
+        """What it is called, for people."""
+        return f"{self.fleet}/{self.name}" if self.fleet else self.name
 
     @property
     def well(self) -> bool:
@@ -67,27 +79,27 @@ class Row:
 
 
 class Roll:
-    """Takes tokens and health records; `now` is in wall seconds."""
+    """Takes tokens and health records of one fleet or of several; `now` is in wall seconds."""
 
-    def __init__(self, mission: Mission | None, now: Callable[[], float]) -> None:
-        self.expected = {} if mission is None else expected_of(mission)
-        """Name and daemon of what the mission has, and its board."""
+    def __init__(self, mission: Mission | None, now: Callable[[], float], *, several: bool = False) -> None:
+        self.expected: dict[Who, str] = {} if mission is None else expected_of(mission)
+        """Who is in the mission, and on which board."""
         self.dropped = 0
         """Records and tokens of more daemons than are followed."""
-        self._mission, self._now = mission, now
-        self._boots: dict[tuple[str, str], set[str]] = {}
-        self._since: dict[tuple[str, str], float] = {}
+        self._several, self._now, self._forgot = several, now, now()
+        self._boots: dict[Who, set[str]] = {}
+        self._since: dict[Who, float] = {}
         """When a name was claimed that nobody had."""
-        self._left: dict[tuple[str, str], float] = {}
+        self._left: dict[Who, float] = {}
         """When nobody had a name any more."""
-        self._health: dict[tuple[str, str], tuple[Health, float]] = {}
+        self._health: dict[Who, tuple[Health, float]] = {}
 
     def token(self, key: str, alive: bool) -> None:
         """A liveliness token came or went."""
         parsed = keys.parse(key)
         if parsed is None or len(parsed[2]) != 3:
             return
-        who, boot = (parsed[1], parsed[2][1]), parsed[2][2]
+        who, boot = (parsed[0], parsed[1], parsed[2][1]), parsed[2][2]
         if not alive:
             boots = self._boots.get(who, set())
             boots.discard(boot)
@@ -102,7 +114,7 @@ class Roll:
     def heard(self, key: str, health: Health) -> None:
         """A daemon told how it is."""
         parsed = keys.parse(key)
-        if parsed is not None and len(parsed[2]) == 2 and self._room_for(who := (parsed[1], parsed[2][1])):
+        if parsed is not None and len(parsed[2]) == 2 and self._room_for(who := (parsed[0], parsed[1], parsed[2][1])):
             self._health[who] = (health, self._now())
 
     def rows(self) -> list[Row]:
@@ -120,13 +132,16 @@ class Roll:
         rows = self.rows()
         return bool(rows) and all(row.standing == "up" for row in rows)
 
-    def _row(self, who: tuple[str, str]) -> Row:
+    def _row(self, who: Who) -> Row:
         health, at = self._health.get(who, (None, None))
         age = None if at is None else self._now() - at
-        board = self.expected.get(who, who[0] if who[1] == "commd" else "")
-        return Row(*who, board, self._standing(who, age), health, age, not self.expected or who in self.expected)
+        fleet, name, daemon = who
+        board = self.expected.get(who, name if daemon == "commd" else "")
+        known = not self.expected or who in self.expected
+        standing = self._standing(who, age)
+        return Row(name, daemon, board, standing, health, age, known, fleet if self._several else "")
 
-    def _standing(self, who: tuple[str, str], age: float | None) -> Standing:
+    def _standing(self, who: Who, age: float | None) -> Standing:
         boots = self._boots.get(who, ())
         tells = age is not None and age <= SILENT
         if len(boots) > 1:
@@ -134,23 +149,38 @@ class Roll:
         if not boots:
             told_since = age is not None and self._now() - age > self._left.get(who, -math.inf) + UNDER_WAY
             return "unclaimed" if tells and told_since else "missing"
-        if tells or who[1] == "client":  # clients hold their name and tell nothing else
+        if tells or who[2] == "client":  # clients hold their name and tell nothing else
             return "up"
         return "coming" if self._now() - self._since[who] <= SILENT else "silent"
 
-    def _room_for(self, who: tuple[str, str]) -> bool:
+    def _room_for(self, who: Who) -> bool:
+        self._forget()
         known = who in self._boots or who in self._health or who in self.expected
         if known or len(self._boots.keys() | self._health.keys()) < MOST:
             return True
         self.dropped += 1
         return False
 
+    def _forget(self) -> None:
+        """Forget from time to time who has gone: in a fleet that makes agents, names come without end."""
+        since = self._now() - FORGET
+        if self._forgot > since:
+            return
+        self._forgot = self._now()
+        for who in [who for who, (_, at) in self._health.items() if at < since]:
+            if who not in self._boots and who not in self.expected:
+                del self._health[who]
+        for who in [who for who, at in self._left.items() if at < since]:
+            if who not in self._health:
+                del self._left[who]
 
-def expected_of(mission: Mission) -> dict[tuple[str, str], str]:
-    """Return name and daemon of all that a mission has, each with its board; clients come and go as they like."""
-    found: dict[tuple[str, str], str] = {}
+
+def expected_of(mission: Mission) -> dict[Who, str]:
+    """Return all that a mission has, each with its board; clients come and go as they like."""
+    found: dict[Who, str] = {}
+    fleet = mission.fleet
     for board in mission.board_names:
-        found[board, "commd"] = board
-        found |= {(name, "bridged"): board for name, robot in mission.robots.items() if robot.board == board}
-        found |= {(name, "agentd"): board for name, agent in mission.agents.items() if agent.board == board}
+        found[fleet, board, "commd"] = board
+        found |= {(fleet, name, "bridged"): board for name, robot in mission.robots.items() if robot.board == board}
+        found |= {(fleet, name, "agentd"): board for name, agent in mission.agents.items() if agent.board == board}
     return found

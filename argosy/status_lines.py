@@ -29,7 +29,7 @@ def line(row: Row) -> str:
         told["in_mission"] = "no"
     words = " ".join(f"{name}={value}" for name, value in told.items() if value != "")
     notes = "".join(f" note={_quoted(note)}" for note in row.notes)
-    return f"{row.standing} {row.daemon} {row.name} {words}{notes}".rstrip()
+    return f"{row.standing} {row.daemon} {row.title} {words}{notes}".rstrip()
 
 
 def summary(fleet: str, rows: Sequence[Row]) -> str:
@@ -41,7 +41,7 @@ def summary(fleet: str, rows: Sequence[Row]) -> str:
     if not ill:
         return there
     standings = dict.fromkeys(row.standing for row in ill)
-    kinds = (f"{one}: {', '.join(f'{r.daemon} {r.name}' for r in ill if r.standing == one)}" for one in standings)
+    kinds = (f"{one}: {', '.join(f'{r.daemon} {r.title}' for r in ill if r.standing == one)}" for one in standings)
     return f"{there}; {'; '.join(kinds)}"
 
 
@@ -52,6 +52,7 @@ def to_json(fleet: str, rows: Sequence[Row], well: bool) -> dict[str, Any]:
 
 def _row_to_json(row: Row) -> dict[str, Any]:
     told: dict[str, Any] = {
+        **({"fleet": row.fleet} if row.fleet else {}),
         "name": row.name,
         "daemon": row.daemon,
         "board": row.board,

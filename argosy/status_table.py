@@ -45,7 +45,9 @@ def table(fleet: str, rows: Sequence[Row], *, away: bool = False) -> RenderableT
 def _cells(row: Row, board: str) -> list[Text]:
     dim = "" if row.well else "dim"
     mark = Text.assemble("● " if row.well else "✖ ", row.standing, style=STYLES[row.standing])
-    name = Text(row.name, style="bold") if row.in_mission else Text(f"{row.name} (not in the mission)", style="yellow")
+    name = (
+        Text(row.title, style="bold") if row.in_mission else Text(f"{row.title} (not in the mission)", style="yellow")
+    )
     cells = [Text(board, style="bold"), Text(row.daemon), name, mark]
     health = row.now
     if health is None:
@@ -66,7 +68,7 @@ def _words(rows: Sequence[Row]) -> list[Text]:
     common: dict[tuple[str, str, bool], list[str]] = {}
     for row in rows:
         for note in row.notes:
-            common.setdefault((row.daemon, note, row.well), []).append(row.name)
+            common.setdefault((row.daemon, note, row.well), []).append(row.title)
     lines = [
         Text(printable(f"{daemon} {', '.join(names)}: {note}"), style="yellow" if well else "bold red")
         for (daemon, note, well), names in sorted(common.items(), key=lambda one: one[0][2])
@@ -78,7 +80,7 @@ def _words(rows: Sequence[Row]) -> list[Text]:
                 "before it was started again" if health.last_error_age is None else f"{span(health.last_error_age)} ago"
             )
             more = f", {health.errors} in all" if health.errors > 1 else ""
-            text = f"{row.daemon} {row.name}: last error {age}{more}: {health.last_error}"
+            text = f"{row.daemon} {row.title}: last error {age}{more}: {health.last_error}"
             lines.append(Text(printable(text), style="red"))
     return lines
 

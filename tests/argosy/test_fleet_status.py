@@ -14,6 +14,7 @@ import pytest
 from rich.console import Console
 
 from argosy.__main__ import main
+from argosy.exposition import exposition
 from argosy.roll import MOST, SILENT, Roll
 from argosy.status_lines import line, summary, to_json
 from argosy.status_table import span, table
@@ -123,6 +124,32 @@ def test_names_without_end_are_not_all_followed() -> None:
         trial.alive(f"n{number}", "agentd")
     assert (len(trial.roll.rows()), trial.roll.dropped) == (MOST, 10)
     assert not trial.roll.settled
+
+
+def test_names_that_come_and_go_without_end_are_forgotten_and_new_ones_followed() -> None:
+    trial = Trial(None)
+    for number in range(MOST + 10):
+        trial.alive(f"n{number}", "agentd")
+        trial.tells(f"n{number}", "agentd")
+        trial.alive(f"n{number}", "agentd", there=False)
+        trial.at += 1
+    trial.at += SILENT
+    trial.alive("new", "agentd")
+    assert trial.standings() == {"agentd new": "coming"}
+    assert trial.roll.dropped == 0
+
+
+def test_of_several_fleets_one_name_is_not_taken_for_another() -> None:
+    roll = Roll(None, lambda: 100.0, several=True)
+    for fleet in ("alpha", "beta"):
+        roll.token(keys.alive(fleet, "uav1", "bridged", fleet), True)
+        roll.heard(keys.health(fleet, "uav1", "bridged"), Health(daemon="bridged", drops=len(fleet)))
+    rows = roll.rows()
+    assert [(row.title, row.standing) for row in rows] == [("alpha/uav1", "up"), ("beta/uav1", "up")]
+    assert [one["fleet"] for one in to_json("any", rows, True)["daemons"]] == ["alpha", "beta"]
+    page = exposition("", rows, router_up=True, dropped=3)
+    assert 'argosy_drops_total{fleet="beta",board="",daemon="bridged",name="uav1"} 4.0' in page
+    assert 'argosy_not_followed_total{fleet=""} 3' in page
 
 
 def test_a_line_tells_everything_in_keys_and_values_and_takes_no_line_breaks_from_anybody(mission: Mission) -> None:
