@@ -48,6 +48,8 @@ CLOSE_PATIENCE = 2.0
 """Wall seconds for the last words of a session; with a router that hangs Zenoh would take 10 s, and then fail."""
 ASK_WHY = 10.0
 """Wall seconds after which it is looked into again why the router is not reached."""
+UNKNOWN = "is commd running? If it is, it takes no more links: its log and its health say so"
+"""Why a router that can be reached lets nobody in."""
 LOOK_UP_PATIENCE = 3.0
 """Seconds that the name service has to find the address of this board."""
 CLAIM_PATIENCE = 3.0
@@ -327,7 +329,11 @@ class Bus:
 
     def linked(self) -> set[str]:
         """Return whom this session is linked to, by the names in their certificates."""
-        return {str(link.auth_identifier) for link in self._session.info.links() if link.auth_identifier}
+        return {name for name in self.links() if name}
+
+    def links(self) -> Counter[str]:
+        """Return how many links this session has to whom, by the names in their certificates; "" = who shows none."""
+        return Counter(str(link.auth_identifier or "") for link in self._session.info.links())
 
     async def round_trip(self, timeout: float) -> bool:
         """Ask the router for itself. Returns whether it said anything, if only that nobody answers, in wall seconds."""
@@ -520,6 +526,7 @@ class Bus:
             was, zid = self.router_up, str(event.transport.zid)
             if event.kind == zenoh.SampleKind.PUT:
                 self._routers.add(zid)
+                self.access.changed()  # it may have come back with other rules
             else:
                 self._routers.discard(zid)
             if was != self.router_up:
@@ -638,7 +645,7 @@ async def open_bus(
                     why = str(error).partition(" at /")[0]  # what follows are paths of Zenoh's sources
                     raise BusClosed(f"cannot listen at {where}: is another router running there? ({why})") from None
                 if loop.time() >= asked + ASK_WHY:
-                    before, why = why, await why_not(endpoint, tls) or "is commd running?"
+                    before, why = why, await why_not(endpoint, tls) or UNKNOWN
                     asked = loop.time()
                     if why != before:
                         log.warning("waiting for the router at %s: %s", endpoint, why)

@@ -27,12 +27,11 @@ from commd.process import (
     endpoint_argument,
     report_health,
     run_daemon,
-    tls_of,
 )
 from commd.refusals import hear_refusals
 from commd.routers import router_of
 from commd.state import state_directory
-from commd.tls import check_board
+from commd.tls import check_board, files_in
 from schemas.findings import Finding, Findings
 from schemas.mission import Mission, load_mission
 from schemas.positions import did_you_mean
@@ -80,7 +79,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
     unit = unit or Unit.of_environment().member("commd")
     board = chosen(mission, args.board)
     endpoint = args.router or mission.router.endpoint
-    tls = tls_of(args)
+    tls = files_in(args.keys) if args.keys is not None else None
     listen, connect = args.listen, args.connect
     given = router_config.read(args.config) if args.config is not None else None
     external = mission.router.external and given is None
@@ -128,7 +127,10 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
             if gateway is not None:
                 await enter(gateway.serving(mailroom))
             Checkups(bus, board, mission.board_names, folder)
-            links = await enter(open_links(bus, mission, board, tls)) if tls is not None and mode == "router" else None
+            links = None
+            if tls is not None and mode == "router":
+                most_links = given.most_links if given is not None else None
+                links = await enter(open_links(bus, mission, board, tls, most_links))
             further = (gateway, air, links)
             parts = [mailroom.health, directory.health, *(part.health for part in further if part is not None)]
             log.info("%s board=%s endpoint=%s", mode, board, endpoint)

@@ -10,7 +10,9 @@ import re
 import socket
 import ssl
 import time
+from concurrent.futures import Future
 from contextlib import closing
+from threading import Lock, Thread
 
 from commd.tls import Identity, Tls, day, identity_of, shown_by
 from schemas.findings import Findings
@@ -21,6 +23,9 @@ VERDICT = 0.5
 """Wall seconds in which the other side says that it does not accept our certificate; it says nothing if it does."""
 _PLACE = re.compile(r"(tcp|tls)/(?:\[([^\]]+)\]|([^:/?#]+)):(\d+)")
 _UNIX = "unixsock-stream/"
+_attempts: dict[tuple[str, Tls | None], Future[str]] = {}
+"""Those that are under way."""
+_lock = Lock()
 _OUR_DATES = {"SSLV3_ALERT_CERTIFICATE_EXPIRED"}
 _OUR_NAME = {
     "TLSV1_ALERT_UNKNOWN_CA",
@@ -34,9 +39,37 @@ _OUR_NAME = {
 async def why_not(endpoint: str, tls: Tls | None) -> str:
     """Return in words why no router is reached at an endpoint, or nothing if nothing speaks against it."""
     try:
-        return await asyncio.wait_for(asyncio.to_thread(attempt, endpoint, tls), 3 * PATIENCE)
+        return await asyncio.wait_for(asyncio.wrap_future(_asked(endpoint, tls)), 3 * PATIENCE)
     except TimeoutError:
         return "the name service does not answer"
+
+
+def _asked(endpoint: str, tls: Tls | None) -> Future[str]:
+    """Begin an attempt in a thread of its own, or join the one that is under way.
+
+    A name service may keep a thread for long, and nobody can end it: so there is one for each endpoint at most, and
+    it is none of those that the rest of the process waits for.
+    """
+    with _lock:
+        if (under_way := _attempts.get((endpoint, tls))) is not None:
+            return under_way
+        asked = _attempts[endpoint, tls] = Future[str]()
+        asked.set_running_or_notify_cancel()  # from now on whoever waits no longer leaves it to the others
+
+    def try_it() -> None:
+        try:
+            found, error = attempt(endpoint, tls), None
+        except BaseException as defect:
+            found, error = "", defect
+        with _lock:
+            del _attempts[endpoint, tls]
+        if error is not None:
+            asked.set_exception(error)
+        else:
+            asked.set_result(found)
+
+    Thread(target=try_it, name="reaching", daemon=True).start()
+    return asked
 
 
 def attempt(endpoint: str, tls: Tls | None) -> str:
@@ -97,6 +130,8 @@ def _attempt_tls(connection: socket.socket, host: str, tls: Tls) -> str:
     try:
         with shown_by(connection, tls) as (theirs, session):
             return _judged(theirs, host) or _verdict(session, ours)
+    except Findings as findings:  # the files were replaced this moment
+        return f"our own keys: {findings}"
     except ssl.SSLCertVerificationError as error:
         text = "who is there has a certificate that our ca.pem does not believe: another fleet's, or a revoked one"
         return f"{text} ({error.verify_message})"

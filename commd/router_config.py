@@ -38,8 +38,9 @@ MESSAGES = {
 EVERY = [message for messages in MESSAGES.values() for message in messages]
 LARGEST_MESSAGE = 2 * MAX_BYTES
 """Bytes; the link of whoever sends a larger one is closed."""
-MOST_LINKS = 250
-"""Machines and daemons that are linked to a router at once."""
+MOST_LINKS = 800
+"""Machines and daemons that are linked to a router at once, some 50 kB and a file each: systemd gives 1024 files. Zenoh
+counts the board's own daemons and other machines together, and can keep no room for either."""
 RETRY = {"period_init_ms": RETRY_MS, "period_max_ms": RETRY_MS, "period_increase_factor": 1}
 HERE = "on this board"
 """Subject of whoever connects by the board's socket: its file permissions are their password."""
@@ -151,14 +152,16 @@ class RouterFile:
     """Access is controlled, and denied unless allowed."""
     tls: Tls | None
     """By which it reaches other machines."""
+    most_links: int
+    """Machines and daemons that it takes at once."""
 
 
 def read(file: Path) -> RouterFile:
     """Read a router's configuration. Raises Findings that say what is wrong with it."""
     try:
         config = zenoh.Config.from_json5(file.read_text(encoding="utf-8"))
-        names = ("mode", "listen/endpoints", "access_control", "transport/link/tls")
-        mode, endpoints, control, tls = (json.loads(config.get_json(name)) for name in names)
+        names = ("mode", "listen/endpoints", "access_control", "transport/link/tls", "transport/unicast/max_sessions")
+        mode, endpoints, control, tls, most_links = (json.loads(config.get_json(name)) for name in names)
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "expected text in UTF-8"
         raise Findings([Finding(str(file), 0, 0, f"cannot read it: {why}")]) from None
@@ -175,6 +178,7 @@ def read(file: Path) -> RouterFile:
         listen,
         secured=control["enabled"] and control["default_permission"] == "deny",
         tls=Tls(*map(Path, files)) if all(files) else None,
+        most_links=most_links,
     )
 
 

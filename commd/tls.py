@@ -83,23 +83,38 @@ def tls_in(folder: Path, now: Callable[[], float] = time.time) -> Tls:
 
 def identity_of(tls: Tls, now: float) -> Identity:
     """Return who the keys say this machine is. Raises Findings for keys that no other machine would accept."""
+    identity = identity_in(tls)
+    if words := out_of_date(identity, now):
+        raise _wrong(tls.certificate, words)
+    return identity
+
+
+def identity_in(tls: Tls) -> Identity:
+    """Return who the keys say this machine is, whatever their dates. Raises Findings for keys that are wrong."""
     for file, what in ((tls.root, "whom to believe"), (tls.certificate, "the certificate"), (tls.key, "its key")):
         _readable(file, what)
     if stat.S_IMODE(tls.key.stat().st_mode) & 0o077:
         raise _wrong(tls.key, f"others on this machine may read the key: `chmod 600 {tls.key}`")
-    identity = _shown(tls)
+    return _shown(tls)
+
+
+def out_of_date(identity: Identity, now: float) -> str:
+    """Return in words that a certificate is not valid yet, or no more; empty if it is valid."""
     if now < identity.begins:
         text = f"the certificate of `{identity.name}` is valid from {day(identity.begins)} on, and this machine's clock"
-        raise _wrong(tls.certificate, f"{text} says {day(now)}: set the clock")
+        return f"{text} says {day(now)}: set the clock"
     if now >= identity.ends:
         text = f"the certificate of `{identity.name}` expired on {day(identity.ends)} (it is {day(now)}): on the"
-        raise _wrong(tls.certificate, f"{text} operator's machine, `argosy keys renew` makes another")
-    return identity
+        return f"{text} operator's machine, `argosy keys renew` makes another"
+    return ""
 
 
 def check_board(tls: Tls, mission: Mission, board: str) -> None:
-    """Raise Findings for keys by which the other boards would not know this one, or would not reach it."""
-    identity = identity_of(tls, time.time())
+    """Raise Findings for keys by which the other boards would not know this one, or would not reach it.
+
+    Their dates are no reason: without other machines a board goes on, and a clock may be set later (`commd.links`).
+    """
+    identity = identity_in(tls)
     if identity.name != board:
         raise _wrong(tls.certificate, f"the keys are those of `{identity.name}`, and this is board `{board}`")
     address = mission.boards[board].address if board in mission.boards else ""

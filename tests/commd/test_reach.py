@@ -9,17 +9,20 @@ import socket
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from threading import Event
+from typing import Any, cast
 
 import pytest
 import zenoh
 
+from commd import reach
 from commd.bus import Bus, BusClosed, open_bus
-from commd.links import Links, ending
+from commd.links import Links, dates
 from commd.reach import attempt, why_not
 from commd.session import session_config
 from commd.tls import Tls
@@ -209,12 +212,92 @@ def test_a_board_tells_which_link_is_missing_and_why_until_it_is_there(fleet: Fl
 
 @pytest.mark.parametrize(
     ("days", "words"),
-    [(31, ()), (29, ("the certificate of pi2 ends on",)), (-1, ("the certificate of `pi2` expired on",))],
+    [(31, ""), (29, "the certificate of pi2 ends on"), (-1, "the certificate of `pi2` expired on")],
 )
-def test_a_board_tells_when_its_own_certificate_ends_soon(fleet: FleetKeys, days: int, words: tuple[str, ...]) -> None:
-    said = ending(fleet.make("pi2", ends=days * 86_400), time.time())
-    assert len(said) == len(words)
-    assert all(one.startswith(begin) for one, begin in zip(said, words, strict=True))
+def test_a_board_tells_when_its_own_certificate_ends_soon(fleet: FleetKeys, days: int, words: str) -> None:
+    said, over = dates(fleet.make("pi2", ends=days * 86_400), time.time())
+    assert said.startswith(words)
+    assert bool(said) == bool(words)
+    assert over == (days < 0)
+
+
+class FewLinks:
+    """A router's session with so many links, or one that cannot say."""
+
+    def __init__(self) -> None:
+        self.those: Counter[str] | None = Counter()
+
+    def links(self) -> Counter[str]:
+        if self.those is None:
+            raise OSError("no session")
+        return self.those
+
+
+def test_a_board_tells_that_its_router_has_little_room_left_and_who_takes_it(fleet: FleetKeys) -> None:
+    async def body() -> None:
+        bus = FewLinks()
+        mission = read_mission(TWO.replace("ONE", "").replace("TWO", ""), Path("m.yaml"))
+        links = Links(cast(Bus, bus), mission, "pi1", fleet.make("pi1", ends=90 * 86_400), look=0.01, most=10)
+        watching = asyncio.create_task(links.watch())
+        bus.those = Counter({"": 2, "eye": 6})
+        full = "8 of 10 links are taken, `eye` has 6 of them: whoever comes when there are none is refused"
+        await until(lambda: links.health().notes == (full,), "it is told")
+        assert links.health().counters["links"] == 8
+        bus.those = Counter({"": 2, "eye": 5})
+        await until(lambda: links.health().notes == (), "there is room")
+        watching.cancel()
+
+    asyncio.run(asyncio.wait_for(body(), 30))
+
+
+def test_a_watch_over_links_that_fails_says_so_and_goes_on(fleet: FleetKeys, caplog: pytest.LogCaptureFixture) -> None:
+    async def body() -> None:
+        bus = FewLinks()
+        mission = read_mission(TWO.replace("ONE", "").replace("TWO", ""), Path("m.yaml"))
+        links = Links(cast(Bus, bus), mission, "pi1", fleet.make("pi1", ends=90 * 86_400), look=0.01)
+        watching = asyncio.create_task(links.watch())
+        bus.those = None
+        defect = "defect in argosy: the watch over the links: OSError: no session"
+        await until(lambda: links.health().notes == (defect,), "it is told")
+        bus.those = Counter({"": 1})
+        await until(lambda: links.health().notes == (), "it goes on")
+        watching.cancel()
+
+    asyncio.run(asyncio.wait_for(body(), 30))
+    assert caplog.text.count("defect in argosy: the watch over the links") < 3, "not at each look"
+
+
+def test_a_name_service_that_does_not_answer_keeps_one_thread_for_each_endpoint_and_none_that_others_need(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    answered, begun = Event(), list[str]()
+
+    def attempt(endpoint: str, tls: Tls | None) -> str:
+        begun.append(endpoint)
+        answered.wait(60)
+        return f"no {endpoint}"
+
+    monkeypatch.setattr(reach, "attempt", attempt)
+    monkeypatch.setattr(reach, "PATIENCE", 0.05)
+
+    async def body() -> None:
+        ends = [f"tls/pi{number}.local:7447" for number in range(20)]
+        for _ in range(3):
+            assert set(await asyncio.gather(*(why_not(end, None) for end in ends))) == {
+                "the name service does not answer"
+            }
+        assert sorted(begun) == sorted(ends), "none is asked again while it is being asked"
+        assert await asyncio.wait_for(asyncio.to_thread(lambda: "free"), 20) == "free"
+        monkeypatch.setattr(reach, "PATIENCE", 10)
+        waiting = asyncio.create_task(why_not(ends[0], None))
+        await asyncio.sleep(0)
+        answered.set()
+        assert await waiting == f"no {ends[0]}"
+
+    try:
+        asyncio.run(asyncio.wait_for(body(), 60))
+    finally:
+        answered.set()
 
 
 def test_an_expired_certificate_ends_its_links_and_a_new_one_on_disk_is_dialled_with_at_once(

@@ -113,6 +113,13 @@ def test_a_board_takes_its_own_keys_only_and_for_its_own_address(fleet: FleetKey
         check_board(tls, mission, "pi2")
 
 
+@pytest.mark.parametrize("dates", [{"ends": -5.0}, {"begins": 3600.0, "ends": 7200.0}])
+def test_a_board_takes_its_keys_whatever_their_dates(fleet: FleetKeys, dates: dict[str, float]) -> None:
+    """The other boards refuse it; its own daemons need no certificate, and its clock may be set later."""
+    mission = read_mission(MISSION.replace("ADDRESS", "127.0.0.1"), Path("m.yaml"))
+    check_board(fleet.make("pi1", **dates), mission, "pi1")  # type: ignore[arg-type]
+
+
 def test_a_daemon_reads_its_keys_without_the_package_that_makes_them(fleet: FleetKeys) -> None:
     tls = fleet.make("pi1")
     code = (
