@@ -1,26 +1,33 @@
 """The operator's bus to a fleet with keys: a session with each board, and each question to the board that it is for.
 
 The router of a board lets an operator through, and not what another board passes on in his name (docs/security.md).
+What is there and what is said is taken from all boards: each tells of itself, however its links to the others are.
 """
 
 from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncGenerator, AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Mapping, Sequence
 from contextlib import AsyncExitStack, aclosing, asynccontextmanager
+from functools import partial
 from typing import Any, TypeVar
 
 from commd.bus import BACKLOG, Bus, BusClosed, Reply, open_bus
 from commd.routers import endpoint_of
+from commd.tasks import Tasks
 from commd.tls import Tls
 from schemas.findings import Findings
 from schemas.mission import Mission
-from schemas.records import Record
+from schemas.records import Header, Record
 
 R = TypeVar("R", bound=Record)
 AT_ONCE = 256
 """Replies of several boards that may wait to be taken."""
+DIAL_AGAIN = 5.0
+"""Wall seconds after which a board that was not reached is dialled again by who listens to all of them."""
+MOST_STREAMS = 20_000
+"""Keys of which is known what was heard last; beyond that it is forgotten, and a record may be heard twice."""
 
 
 class Boards:
@@ -31,6 +38,9 @@ class Boards:
         self.homes: Mapping[str, str] = mission.mailboxes | robots | {board: board for board in mission.boards}
         """Where each name lives."""
         self.opening: dict[str, asyncio.Task[FleetBus]] = {}
+        self.listening = Tasks("listening to a board")
+        """What listens to boards that are not reached yet."""
+        self.dial: Callable[[str], asyncio.Task[FleetBus]] | None = None
 
     async def bus(self, board: str) -> Bus | str:
         """Return the session with a board, or why there is none."""
@@ -41,11 +51,70 @@ class Boards:
         except BusClosed as closed:
             return str(closed)
 
+    async def unreached(self) -> dict[str, str]:
+        """Return the boards without a session, and why they have none, after their time to answer."""
+        found = {board: await self.bus(board) for board in self.opening}
+        return {board: why for board, why in found.items() if isinstance(why, str)}
+
+    def at_each(self, declare: Callable[[str, Bus], None]) -> None:
+        """Call `declare(board, session)` for each board, of those that are not reached when they are."""
+        for board in self.opening:
+            self.listening.spawn(self._once_reached(board, declare))
+
+    async def _once_reached(self, board: str, declare: Callable[[str, Bus], None]) -> None:
+        while isinstance(bus := await self.bus(board), str):
+            await asyncio.sleep(DIAL_AGAIN)
+            if self.dial is not None and self.opening[board].done():
+                self.opening[board] = self.dial(board)
+        declare(board, bus)
+
 
 class FleetBus(Bus):
-    """A session with one board, whose questions go to whichever board they are for."""
+    """A session with one board, whose questions go to whichever board they are for, and that hears all of them."""
 
     boards: Boards
+
+    async def tokens(self, key: str, timeout: float = 2.0) -> list[str]:
+        """As `Bus.tokens`, of all boards that are reached; `boards.unreached` names the others."""
+
+        async def at(board: str) -> list[str]:
+            bus = await self.boards.bus(board)
+            return [] if isinstance(bus, str) else await Bus.tokens(bus, key, timeout)
+
+        found = await asyncio.gather(*map(at, self.boards.opening))
+        return sorted({token for tokens in found for token in tokens})
+
+    def watch(self, key: str, handler: Callable[[str, bool], None]) -> None:
+        """As `Bus.watch`: a token is there as long as one board has it."""
+        seen_by: dict[str, set[str]] = {}
+
+        def told(board: str, token: str, alive: bool) -> None:
+            boards = seen_by.setdefault(token, set())
+            was = bool(boards)
+            (boards.add if alive else boards.discard)(board)
+            if not boards:
+                del seen_by[token]
+            if was != bool(boards):
+                handler(token, alive)
+
+        self.boards.at_each(lambda board, bus: Bus.watch(bus, key, partial(told, board)))
+
+    def subscribe(self, key: str, record: type[R], handler: Callable[[str, R], None]) -> None:
+        """As `Bus.subscribe`: what comes by several boards is heard once, as it came first."""
+        newest: dict[str, tuple[str, int]] = {}
+
+        def told(name: str, said: R) -> None:
+            header = getattr(said, "header", None)
+            if isinstance(header, Header) and header.boot:
+                boot, seq = newest.get(name, ("", -1))
+                if header.boot == boot and header.seq <= seq:
+                    return
+                if len(newest) >= MOST_STREAMS:
+                    newest.clear()
+                newest[name] = (header.boot, header.seq)
+            handler(name, said)
+
+        self.boards.at_each(lambda _, bus: Bus.subscribe(bus, key, record, told))
 
     async def query(
         self, key: str, ask: Record | None, answer: type[R], timeout: float, *, limit: int = BACKLOG
@@ -117,10 +186,12 @@ async def open_fleet_bus(mission: Mission, tls: Tls, patience: float, **options:
             bus.boards = boards
             return bus
 
-        boards.opening = {board: asyncio.create_task(reach(place)) for board, place in places.items() if place}
+        boards.dial = lambda board: asyncio.create_task(reach(places[board] or ""))
+        boards.opening = {board: boards.dial(board) for board, place in places.items() if place}
         try:
             yield await _first(list(boards.opening.values()))
         finally:
+            await boards.listening.end()
             for task in boards.opening.values():
                 task.cancel()
             await asyncio.gather(*boards.opening.values(), return_exceptions=True)

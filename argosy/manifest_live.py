@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable
 from contextlib import aclosing
 from typing import Any
 
-from argosy.operator_bus import Unanswered, Where, add_fleet_arguments, bridges, on_the_bus
+from argosy.operator_bus import Unanswered, Where, add_fleet_arguments, bridges, on_the_bus, unreached
 from commd.bus import Bus
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas import keys
@@ -137,7 +137,8 @@ async def _fleet_of(bus: Bus, where: Where, robot: str) -> str:
     fleets = [its for its, name in there if name == robot]
     if not fleets:
         known = did_you_mean(robot, {name for _, name in there}) or "; no bridge is there at all"
-        raise Unanswered(f"{robot}: its bridge is not on the bus at {where.router}{known}")
+        missing = "".join(f"\n  {line}" for line in await unreached(bus))
+        raise Unanswered(f"{robot}: its bridge is not on the bus at {where.router}{known}{missing}")
     if len(fleets) > 1:
         raise Unanswered(f"{robot}: it is in the fleets {', '.join(fleets)}; say which by --fleet")
     return fleets[0]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from argosy.endpoint import endpoint
-from argosy.fleet_bus import open_fleet_bus
+from argosy.fleet_bus import FleetBus, open_fleet_bus
 from commd.bus import Bus, BusClosed, open_bus
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, tls_of
 from commd.tls import Tls, identity_of
@@ -41,6 +41,8 @@ class Where:
     """This machine's keys."""
     mission: Mission | None = None
     """With keys: the mission whose boards are spoken to, each at its own router."""
+    robots: tuple[str, ...] = ()
+    """Those of the mission, where one is given."""
 
 
 def add_fleet_arguments(parser: ArgumentParser, without: str) -> None:
@@ -68,9 +70,8 @@ def where(args: Namespace) -> Where:
         raise Findings([Finding("--keys", 0, 0, text)])
     if mission is not None:
         each = mission if tls is not None and not args.router else None
-        return Where(
-            mission.fleet, args.router or (_of_boards(mission) if each else mission.router.endpoint), tls, each
-        )
+        router = args.router or (_of_boards(mission) if each else mission.router.endpoint)
+        return Where(mission.fleet, router, tls, each, tuple(mission.robots))
     return Where(args.fleet or ANY, args.router or DEFAULT_ROUTER, tls)
 
 
@@ -121,6 +122,12 @@ def on_the_bus(args: Namespace, work: Callable[[Bus, Where], Awaitable[int]]) ->
     except (BusClosed, Unanswered) as error:
         print(f"error: {error}", file=sys.stderr)
         return EXIT_FAILED
+
+
+async def unreached(bus: Bus) -> list[str]:
+    """Return a line for each board that this bus should speak with and does not."""
+    missing = await bus.boards.unreached() if isinstance(bus, FleetBus) else {}
+    return [f"board {board} is not reached: {why}" for board, why in missing.items()]
 
 
 async def bridges(bus: Bus, fleet: str) -> list[tuple[str, str]]:

@@ -14,8 +14,10 @@ import pytest
 
 from argosy.__main__ import main
 from commd.bus import Bus, Query, open_bus
+from commd.router_config import write
 from schemas import keys
 from schemas.records import Outcome, StopOrder
+from tests.support.secured import Secured
 
 
 async def _bridge(bus: Bus, robot: str, answer: Outcome | None, orders: list[tuple[str, str]]) -> None:
@@ -144,6 +146,74 @@ def test_a_mission_names_fleet_and_router(endpoint: str, tmp_path: Path) -> None
     with fleet(endpoint, uav1=Outcome(ok=True)) as orders:
         assert main(["stop", "rtl", "--mission", str(mission)]) == 0
     assert orders == [("uav1", "rtl")]
+
+
+def test_a_robot_of_the_mission_is_never_left_out(
+    endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mission = tmp_path / "m.yaml"
+    robots = "robots: {uav1: {manifest: turtle, prefix: a}, uav2: {manifest: turtle, prefix: b}}\n"
+    agents = "agents: {a: {program: a.asl, robot: uav1}}\n"
+    mission.write_text(f"mission: m\nfleet: sar\n{agents}{robots}router: {{endpoint: {endpoint}}}\n")
+    with fleet(endpoint, uav1=Outcome(ok=True), uav3=Outcome(ok=True)) as orders:
+        assert main(["stop", "rtl", "--mission", str(mission)]) == 1
+    assert sorted(orders) == [("uav1", "rtl"), ("uav3", "rtl")]
+    assert capsys.readouterr().out.splitlines() == [
+        "uav1: rtl confirmed",
+        f"uav2: rtl NOT confirmed (its bridge is not on the bus at {endpoint})",
+        "uav3: rtl confirmed",
+    ]
+
+
+def test_robots_of_boards_that_do_not_hear_each_other_are_stopped(capsys: pytest.CaptureFixture[str]) -> None:
+    with Secured() as made:
+        for board in ("pi1", "pi2"):
+            settings = made.settings(board)
+            settings["connect"]["endpoints"] = []
+            (made.folder / "apart.json5").write_text(write(settings))
+            state = ("--state", str(made.folder / "state" / board))
+            daemon = made.run(
+                "commd", "serve", str(made.path), "--board", board, *state, "--config", str(made.folder / "apart.json5")
+            )
+            daemon.says("router board=")
+        capsys.readouterr()
+        by_keys = ("--mission", str(made.path), "--keys", str(made.keys("ops")))
+        with _bridges(made, "r1", "r2") as orders:
+            assert main(["stop", "hold", *by_keys]) == 1
+            said = capsys.readouterr()
+            assert main(["status", str(made.path), *by_keys[2:], "--wait", "5"]) == 1
+            seen = capsys.readouterr().out
+            assert main(["stop", "rtl", "r2", *by_keys]) == 0
+    assert sorted(orders) == [("r1", "hold"), ("r2", "hold"), ("r2", "rtl")]
+    assert said.out.splitlines()[:2] == ["r1: hold confirmed", "r2: hold confirmed"]
+    assert said.out.splitlines()[2].startswith("r3: hold NOT confirmed (board pi3 is not reached: ")
+    assert "note: board pi3 is not reached: " in said.err
+    assert {("up", "commd", "pi1"), ("up", "commd", "pi2")} <= {tuple(row.split()[:3]) for row in seen.splitlines()}
+
+
+@contextmanager
+def _bridges(made: Secured, *robots: str) -> Iterator[list[tuple[str, str]]]:
+    """Run bridges that confirm whatever they are told, each at the socket of its board; gives the orders they got."""
+    orders: list[tuple[str, str]] = []
+    ready, stop = threading.Event(), threading.Event()
+
+    async def serve() -> None:
+        async with AsyncExitStack() as stack:
+            for robot in robots:
+                at = made.socket(made.mission.robots[robot].board)
+                opened = open_bus(at, fleet="three", name=robot, daemon="bridged", stamp=time.time_ns)
+                await _bridge(await stack.enter_async_context(opened), robot, Outcome(ok=True), orders)
+            ready.set()
+            await asyncio.to_thread(stop.wait)
+
+    thread = threading.Thread(target=lambda: asyncio.run(serve()))
+    thread.start()
+    try:
+        assert ready.wait(20)
+        yield orders
+    finally:
+        stop.set()
+        thread.join(20)
 
 
 def test_a_mission_that_cannot_be_read_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
