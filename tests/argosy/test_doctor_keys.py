@@ -9,12 +9,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+import zenoh
 
 from argosy import doctor_keys
 from argosy.__main__ import main as argosy
 from argosy.diagnosis import Said
 from argosy.doctor_keys import certificates
-from schemas.mission import Mission, load_mission
+from commd.session import session_config
+from schemas.mission import Mission, load_mission, read_mission
+from tests.support.fleet_keys import FleetKeys
 from tests.support.ports import free_port
 from tests.support.processes import Daemon
 from tests.support.secured import Secured
@@ -79,6 +82,21 @@ def test_dates_are_seen_on_this_machine_and_from_the_boards_that_show_them(
             ]
             assert ", in 399 days" in soon[1].text or ", in 400 days" in soon[1].text
             assert all("argosy keys renew" in one.do for one in soon)
+
+
+def test_a_board_whose_certificate_has_expired_is_there_and_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fleet = FleetKeys(tmp_path)
+    tls, at = fleet.make("pi1", ends=-5), free_port()
+    text = MISSION.replace("PORT1", str(at)).replace("PORT2", str(free_port()))
+    mission = read_mission(text, tmp_path / "kept.yaml")
+    listens = session_config("router", f"tls/127.0.0.1:{at}", "pi1", tls=tls)
+    with zenoh.open(listens):
+        said = certificates(mission, fleet.make("pi3").key.parent)
+    (pi1,) = [one for one in said if "pi1" in one.text]
+    assert pi1.level == "error"
+    assert pi1.text.startswith("pi1's certificate (`pi1`) expired on 20")
 
 
 def test_keys_that_are_missing_or_open_to_others_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
