@@ -23,6 +23,7 @@ from commd import router_config
 from commd.bus import AlreadyRunning, BusClosed
 from commd.notify import Member, Unit
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, run_daemon
+from commd.refusals import hear_refusals
 from schemas.findings import Findings
 from schemas.mission import Mission, load_mission
 
@@ -66,6 +67,8 @@ def run(args: Namespace) -> int:
     """Run the board until it is told to stop, or a part of it fails. Returns the exit code."""
     sys.setrecursionlimit(max(sys.getrecursionlimit(), agentd.daemon.DEEPEST_CALLS))
     discover()
+    if args.keys is not None or args.config is not None:
+        hear_refusals()
 
     async def main(stop: asyncio.Event) -> int:
         asyncio.get_running_loop().call_later(SETTLED, _settle)

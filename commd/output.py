@@ -45,6 +45,10 @@ class Output:
         except OSError:  # closed: there is no reader
             return True
 
+    def keep(self) -> None:
+        """Go on writing to where it writes now, whatever becomes of its descriptor."""
+        self._descriptor = os.dup(self._descriptor)
+
     def write(self, text: str, priority: int = INFORMATIONAL) -> None:
         """Write a line, or several that belong together, later; never waits."""
         if self._to_journal:  # a text must not set a priority of its own

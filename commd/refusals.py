@@ -8,11 +8,14 @@ from __future__ import annotations
 import logging
 import os
 import re
+import sys
 import threading
 import time
 from collections import Counter
 
 import zenoh
+
+from commd.output import stdout
 
 COUNTED = "refused"
 """Counter in commd's health."""
@@ -34,15 +37,22 @@ TELL = 60.0
 """Wall seconds between two lines about the same reason: who is refused dials again and again."""
 LONGEST = 200
 """Characters of words that are not known here."""
+REASONS = 100
+"""Reasons that are told apart: words that are not known here are Zenoh's, about what somebody sent."""
 log = logging.getLogger("refusals")
 counters: Counter[str] = Counter()
 """What was refused in this process."""
 
 
 def hear_refusals() -> None:
-    """Read what Zenoh says of handshakes, from now on: standard output is Zenoh's then. Not if RUST_LOG is set."""
+    """Read what Zenoh says of handshakes, from now on. Not if RUST_LOG is set.
+
+    Descriptor 1 is Zenoh's then; what agents print goes where it went, by `output.stdout` and by Python's `print`.
+    """
     if "RUST_LOG" in os.environ:
         return
+    stdout().keep()
+    sys.stdout = os.fdopen(os.dup(1), "w", buffering=1, encoding=sys.stdout.encoding, errors="backslashreplace")
     read, write = os.pipe()
     os.dup2(write, 1)
     os.close(write)
@@ -59,6 +69,8 @@ def _read(descriptor: int) -> None:
                 continue
             why = in_words(said[1])
             counters[COUNTED] += 1
+            if len(told) >= REASONS and why not in told and why not in dict(WORDS).values():
+                why = "for another reason"
             untold[why] += 1
             if time.monotonic() - told.get(why, -TELL) >= TELL:
                 told[why] = time.monotonic()

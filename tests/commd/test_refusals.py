@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import asyncio
 import subprocess
 import sys
@@ -9,6 +10,8 @@ import time
 
 import pytest
 
+import commd.daemon
+from argosy import board
 from argosy.__main__ import main as argosy
 from commd.bus import open_bus
 from commd.refusals import in_words
@@ -16,6 +19,7 @@ from commd.tls import files_in
 from schemas import keys
 from schemas.records import Health
 from tests.support.buses import until
+from tests.support.processes import ROOT
 from tests.support.secured import Secured
 
 
@@ -39,7 +43,7 @@ def test_a_refused_machine_is_seen_in_the_log_and_the_health_of_the_board(capsys
         async def counted() -> None:
             options = {"fleet": "three", "name": "x", "daemon": "agentd", "stamp": time.time_ns}
             async with open_bus(fleet.socket("pi1"), **options) as bus:  # type: ignore[arg-type]
-                told: list[int] = []
+                told: list[float] = []
                 key = keys.health("three", "pi1", "commd")
                 bus.subscribe(key, Health, lambda _, said: told.append(said.counters.get("refused", 0)))
                 await until(lambda: bool(told) and told[-1] > 0, "health counts it")
@@ -72,3 +76,41 @@ except OSError:
 )
 def test_what_zenoh_says_of_handshakes_is_told_in_words(said: str, words: str) -> None:
     assert in_words(said) == words
+
+
+_SPEAKER = """
+import os, sys, time
+from commd import refusals
+from commd.output import flush, stdout
+refusals.hear_refusals()
+for number in range(3 * refusals.REASONS):
+    os.write(1, b"WARN zenoh_link_tls::unicast: what nobody knew %d. Hint: x\\n" % number)
+os.write(1, b"WARN zenoh_link_tls::unicast: certificate expired. Hint: x\\n")
+stdout().write("[a] by a program")
+print("by its Python function")
+until = time.monotonic() + 30
+while refusals.counters["refused"] <= 3 * refusals.REASONS and time.monotonic() < until:
+    time.sleep(0.01)
+flush()
+"""
+
+
+def test_what_agents_print_goes_where_it_went_although_zenohs_words_are_heard() -> None:
+    said = subprocess.run([sys.executable, "-c", _SPEAKER], capture_output=True, text=True, timeout=60, cwd=ROOT)
+    assert sorted(said.stdout.splitlines()) == ["[a] by a program", "by its Python function"]
+    assert said.stderr.count("refused a machine") == 102, "words without end are one reason"
+    assert "its certificate has expired count=1" in said.stderr
+
+
+@pytest.mark.parametrize(("options", "hears"), [((), False), (("--keys", "k"), True), (("--config", "c"), True)])
+def test_a_board_in_one_process_hears_refusals_where_commd_does(
+    options: tuple[str, ...], hears: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heard: list[bool] = []
+    for module in (board, commd.daemon):
+        monkeypatch.setattr(module, "hear_refusals", lambda: heard.append(True))
+        monkeypatch.setattr(module, "run_daemon", lambda *_: 0)
+        parser = argparse.ArgumentParser()
+        module.add_arguments(parser)
+        assert module.run(parser.parse_args(["mission.yaml", *options])) == 0
+    assert heard == [True, True] * hears
