@@ -12,7 +12,7 @@ import asyncio
 import json
 import logging
 from collections.abc import AsyncIterator, Collection, Sequence
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from typing import TYPE_CHECKING
 
 from commd.trying import which_come_through
@@ -29,6 +29,8 @@ ANSWER = 1.0
 """Wall seconds that the router has to answer."""
 SETTLING = 5.0
 """Wall seconds after a change until it is looked whether it is seen."""
+LOOK_AGAIN = 30.0
+"""Wall seconds until it is looked again, unless all is well: the router may only have been busy."""
 KINDS = {"queryable": "to serve", "subscriber": "to subscribe to", "token": "to hold the token"}
 ROUTER = "@/*/router"
 """What a router says of itself."""
@@ -40,6 +42,11 @@ async def refused(bus: Bus, puts: Collection[str] = ()) -> str:
 
     What cannot be known, because the router does not answer, is no denial.
     """
+    return await known_refused(bus, puts) or ""
+
+
+async def known_refused(bus: Bus, puts: Collection[str] = ()) -> str | None:
+    """Return what `refused` does, or None if it cannot be known."""
     from commd.bus import BusClosed
 
     try:
@@ -48,10 +55,12 @@ async def refused(bus: Bus, puts: Collection[str] = ()) -> str:
             through = await which_come_through(bus.raw, other.raw, puts, PATIENCE) if puts else set()
             answers = await other.raw.look_up(ROUTER, ANSWER)
     except BusClosed:
-        return ""
+        return None
     denied = [f"{KINDS[kind]} {key}" for kind, key in unseen]
     denied += [f"to put on {key}" for key in puts if key not in through]
-    return await in_words(bus, denied) if denied and answers else ""
+    if denied and not answers:
+        return None
+    return await in_words(bus, denied) if denied else ""
 
 
 async def in_words(bus: Bus, denied: Sequence[str]) -> str:
@@ -72,7 +81,8 @@ async def router_name(bus: Bus) -> str:
 
 
 class Watch:
-    """Looks a moment after each declaration whether it is known to the router, and keeps what is denied in words."""
+    """Looks a moment after each declaration, and each time that the router came, whether it is known to it, and keeps
+    what is denied in words."""
 
     def __init__(self, bus: Bus) -> None:
         self.note = ""
@@ -80,19 +90,37 @@ class Watch:
         self._bus, self._due = bus, asyncio.Event()
 
     def changed(self) -> None:
-        """Something was declared or taken back."""
+        """Something was declared or taken back, or the router came."""
         self._due.set()
 
     async def run(self) -> None:
-        """Look whenever something changed, for ever."""
+        """Look whenever something changed, and now and then while something is denied or not known, for ever."""
+        settled = True
         while True:
-            await self._due.wait()
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._due.wait(), None if settled else LOOK_AGAIN)
             await asyncio.sleep(SETTLING)
             self._due.clear()
-            note = await refused(self._bus)
-            if note and note != self.note:
-                log.error("denied %s", note)
-            self.note = note
+            settled = await self._look()
+
+    async def _look(self) -> bool:
+        """Look once. Returns whether all is known and well."""
+        if not self._bus.declared:
+            self.note = ""
+            return True
+        try:
+            note = await known_refused(self._bus)
+        except Exception as error:  # the next look may do better; without one, what is denied would never be told
+            log.exception("defect in argosy: %s: %s", type(error).__name__, error)
+            return False
+        if note is None:
+            return False
+        if note and note != self.note:
+            log.error("denied %s", note)
+        elif self.note and not note:
+            log.info("allowed again")
+        self.note = note
+        return not note
 
 
 @asynccontextmanager

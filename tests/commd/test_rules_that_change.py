@@ -1,0 +1,95 @@
+"""A router that comes back with other rules: whom it denies now hears of it, and when it is allowed again."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+import pytest
+
+from commd import denials
+from commd.bus import Bus, open_bus
+from commd.router_config import write
+from schemas import keys
+from schemas.records import MindView
+from tests.support.buses import until
+from tests.support.processes import Daemon
+from tests.support.secured import Secured
+
+NAME = "three"
+
+
+def start(fleet: Secured, denied: str) -> Daemon:
+    """Start commd of pi1, whose rules for the board's own daemons leave out the keys of an agent."""
+    settings = fleet.settings("pi1")
+    for rule in settings["access_control"]["rules"]:
+        if rule["id"].startswith("on this board") and denied:
+            rule["key_exprs"] = [key for key in rule["key_exprs"] if f"/{denied}/" not in key]
+    file = fleet.folder / "rules.json5"
+    file.write_text(write(settings))
+    state = ("--state", str(fleet.folder / "state"))
+    daemon = fleet.run("commd", "serve", str(fleet.path), "--board", "pi1", *state, "--config", str(file))
+    daemon.says("router board=", 60)
+    return daemon
+
+
+def test_they_are_noticed_without_a_declaration_and_forgotten_when_they_are_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(denials, "SETTLING", 0.05)
+    monkeypatch.setattr(denials, "PATIENCE", 0.3)
+    monkeypatch.setattr(denials, "LOOK_AGAIN", 0.1)
+
+    async def body(fleet: Secured) -> None:
+        router = start(fleet, "")
+        async with open_bus(
+            fleet.socket("pi1"), fleet=NAME, name="a", daemon="agentd", stamp=time.time_ns, patience=10
+        ) as bus:
+            bus.serve(keys.mind(NAME, "a"), MindView, _nothing)
+            await bus.permitted()
+            await until(lambda: not bus.access.note, "it is allowed")
+            router.kill()
+            router = await asyncio.to_thread(start, fleet, "a")
+            await until(lambda: "to serve argosy/three/a/mind" in bus.access.note, "it is denied, and noted")
+            router.kill()
+            router = await asyncio.to_thread(start, fleet, "")
+            await until(lambda: bus.access.note == "", "it is forgotten")
+
+    with Secured() as fleet:
+        asyncio.run(asyncio.wait_for(body(fleet), 90))
+
+
+def test_what_could_not_be_known_is_looked_at_again_and_a_defect_ends_no_watch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(denials, "SETTLING", 0.0)
+    monkeypatch.setattr(denials, "LOOK_AGAIN", 0.01)
+    answers = ["denied", None, ValueError("no"), "denied", ""]
+    looks: list[str] = []
+
+    class Some:
+        declared = True
+
+    async def known_refused(bus: Bus) -> str | None:
+        looks.append(watch.note)
+        answer = answers.pop(0)
+        if isinstance(answer, ValueError):
+            raise answer
+        return answer
+
+    monkeypatch.setattr(denials, "known_refused", known_refused)
+    watch = denials.Watch(Some())  # type: ignore[arg-type]
+
+    async def body() -> None:
+        watching = asyncio.create_task(watch.run())
+        watch.changed()
+        await until(lambda: not answers and not watch.note, "all is well")
+        for _ in range(20):
+            await asyncio.sleep(0.01)
+        assert not watching.done()
+        watching.cancel()
+
+    asyncio.run(asyncio.wait_for(body(), 30))
+    assert looks == ["", "denied", "denied", "denied", "denied"], "no look is owed once all is well"
+
+
+async def _nothing(query: object) -> None:
+    pass
