@@ -234,7 +234,7 @@ def test_each_yield_of_a_generator_is_a_reading_and_it_begins_anew_when_it_break
         await until(lambda: workshop.bridge.health().counters["calls"] > calls + 3, "it begins anew")
 
     in_the_workshop(Workshop(tmp_path, manifest), body)
-    assert caplog.text.count("bench: `gpio.button` raised OSError: unplugged") >= 1
+    assert caplog.text.count("robot=bench `gpio.button` raised OSError: unplugged") >= 1
 
 
 @pytest.mark.usefixtures("gpio")
