@@ -166,7 +166,9 @@ class Directory:
         try:
             if self._board in own:
                 services = replace(services, own=msgspec.json.decode(own[self._board], type=Own))
-            known = {name: checked(_BOARD.decode(said)) for name, said in others.items() if name in services.boards}
+            known = {
+                name: self._checked(_BOARD.decode(said)) for name, said in others.items() if name in services.boards
+            }
         except (msgspec.DecodeError, BadRecord) as bad:  # of another version: what is not known is asked for anew
             log.error("directory_unreadable why=%s: it begins empty", bad)
             known = {}
@@ -339,12 +341,19 @@ class Directory:
     def _concerns_us(self, said: BoardServices) -> bool:
         return said.board in self.services.boards and said.board != self._board
 
+    def _checked(self, said: BoardServices) -> BoardServices:
+        """Take what a board may say: where access is controlled, nothing of names that only another may speak for."""
+        if not self._secured:
+            return checked(said)
+        own = made_on(said.board)
+        return checked(said, lambda name: name in self.services.mission or name.startswith(own))
+
     async def _hear(self, said: BoardServices) -> None:
         """Take what another board says of itself, on disk first."""
         async with self._one_at_a_time:
             if not self.services.news(said):
                 return
-            said = checked(said)
+            said = self._checked(said)
             before = self.services.others.get(said.board)
             after, notices, gone = self.services.heard(said)
             kept = _BOARD.encode(said)

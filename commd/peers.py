@@ -75,7 +75,10 @@ class Peers:
         """Follow the tokens of the fleet; call `arrived(name)` when a board or a receiver appears."""
 
         def token(key: str, alive: bool) -> None:
-            _, name, (_, daemon, boot) = keys.parse(key) or ("", "", ("", "", ""))
+            parsed = keys.parse(key)
+            if parsed is None or len(parsed[2]) != 3:  # some `alive/**` of whoever may hold tokens
+                return
+            _, name, (_, daemon, boot) = parsed
             if daemon == "bridged" or daemon == "argosy":
                 return
             if alive:

@@ -7,7 +7,7 @@ can write both to disk before either counts.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import TypeAlias
@@ -215,9 +215,10 @@ class Services:
         return replace(self, own=msgspec.structs.replace(self.own, **changes))
 
 
-def checked(said: BoardServices) -> BoardServices:
-    """Take from what another board says what can be meant: names that a key can hold, and no more than a board has."""
-    good = {name: _services(what) for name, what in said.agents.items() if _is_name(name)}
+def checked(said: BoardServices, may_name: Callable[[str], bool] = lambda _: True) -> BoardServices:
+    """Take from what another board says what can be meant: names that a key can hold and that this board `may_name`,
+    and no more than a board has."""
+    good = {name: _services(what) for name, what in said.agents.items() if _is_name(name) and may_name(name)}
     agents = dict(islice(good.items(), MOST_NAMES))
     if agents == said.agents:
         return said

@@ -83,6 +83,39 @@ async def run_time_name(world: World) -> Row:
     return row
 
 
+async def told_names(world: World) -> Row:
+    """A board says of itself that it has the agents that another board is to make, and holds tokens of no meaning."""
+    row = Row(
+        "names of others told as one's own",
+        "pi3 puts on `pi3/services` that it has `pi1_kid`, `ops` and `r1` besides `pi3_kid`, and holds the token "
+        "`pi3_$*/alive/**`; a member of pi1 joins as `pi1_kid`",
+        "commd of pi1: of pi3 it takes names that begin with `pi3_`, and the mission's",
+    )
+    async with world.machine("pi3", "pi1") as attacker, world.member("pi1", "pi1_kid") as kid:
+        names: dict[str, tuple[str, ...]] = {"pi1_kid": (), "ops": (), "r1": (), "pi3_kid": ()}
+        said = BoardServices(header=attacker.header("services"), board="pi3", version=1000, agents=names)
+        attacker.token(f"argosy/{NAME}/pi3_$*/alive/**")
+        known: set[str] = set()
+        async with asyncio.timeout(15):
+            while "pi3_kid" not in known:
+                attacker.put(keys.services(NAME, "pi3"), said)
+                boards = await ask(kid, keys.services(NAME, "pi1"), None, BoardServices)
+                known = {name for one in boards if isinstance(one, BoardServices) for name in one.agents}
+        row.expect(not known & {"pi1_kid", "ops", "r1"}, f"pi1 takes nobody else's names: {sorted(known)}")
+        request = keys.service_requests(NAME, "pi1", "pi1_kid")
+        joined = [await ask(kid, request, ServiceRequest(agent="pi1_kid", do="join"), BoardServices)]
+        joined.append(await ask(kid, request, ServiceRequest(agent="pi1_kid", do="leave"), BoardServices))
+        for answers in joined:
+            problems = [one.problem for one in answers if isinstance(one, BoardServices)]
+            row.expect(problems == [""], f"`pi1_kid` joins pi1 and leaves: {answers}")
+    lines = world.commd["pi1"].lines
+    row.expect(not any("defect" in line for line in lines), "no defect in commd of pi1")
+    told = [line.partition("directory ")[2] for line in lines if "taken in part" in line]
+    row.expect(told, "commd says so")
+    row.seen.append(f"commd of pi1: `{told[-1] if told else ''}`; `pi1_kid` joins pi1, and is nowhere else")
+    return row
+
+
 async def percept_injection(world: World) -> Row:
     """A board tells an agent of another board what it perceives."""
     row = Row(
@@ -342,6 +375,7 @@ def _ask_raw(session: zenoh.Session, key: str, payload: bytes) -> str:
 MESSAGES: tuple[Attack, ...] = (
     forged_sender,
     run_time_name,
+    told_names,
     percept_injection,
     action_injection,
     replayed_action,

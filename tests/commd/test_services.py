@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from commd.services import MOST_SERVICES, Problem, Services
+from commd.services import MOST_SERVICES, Problem, Services, checked
 from schemas.records import BoardServices, Header
 
 MISSION = {"a": "pi1", "b": "pi2", "c": "pi1"}
@@ -130,3 +130,10 @@ def test_only_agents_of_this_board_register_here_and_no_more_than_is_sane(here: 
         here, _ = here.register("a", f"s{number}")
     with pytest.raises(Problem, match=f"an agent offers at most {MOST_SERVICES} services"):
         here.register("a", "one more")
+
+
+def test_of_a_board_only_names_are_taken_that_it_may_speak_for() -> None:
+    said = says(1, boot="x", board="pi2", b=("cook",), pi2_kid=(), pi1_kid=(), uav1=())
+    assert checked(said) is said, "where access is not controlled"
+    taken = checked(said, lambda name: name in MISSION or name.startswith("pi2_"))
+    assert taken.agents == {"b": ("cook",), "pi2_kid": ()}
