@@ -175,10 +175,11 @@ class Bus:
         self._seq[source, stream] += 1
         return Header(seq=self._seq[source, stream], stamp=self._stamp(), source=source, boot=self.boot)
 
-    def put(self, key: str, record: Record) -> None:
+    def put(self, key: str, record: Record, *, urgent: bool = False) -> None:
         """Publish a record; lost without a word if the router is away, so only for what is repaired or repeated.
 
-        What cannot be encoded is told in the log and counted.
+        What cannot be encoded is told in the log and counted. What is `urgent` does not wait behind all other records
+        on a slow link, nor is it dropped with them.
         """
         made = codec(type(record))
         try:
@@ -189,7 +190,11 @@ class Bus:
             return
         try:
             self._session.put(
-                key, payload, encoding=made.encoding(self.wire), congestion_control=zenoh.CongestionControl.DROP
+                key,
+                payload,
+                encoding=made.encoding(self.wire),
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=zenoh.Priority.INTERACTIVE_HIGH if urgent else zenoh.Priority.DATA,
             )
         except zenoh.ZError as error:
             self.counters["puts_lost"] += 1

@@ -173,7 +173,7 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
             log.error("health of %s cannot be told: %s", name, bad)
             plain = {field: getattr(told, field) for field in ("header", "daemon", "pid", "uptime", "cpu", "version")}
             told = Health(**plain, notes=(one_line(f"its health cannot be told: {bad}"),))
-        bus.put(keys.health(bus.fleet, name, bus.daemon), told)
+        bus.put(keys.health(bus.fleet, name, bus.daemon), told, urgent=True)
         await asyncio.sleep(HEALTH_PERIOD)
 
 

@@ -15,6 +15,7 @@ from typing import cast
 from unittest.mock import Mock
 
 import pytest
+import zenoh
 
 from commd.bus import Bus, open_bus
 from commd.clock import Clock
@@ -79,6 +80,24 @@ def test_a_daemon_whose_health_others_could_not_read_still_says_that_it_lives(en
         reporting.cancel()
         assert heard[0].pid == os.getpid()
         assert [note.partition(": ")[0] for note in heard[0].notes] == ["its health cannot be told"]
+
+    on_a_bus(endpoint, body)
+
+
+def test_health_goes_before_what_fills_a_slow_link(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
+        came: list[tuple[str, zenoh.Priority]] = []
+        observer._session.declare_subscriber(
+            f"argosy/{FLEET}/**", lambda sample: came.append((str(sample.key_expr), sample.priority))
+        )
+        health, other = keys.health(FLEET, "uav1", "bridged"), f"argosy/{FLEET}/uav1/manifest"
+        await subscribed(bus, health)
+        bus.put(other, Health())
+        reporting = asyncio.create_task(report_health(bus, "uav1", Clock()))
+        await until(lambda: len({key for key, _ in came}) == 2, "both come")
+        reporting.cancel()
+        assert dict(came) == {other: zenoh.Priority.DATA, health: zenoh.Priority.INTERACTIVE_HIGH}
 
     on_a_bus(endpoint, body)
 
@@ -157,10 +176,10 @@ def test_a_router_that_breaks_ends_commd_so_that_it_is_started_again(
 
     real = Bus.put
 
-    def put(bus: Bus, key: str, record: Record) -> None:
+    def put(bus: Bus, key: str, record: Record, **more: bool) -> None:
         if "/health/" in key:
             raise Panic("called `Result::unwrap()` on an `Err` value: PoisonError")
-        real(bus, key, record)
+        real(bus, key, record, **more)
 
     monkeypatch.setattr(Bus, "put", put)
     args = Namespace(board=None, router=endpoint, keys=None, listen=[], connect=[], state=tmp_path, config=None)
