@@ -389,12 +389,13 @@ class Host:
         mind = self._mind
         counters["cycles"] = mind.cycle
         missed = self._perceiving.percepts.missed if self._perceiving else 0
+        waiting = len(mind.events) + len(mind.mailbox) if mind.ready else 0  # an atomic plan that waits keeps the rest
         return Health(
             drops=sum(mind.drops.counts.values()) + stdout().dropped,
             bad_input=self.counters["bad_percepts"] + self._mailing.counters["bad"],
             counters={**{name: float(count) for name, count in sorted(counters.items())}, "percepts_missed": missed},
             notes=self.notes(),
-            lag=self._backlog.lag(mind.cycle, len(mind.events) + len(mind.mailbox), self._clock.wall()),
+            lag=self._backlog.lag(mind.cycle, waiting, self._clock.wall()),
         )
 
     def notes(self) -> tuple[str, ...]:

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
+from pathlib import Path
+
 from agentd.backlog import Backlog
+from agentd.mind.inputs import SignalRaised
+from tests.agentd.hosts import host_on
+from tests.support.buses import Connect, on_a_bus, until
 
 
 def test_a_mind_that_takes_what_waits_between_two_looks_is_not_behind() -> None:
@@ -26,3 +32,26 @@ def test_what_is_dropped_is_not_waited_for() -> None:
     backlog.lag(0, 1000, 0.0)
     assert backlog.lag(1, 0, 1.0) == 0
     assert backlog.lag(2, 5, 9.0) == 0
+
+
+WAITS = """
+!start.
++!start <- !guarded.
+@a[atomic] +!guarded <- .print(waits); .wait(60000).
++news(_) <- .print(news).
+"""
+
+
+def test_what_waits_for_an_atomic_plan_that_waits_itself_is_not_lag(endpoint: str, tmp_path: Path) -> None:
+    async def body(connect: Connect) -> None:
+        agent = await host_on(await connect("a"), "a", WAITS, tmp_path)
+        await until(lambda: "waits" in agent.prints, "the atomic plan waits")
+        for number in range(3):
+            agent.host.take(SignalRaised.named("news", number))
+        await until(lambda: len(agent.host._mind.events) == 3, "the events wait")
+        agent.host.health()
+        await asyncio.sleep(0.05)
+        assert agent.host.health().lag == 0
+        await agent.end()
+
+    on_a_bus(endpoint, body)
