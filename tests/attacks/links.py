@@ -154,7 +154,7 @@ async def stolen_relay(world: World) -> Row:
         await put_until(attacker, heard, keys.percept(NAME, "b", "x"), keys.percept(NAME, "c", "x"))
         row.expect(keys.percept(NAME, "b", "x") not in heard, "no percept of b by way of pi3")
         row.expect(await ask(attacker, keys.mail(NAME, "b", "a"), letter("a", "b"), Receipt) == [], "no receipt")
-    row.seen.append("attacker: no reply; `argosy doctor` on pi3 lists both as denied")
+    row.seen.append("attacker: no reply, and nobody tells: Zenoh drops without a word what its rules deny")
     return row
 
 
