@@ -12,7 +12,7 @@ from getpass import getpass
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from argosy.key_record import SOON_DAYS, Kind, Member, machine_folder, read_record, wrong
+from argosy.key_record import SECRET, SOON_DAYS, Kind, Member, machine_folder, read_record, wrong
 from commd.process import EXIT_DONE
 from commd.tls import CERTIFICATE, KEY, ROOT
 from schemas.endpoints import host_and_port
@@ -91,8 +91,9 @@ def init(args: Namespace) -> int:
     if not mission.boards:
         raise wrong(mission.path, "the mission declares no boards: keys are for boards that reach each other")
     path = key_directory(args, mission)
-    folder = create(path, mission.fleet, args.days, _new_password() if args.password else None)
+    password = _new_password() if args.password else None
     with alone(path):
+        folder = create(path, mission.fleet, args.days, password)
         for name, kind in everybody(mission).items():
             folder.add(name, kind, hosts_of(mission, name))
     _tell_members(folder, list(everybody(mission)))
@@ -138,7 +139,7 @@ def revoke(args: Namespace) -> int:
     """Disown members: whoever has the new anchors refuses them."""
     mission = load_mission(args.mission)
     with _opened(args, mission) as folder:
-        _check_names(mission, args.names, list(folder.record.believed), "machine with a certificate")
+        _check_names(mission, args.names, list(folder.record.members), "machine that was given a certificate")
         for name in args.names:
             folder.revoke(name)
         whom = _and(args.names)
@@ -174,7 +175,7 @@ def hosts_of(mission: Mission, name: str) -> tuple[str, ...]:
 def _opened(args: Namespace, mission: Mission) -> Iterator[KeyFolder]:
     """Open the fleet's keys for a change, alone. Raises Findings in words."""
     from argosy.authority import Authority
-    from argosy.key_folder import SECRET, KeyFolder, alone, read_secret
+    from argosy.key_folder import KeyFolder, alone, read_secret
 
     path = key_directory(args, mission)
     read_record(path, mission.fleet)
@@ -185,7 +186,11 @@ def _opened(args: Namespace, mission: Mission) -> Iterator[KeyFolder]:
         except (ValueError, TypeError):
             text = "is no such key, or is locked by another password"
             raise wrong(path / SECRET, f"the fleet's secret cannot be used: it {text}") from None
-        yield KeyFolder(path, read_record(path, mission.fleet), authority)
+        folder = KeyFolder(path, read_record(path, mission.fleet), authority)
+        if behind := folder.record.out_of_step(path):
+            folder.spread()
+            _tell_anchors(folder, behind, "an earlier command was interrupted; finished now, and to be copied:")
+        yield folder
 
 
 def _check_names(mission: Mission, names: Sequence[str], known: Sequence[str], what: str) -> None:

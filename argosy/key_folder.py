@@ -18,10 +18,8 @@ from pathlib import Path
 import msgspec
 
 from argosy.authority import Authority, Machine
-from argosy.key_record import RECORD, Kind, Member, Record, machine_folder, wrong
+from argosy.key_record import RECORD, SECRET, Kind, Member, Record, machine_folder, read_record, wrong
 from commd.tls import CERTIFICATE, KEY, ROOT
-
-SECRET = "ca.key"
 
 
 class KeyFolder:
@@ -57,19 +55,19 @@ class KeyFolder:
         self._certify(name, member.kind, member.generation, hosts, kept)
 
     def revoke(self, name: str) -> None:
-        """Disown somebody: the folders of all others no longer hold the anchor."""
-        now = datetime.now(UTC).replace(microsecond=0)
-        self._keep(name, msgspec.structs.replace(self.record.members[name], revoked=now))
+        """Disown somebody: the folders of all others no longer hold the anchor. To do so again finishes it."""
+        if self.record.members[name].revoked is None:
+            now = datetime.now(UTC).replace(microsecond=0)
+            self._keep(name, msgspec.structs.replace(self.record.members[name], revoked=now))
         self.spread()
         shutil.rmtree(self.machine(name), ignore_errors=True)
 
     def spread(self) -> None:
-        """Write whom to believe into the folder of each machine: boards believe everybody, people the boards alone."""
+        """Write whom to believe into the folder of each machine."""
         believed = sorted(self.record.believed.items())
         anchors = {name: self._authority.anchor(self._machine(name, its)) for name, its in believed}
-        boards = {name for name, its in believed if its.kind == "board"}
         for name in anchors:
-            whom = set(anchors) if name in boards else boards | {name}
+            whom = self.record.anchors(name)
             _write(self.machine(name) / ROOT, b"".join(pem for other, pem in anchors.items() if other in whom))
 
     def _certify(self, name: str, kind: Kind, generation: int, hosts: tuple[str, ...], more: tuple[str, ...]) -> None:
@@ -95,15 +93,18 @@ class KeyFolder:
 
 
 def create(path: Path, fleet: str, days: int, password: bytes | None) -> KeyFolder:
-    """Make the folder and the fleet's secret. Raises Findings if there is one already: it is never overwritten."""
-    if (path / SECRET).exists() or (path / RECORD).exists():
+    """Make the fleet's secret in a folder that is ours `alone`.
+
+    Raises Findings if there is one already: it is never overwritten. The record is written before it, so that one
+    without a secret is of a command that was interrupted, and nothing was made with it.
+    """
+    if (path / SECRET).exists() or ((path / RECORD).exists() and read_record(path, fleet).members):
         text = "a fleet's keys are here already, and whoever has certificates of them would be lost: nothing was done"
-        raise wrong(path, text)
+        raise wrong(path, f"{text}; `argosy keys show` says whether any are missing")
     authority = Authority.new()
-    _folder(path)
     folder = KeyFolder(path, Record(fleet=fleet, days=days), authority)
-    _write(path / SECRET, authority.secret(password))
     _write(path / RECORD, msgspec.json.format(msgspec.json.encode(folder.record)) + b"\n")
+    _write(path / SECRET, authority.secret(password))
     return folder
 
 
@@ -123,7 +124,8 @@ def read_secret(path: Path) -> bytes:
 
 @contextmanager
 def alone(path: Path) -> Iterator[None]:
-    """Keep a second `argosy keys` from the folder. Raises Findings if there is one at work."""
+    """Keep a second `argosy keys` from the folder, which is made if need be. Raises Findings if one is at work."""
+    _folder(path)
     descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -155,5 +157,10 @@ def _write(file: Path, content: bytes) -> None:
             out.flush()
             os.fsync(out.fileno())
         part.replace(file)
+        folder = os.open(file.parent, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
     except OSError as error:
         raise wrong(file, f"cannot be written: {error.strerror}") from None

@@ -9,9 +9,9 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from argosy.key_commands import add_dir, everybody, key_directory
-from argosy.key_record import SOON_DAYS, Member, Record, believed_in, read_record
+from argosy.key_record import SOON_DAYS, Member, Record, believed_in, machine_folder, read_record
 from commd.process import EXIT_DONE, EXIT_FAILED
-from commd.tls import ROOT, day, files_in, identity_of
+from commd.tls import CERTIFICATE, KEY, ROOT, day, files_in, identity_of
 from schemas.endpoints import host_and_port
 from schemas.mission import DEFAULT_PORT, Mission, load_mission
 
@@ -31,9 +31,9 @@ def run(args: Namespace) -> int:
     record = read_record(path, mission.fleet)
     print(f"fleet {record.fleet}: {path}")
     wide = max(map(len, (*record.members, *everybody(mission))), default=0)
-    todo = False
+    todo, behind = False, record.out_of_step(path)
     for name, member in record.members.items():
-        problem = _problem(mission, record, name, member)
+        problem = _problem(mission, record, name, member) or _halves(path, name, member)
         todo |= bool(problem)
         print(f"  {name:{wide}}  {member.kind:8}  {_state(member)}  {', '.join(member.hosts)}".rstrip())
         if problem:
@@ -42,7 +42,10 @@ def run(args: Namespace) -> int:
         if name not in record.members:
             todo = True
             print(f"  {name:{wide}}  {kind:8}  has no certificate: `argosy keys add-{kind} {args.mission} {name}`")
-    return EXIT_FAILED if todo else EXIT_DONE
+    if behind:
+        text = "a command was interrupted; the next `add-...`, `renew` or `revoke` (again) finishes it"
+        print(f"  {ROOT} of {', '.join(behind)}: believes others than it is to: {text}")
+    return EXIT_FAILED if todo or behind else EXIT_DONE
 
 
 def _show_folder(folder: Path) -> int:
@@ -62,6 +65,18 @@ def _state(member: Member) -> str:
         return f"revoked {member.revoked:%Y-%m-%d}"
     days = (member.ends - datetime.now(UTC)).days
     return f"until {member.ends:%Y-%m-%d} ({days} days)"
+
+
+def _halves(path: Path, name: str, member: Member) -> str:
+    """Return in words that a key and its certificate are not of one another, as after an interrupted `renew`."""
+    files = files_in(machine_folder(path, name))
+    if member.revoked is not None or not (files.key.exists() and files.certificate.exists()):
+        return ""  # such as after a copy
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_cert_chain(files.certificate, files.key)
+    except (OSError, ssl.SSLError):
+        return f"{KEY} and {CERTIFICATE} are not of one another: `argosy keys renew` of it makes new ones"
+    return ""
 
 
 def _problem(mission: Mission, record: Record, name: str, member: Member) -> str:

@@ -9,10 +9,10 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
-from commd.tls import SOON
+from commd.tls import ROOT, SOON
 from schemas.findings import Finding, Findings
 
-RECORD, MACHINES = "fleet.json", "machines"
+RECORD, SECRET, MACHINES = "fleet.json", "ca.key", "machines"
 SOON_DAYS = round(SOON / 86_400)
 """A certificate that ends within so many days is to be made anew."""
 
@@ -45,6 +45,25 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         """Those that are not revoked."""
         return {name: member for name, member in self.members.items() if member.revoked is None}
 
+    def anchors(self, name: str) -> dict[str, Member]:
+        """Whom a machine is to believe: boards believe everybody, people the boards alone."""
+        if self.believed[name].kind == "board":
+            return self.believed
+        return {other: its for other, its in self.believed.items() if its.kind == "board" or other == name}
+
+    def out_of_step(self, path: Path) -> list[str]:
+        """Return whose `ca.pem` is not as the record says, as after a command that was interrupted.
+
+        Folders that are no longer there, such as after a copy, are not looked at.
+        """
+        return [
+            name
+            for name in self.believed
+            if machine_folder(path, name).is_dir()
+            and _believes(machine_folder(path, name) / ROOT)
+            != sorted(_called(other, str(its.generation)) for other, its in self.anchors(name).items())
+        ]
+
 
 def machine_folder(path: Path, name: str) -> Path:
     """Return the folder that is copied to a machine."""
@@ -56,6 +75,9 @@ def read_record(path: Path, fleet: str) -> Record:
     try:
         record = msgspec.json.decode((path / RECORD).read_bytes(), type=Record)
     except FileNotFoundError:
+        if (path / SECRET).exists():
+            text = f"is missing, and {SECRET} is there: take it from your backup, or begin anew in another folder"
+            raise wrong(path / RECORD, text) from None
         text = f"no keys of fleet `{fleet}` are here: `argosy keys init` makes them, --dir says where they are"
         raise wrong(path, text) from None
     except OSError as error:
@@ -76,8 +98,19 @@ def believed_in(file: Path) -> list[str]:
     for anchor in anchors:
         subject = {field: value for part in anchor["subject"] for field, value in part}
         which = str(subject.get("organizationalUnitName", "")).removeprefix("keys ")
-        names.append(f"{subject.get('commonName', '?')}{f' ({which})' if which not in ('', '1') else ''}")
+        names.append(_called(str(subject.get("commonName", "?")), which))
     return sorted(names)
+
+
+def _called(name: str, generation: str) -> str:
+    return f"{name} ({generation})" if generation not in ("", "1") else name
+
+
+def _believes(file: Path) -> list[str] | None:
+    try:
+        return believed_in(file)
+    except (OSError, ssl.SSLError):
+        return None
 
 
 def wrong(file: Path, text: str) -> Findings:

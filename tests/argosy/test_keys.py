@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -157,6 +158,50 @@ def test_who_is_revoked_is_believed_by_nobody_and_a_successor_is(made: Desk, tmp
         identity_of(files_in(stolen), time.time())
 
 
+def test_a_revocation_that_was_interrupted_is_told_and_finished(made: Desk, tmp_path: Path) -> None:
+    stolen = shutil.copytree(made.folder("pi3"), tmp_path / "stolen")
+    before = {name: made.file(name, "ca.pem") for name in ("pi1", "pi2", "alice")}
+    assert made("revoke", "pi3") == 0
+    for name in ("pi2", "alice"):  # as if it had been killed before these were written
+        (made.folder(name) / "ca.pem").write_bytes(before[name])
+    assert made("show") == 1
+    assert "ca.pem of pi2, alice: believes others than it is to: a command was interrupted" in made.out
+    assert made("revoke", "pi3") == 0
+    assert made.out.startswith("an earlier command was interrupted; finished now, and to be copied:\n  pi2: ")
+    (stolen / "ca.pem").write_bytes(made.file("pi2", "ca.pem"))
+    with pytest.raises(Findings, match="or it was revoked"):
+        identity_of(files_in(stolen), time.time())
+    made("show")
+    assert "interrupted" not in made.out
+    assert made("revoke", "pi3") == 0, "again is no mistake"
+
+
+def test_the_first_keys_are_made_again_after_an_interruption(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("argosy.authority.Authority.secret", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    assert desk("init") != 0
+    assert (desk.keys / "fleet.json").exists()
+    monkeypatch.undo()
+    assert desk("init") == 0
+    assert desk("show") == 0
+
+
+def test_a_key_without_its_certificate_is_told_and_renewed(made: Desk) -> None:
+    (made.folder("pi1") / "key.pem").write_bytes(made.file("pi2", "key.pem"))
+    assert made("show") == 1
+    assert "key.pem and cert.pem are not of one another: `argosy keys renew`" in made.out
+    assert made("renew", "pi1") == 0
+    assert made("show") == 0
+
+
+def test_first_keys_are_made_by_one_command_at_a_time(desk: Desk) -> None:
+    from argosy.key_folder import alone
+
+    with alone(desk.keys):
+        assert desk("init") == 2
+        assert not (desk.keys / "ca.key").exists()
+    assert "another `argosy keys` is at work here" in desk.err
+
+
 def test_people_are_believed_by_boards_and_not_by_one_another(made: Desk, tmp_path: Path) -> None:
     alice = made.folder("alice").rename(tmp_path / "alice")
     identity_of(files_in(alice), time.time())
@@ -195,8 +240,13 @@ MISTAKES: dict[str, tuple[Callable[[Desk], object], tuple[str, ...], str]] = {
         ("renew", "pi1"),
         "the keys here are of fleet `sar`, and the mission's is `other`",
     ),
-    "no keys yet": (
+    "a record that was lost": (
         lambda desk: (desk.keys / "fleet.json").unlink(),
+        ("show",),
+        "fleet.json: error: is missing, and ca.key is there: take it from your backup",
+    ),
+    "no keys yet": (
+        lambda desk: shutil.rmtree(desk.keys),
         ("show",),
         "no keys of fleet `sar` are here: `argosy keys init` makes them, --dir says where they are",
     ),
