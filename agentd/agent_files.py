@@ -8,6 +8,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from commd.state import state_directory
+
 KEPT = "mind.sqlite"
 """What the names of an agent's checkpoint and of what belongs to it begin with, in the same folder."""
 MOST_SAVED = 16 * 2**20
@@ -65,9 +67,4 @@ class AgentFiles:
 
 def state_folder(given: str | None, fleet: str) -> Path:
     """Where the agents of a fleet are kept: below what was asked for, systemd's folder of state, or the user's."""
-    if given is not None:
-        return Path(given) / fleet
-    if systemd := os.environ.get("STATE_DIRECTORY"):
-        return Path(systemd.partition(":")[0]) / fleet
-    base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(base) / "argosy" / fleet
+    return state_directory(None if given is None else Path(given)) / fleet

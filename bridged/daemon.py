@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bridged.bridge import Bridge
-from bridged.preparation import Part, chosen, prepare_all, state_directory
+from bridged.preparation import Part, chosen, prepare_all
 from bridged.service import Service
 from bridged.watch import watch_agents
 from commd.bus import Bus, open_bus
@@ -18,6 +18,7 @@ from commd.clock import Clock
 from commd.lives import begin_life
 from commd.notify import Member, Unit
 from commd.process import EXIT_DONE, EXIT_FAILED, HEALTH_PERIOD, add_router_argument, report_health, run_daemon, tls_of
+from commd.state import state_directory
 from commd.versions import greet
 from schemas import keys
 from schemas.findings import Findings

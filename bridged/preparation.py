@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from dataclasses import dataclass
-from pathlib import Path
 from typing import get_args
 
 from msgspec.structs import replace
@@ -128,11 +126,3 @@ def order_findings(mission: Mission, name: str, manifest: Manifest) -> list[Find
         for where, order in said
         if where in positions.values and order in get_args(Order) and order not in known
     ]
-
-
-def state_directory(given: Path | None) -> Path:
-    """Where a bridge keeps what must outlive it: `--state`, or XDG_STATE_HOME, or its default below the home."""
-    if given is not None:
-        return given
-    base = os.environ.get("XDG_STATE_HOME") or (Path.home() / ".local" / "state" if "HOME" in os.environ else ".")
-    return Path(base) / "argosy"

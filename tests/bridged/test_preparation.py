@@ -5,9 +5,7 @@ from __future__ import annotations
 import socket
 from pathlib import Path
 
-import pytest
-
-from bridged.preparation import prepare, prepare_all, state_directory
+from bridged.preparation import prepare, prepare_all
 from schemas.findings import Findings
 from schemas.mission import read_mission
 from tests.bridged.sky import MISSION
@@ -100,17 +98,6 @@ def test_a_wrong_file_ends_the_daemon_with_exit_2_and_one_line(tmp_path: Path) -
         assert daemon.ends() == 2
         assert len(daemon.lines) == 1
         assert "no such manifest" in daemon.text
-
-
-def test_the_state_directory_is_the_one_given_or_the_users(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert state_directory(tmp_path) == tmp_path
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    assert state_directory(None) == tmp_path / "state" / "argosy"
-    monkeypatch.delenv("XDG_STATE_HOME")
-    monkeypatch.setenv("HOME", str(tmp_path))
-    assert state_directory(None) == tmp_path / ".local" / "state" / "argosy"
-    monkeypatch.delenv("HOME")
-    assert state_directory(None) == Path("argosy")
 
 
 def test_an_order_that_a_robot_does_not_have_is_told_where_the_mission_declares_it(tmp_path: Path) -> None:

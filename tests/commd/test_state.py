@@ -1,0 +1,32 @@
+"""Where daemons keep what must outlive them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from agentd import agent_files
+from bridged import daemon as bridge
+from commd import daemon as comm
+from commd.state import state_directory
+
+
+def test_the_state_directory_is_the_one_given_or_systemds_or_the_users(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", "/var/lib/argosy:/var/lib/other")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    assert state_directory(tmp_path) == tmp_path
+    assert state_directory(None) == Path("/var/lib/argosy")
+    monkeypatch.delenv("STATE_DIRECTORY")
+    assert state_directory(None) == tmp_path / "state" / "argosy"
+    monkeypatch.delenv("XDG_STATE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert state_directory(None) == tmp_path / ".local" / "state" / "argosy"
+    monkeypatch.delenv("HOME")
+    assert state_directory(None) == Path("argosy")
+
+
+def test_all_daemons_keep_their_state_in_the_same_place() -> None:
+    assert {vars(module)["state_directory"] for module in (bridge, comm, agent_files)} == {state_directory}
