@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import posixpath
 from collections.abc import Sequence
+from shlex import quote
 
 from argosy.board_reach import reach_of_robots
 from argosy.unit_files import Board
@@ -16,7 +18,8 @@ def guide(board: Board, secrets: Sequence[str]) -> str:
         f"Argosy is installed in `{board.venv}` on the board (docs/install.md). "
         "Copy this folder to the board, and there, in it:\n",
         _block(
-            "sudo cp -rT etc /etc",
+            "chmod -R u=rwX,go=rX etc  # whatever the umask was: nothing here is secret",
+            "sudo cp -rT --preserve=mode etc /etc",
             "sudo systemd-sysusers",
             f"sudo systemd-tmpfiles --create argosy-{mission}.conf",
             "sudo systemctl daemon-reload",
@@ -26,8 +29,9 @@ def guide(board: Board, secrets: Sequence[str]) -> str:
         *_unknown(board),
         "Start it, now and whenever the board is switched on:\n",
         _block(f"sudo systemctl enable --now {target}", f"systemctl status {' '.join(board.units)}"),
-        f"Whoever is to watch it on the board joins the group `argosy` (`sudo usermod -aG argosy $USER`, and a new "
-        f"login); the router is at `{board.router}`.\n",
+        f"The router is at `{board.router}`, for the group `argosy`. **Who joins it** (`sudo usermod -aG argosy USER`) "
+        "may act as every agent and robot of this board, and stop its robots: its operators, nobody else. Whoever only "
+        "watches gets an observer's keys (`argosy keys add-observer`, docs/security.md).\n",
         "Stop it; a robot that is armed is left as `on_shutdown` says first:\n",
         _block(f"sudo systemctl stop {target}"),
     ]
@@ -53,8 +57,15 @@ def _secrets(board: Board, secrets: Sequence[str]) -> list[str]:
     if not secrets:
         return []
     user = board.user("board" if board.one_process else "bridged")
-    lines = [f"sudo install -D -m 0600 -o {user} -g argosy {name} {board.folder}/{name}" for name in secrets]
+    places = [(_here(name), posixpath.join(board.folder, name)) for name in secrets]
+    install = f"sudo install -D -m 0600 -o {user} -g argosy --"
+    lines = [f"{install} {quote(here)} {quote(there)}" for here, there in places]
     return ["Passphrases are not copied by `argosy units`:\n", _block(*lines)]
+
+
+def _here(secret: str) -> str:
+    """Where a file with a passphrase is before it is installed: one with a place of its own comes beside the tree."""
+    return posixpath.basename(secret) if posixpath.isabs(secret) else secret
 
 
 def _unknown(board: Board) -> list[str]:

@@ -6,16 +6,20 @@ Units allow what is needed and nothing else; what cannot be known, for a driver 
 from __future__ import annotations
 
 import ipaddress
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from bridged.drivers import OURS
 from bridged.drivers.mavlink.address import LinkAddress, LinkAddressError
 from bridged.manifests import load_robot_manifest
+from schemas.findings import Findings
 from schemas.mission import Mission, Robot
 
 _BUSES = {"/dev/ttyUSB": ("char-ttyUSB",), "/dev/ttyACM": ("char-ttyACM",)}
 """Devices that are plugged in: another one of the kind may have the number after a while."""
+_DEVICE = re.compile(r"/dev/[A-Za-z0-9_./:@,+=-]+")
+"""What may stand in a unit as it is: no blanks, no lines, no specifiers of systemd."""
 _PLUGGED = "/dev/serial/"
 """Where such a device has a name that lasts."""
 _ON_THE_BUS = "zenoh"
@@ -57,6 +61,9 @@ def reach_of_robots(mission: Mission, board: str) -> Reach:
             anybody = True
         for link in _links(robot):
             if link.kind == "serial":
+                if not _DEVICE.fullmatch(link.host):
+                    text = "units allow a device such as /dev/ttyAMA0, of letters, digits and `_ . : @ , + = / -`"
+                    raise Findings([mission.positions.finding(("robots", name), f"{text}, got {link.host!r}")])
                 devices += _allowed(link.host)
             elif (host := _peer(link)) is None:
                 anybody = True
@@ -98,4 +105,4 @@ def _peer(link: LinkAddress) -> str | None:
         return None
     if address.is_loopback:
         return "localhost"
-    return None if link.kind in ("udpin", "tcpin") else str(address)
+    return None if link.kind in ("udpin", "tcpin") else str(address).partition("%")[0]  # systemd knows no zones

@@ -115,7 +115,11 @@ def _environment(board: Board) -> str:
 def _tmpfiles(board: Board) -> str:
     """Who may read what is below /etc/argosy: the mission its daemons, the keys the router alone."""
     router = board.user("board" if board.one_process else "commd")
-    lines = [f"z {board.folder} 0750 root argosy", f"Z {board.folder}/keys ~0700 {router} argosy"]
+    lines = [
+        "z /etc/argosy 0755 root root",
+        f"z {board.folder} 0750 root argosy",
+        f"Z {board.folder}/keys ~0700 {router} argosy",
+    ]
     return _HEADER + "".join(f"{line}\n" for line in lines)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections.abc import Sequence
 from pathlib import Path
 
 from argosy.board_files import files_of, secrets_of
@@ -17,6 +18,8 @@ from schemas.findings import Finding, Findings
 from schemas.mission import Mission, load_mission
 
 GUIDE = "INSTALL.md"
+TAKEN = {"router.json5", "board.env", "keys"}
+"""What stands beside the files of a mission on a board."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -56,19 +59,26 @@ def write(board: Board, out: Path) -> int:
     Raises Findings, FileExistsError for a folder that has something in it, and OSError.
     """
     check(board.mission)
+    secrets = secrets_of(board.mission, board.name)
+    _check_secrets(board.mission, secrets)
     texts: dict[str, str | bytes] = dict(unit_files(board))
     keys = None if board.keys is None else Path(board.keys)
     settings = router_config.router_settings(board.mission, board.name, socket=board.socket, keys=keys)
     texts[f"{board.folder[1:]}/router.json5"] = router_config.write(settings)
     for name, path in files_of(board.mission, board.name).items():
+        if Path(name).parts[0] in TAKEN:
+            raise Findings([Finding(str(path), 0, 0, "a board has another file of this name: rename the mission's")])
         texts[f"{board.folder[1:]}/{name}"] = path.read_bytes()
-    texts[GUIDE] = guide(board, secrets_of(board.mission, board.name))
+    texts[GUIDE] = guide(board, secrets)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise FileExistsError
     for name, text in texts.items():
         target = out / name
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(text if isinstance(text, bytes) else text.encode())
+        target.chmod(0o644)
+        for folder in target.relative_to(out).parents:  # daemons of other users read them, whatever our umask is
+            (out / folder).chmod(0o755)
     return len(texts)
 
 
@@ -77,16 +87,25 @@ def check(mission: Mission) -> None:
     if mission.router.external:
         text = "router.external: the units run commd as the board's router; leave it out"
         raise Findings([mission.positions.finding(("router", "external"), text)])
-    taken = {"router.json5", "board.env", "keys"} & {mission.path.name}
-    if taken:
-        raise Findings(
-            [Finding(str(mission.path), 0, 0, "a board has another file of this name: rename the mission's")]
-        )
+    name = mission.path.name
+    if not name.isprintable() or name != name.strip() or set(name) & set("\"'\\`$%#;"):
+        text = "expected a file name without quotes, control characters and ` \\ $ % # ;: units name it"
+        raise Findings([Finding(str(mission.path), 0, 0, text)])
+
+
+def _check_secrets(mission: Mission, secrets: Sequence[str]) -> None:
+    for name in secrets:
+        if not name.isprintable():
+            text = f"expected the name of a file without control characters, got {name!r}"
+            where = next(
+                robot for robot, its in mission.robots.items() if its.signing and its.signing.passphrase_file == name
+            )
+            raise Findings([mission.positions.finding(("robots", where, "signing", "passphrase_file"), text)])
 
 
 def _venv(text: str) -> str:
-    if not re.fullmatch(r"/[A-Za-z0-9_./+-]+", text):
-        raise ArgumentTypeError(f"expected an absolute path without blanks, got `{text}`")
+    if not re.fullmatch(r"/[A-Za-z0-9_./+-]+", text) or ".." in text.split("/"):
+        raise ArgumentTypeError(f"expected an absolute path without blanks and `..`, got `{text}`")
     if text.startswith(("/home/", "/root/", "/run/user/", "/tmp/", "/var/tmp/")):  # noqa: S108  to refuse them
         raise ArgumentTypeError(f"the daemons do not see {text}: install below /opt, /usr or /srv")
     return text.rstrip("/")

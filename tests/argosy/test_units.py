@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import shutil
+import stat
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,7 @@ from argosy.__main__ import main
 from argosy.unit_files import WATCHDOG, Board, templates
 from argosy.units import write
 from commd import router_config
+from schemas.findings import Findings
 from schemas.mission import Mission, load_mission
 from tests.support.analyzed import analyzed, exposure, installed
 
@@ -168,6 +171,15 @@ def test_one_process_is_one_unit_with_what_the_three_may(tmp_path: Path) -> None
         (("done:", "router: {external: true}\ndone:"), "router.external: the units run commd as the board's router"),
         (("code/scout.asl", "../elsewhere.asl"), "is not below the mission file, whose folder is what a board gets"),
         (("code/scout.asl", "code/none.asl"), "there is no file"),
+        (
+            ('"LINK"', '"serial:/dev/ttyA rw\\nExecStartPre=+/bin/touch /pwned:57600"'),
+            "units allow a device such as /dev/ttyAMA0",
+        ),
+        (('"LINK"', '"serial:/dev/tty%i:57600"'), "units allow a device such as /dev/ttyAMA0"),
+        (
+            ('"LINK"', '"serial:/dev/ttyA:57600", signing: {passphrase_file: "a\\nb"}'),
+            "expected the name of a file without control characters, got 'a\\nb'",
+        ),
     ],
 )
 def test_what_a_board_cannot_run_is_refused_in_words_and_nothing_is_written(
@@ -181,6 +193,50 @@ def test_what_a_board_cannot_run_is_refused_in_words_and_nothing_is_written(
     assert not (tmp_path / "out").exists()
 
 
+def test_passphrases_are_installed_where_the_bridge_reads_them_by_a_command_that_does_nothing_else(
+    tmp_path: Path,
+) -> None:
+    for number, (named, here, there) in enumerate(
+        [
+            ("a b; touch x", "a b; touch x", "/etc/argosy/survey/a b; touch x"),
+            ("/etc/pass", "pass", "/etc/pass"),
+            ("-o", "-o", "/etc/argosy/survey/-o"),
+        ]
+    ):
+        text = FLEET.replace('link: "LINK"', f'link: "LINK", signing: {{passphrase_file: "{named}"}}')
+        write(Board(mission(tmp_path, text), "pi1"), out := tmp_path / str(number))
+        (line,) = [line for line in (out / "INSTALL.md").read_text().splitlines() if "install -D" in line]
+        assert shlex.split(line)[-3:] == ["--", here, there]
+
+
+@pytest.mark.parametrize("name", ["it's.yaml", "a\nb.yaml", "a\\b.yaml", "50%i.yaml", " a.yaml"])
+def test_a_file_name_that_units_cannot_say_is_refused(
+    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mission(tmp_path)
+    (tmp_path / "survey.yaml").rename(tmp_path / name)
+    assert main(["units", str(tmp_path / name), "--board", "pi1", "--out", str(tmp_path / "out")]) == 2
+    assert "expected a file name without quotes, control characters" in capsys.readouterr().err
+
+
+def test_a_file_of_the_mission_takes_the_place_of_no_other(tmp_path: Path) -> None:
+    text = FLEET.replace("code/scout.asl", "keys/scout.asl")
+    (tmp_path / "keys").mkdir()
+    (tmp_path / "keys" / "scout.asl").write_text("+x <- true.\n")
+    with pytest.raises(Findings, match="a board has another file of this name"):
+        write(Board(mission(tmp_path, text), "pi1"), tmp_path / "out")
+
+
+def test_daemons_may_read_what_is_written_whatever_the_umask(tmp_path: Path) -> None:
+    made, before = mission(tmp_path), os.umask(0o077)
+    try:
+        write(Board(made, "pi1"), tmp_path / "out")
+    finally:
+        os.umask(before)
+    for path in (tmp_path / "out", *(tmp_path / "out").rglob("*")):
+        assert stat.S_IMODE(path.stat().st_mode) == (0o755 if path.is_dir() else 0o644), path
+
+
 def test_a_folder_that_is_not_empty_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mission(tmp_path)
     assert main(["units", str(tmp_path / "survey.yaml"), "--board", "pi1", "--out", str(tmp_path)]) == 2
@@ -188,7 +244,7 @@ def test_a_folder_that_is_not_empty_is_left_alone(tmp_path: Path, capsys: pytest
     assert not (tmp_path / "etc").exists()
 
 
-@pytest.mark.parametrize("venv", ["relative", "/home/pi/argosy", "/opt/with blank"])
+@pytest.mark.parametrize("venv", ["relative", "/home/pi/argosy", "/opt/with blank", "/opt/../home/pi"])
 def test_a_place_that_the_daemons_would_not_see_is_refused(venv: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["units", "turtle", "--out", "x", "--venv", venv])
