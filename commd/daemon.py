@@ -27,11 +27,12 @@ from commd.process import (
     endpoint_argument,
     report_health,
     run_daemon,
+    tls_of,
 )
 from commd.refusals import hear_refusals
 from commd.routers import router_of
 from commd.state import state_directory
-from commd.tls import check_board, files_in
+from commd.tls import check_board
 from schemas.findings import Finding, Findings
 from schemas.mission import Mission, load_mission
 from schemas.positions import did_you_mean
@@ -79,7 +80,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
     unit = unit or Unit.of_environment().member("commd")
     board = chosen(mission, args.board)
     endpoint = args.router or mission.router.endpoint
-    tls = files_in(args.keys) if args.keys is not None else None
+    tls = tls_of(args)
     listen, connect = args.listen, args.connect
     given = router_config.read(args.config) if args.config is not None else None
     external = mission.router.external and given is None

@@ -78,7 +78,7 @@ def test_each_thing_that_is_wrong_with_keys_is_told_in_words(fleet: FleetKeys, w
     break_it, words = WRONG[what]
     break_it(fleet, tls)
     with pytest.raises(Findings) as error:
-        tls_in(tls.key.parent)
+        identity_of(tls, time.time())
     assert words in str(error.value)
     assert "Traceback" not in str(error.value)
 
@@ -117,7 +117,9 @@ def test_a_board_takes_its_own_keys_only_and_for_its_own_address(fleet: FleetKey
 def test_a_board_takes_its_keys_whatever_their_dates(fleet: FleetKeys, dates: dict[str, float]) -> None:
     """The other boards refuse it; its own daemons need no certificate, and its clock may be set later."""
     mission = read_mission(MISSION.replace("ADDRESS", "127.0.0.1"), Path("m.yaml"))
-    check_board(fleet.make("pi1", **dates), mission, "pi1")  # type: ignore[arg-type]
+    tls = fleet.make("pi1", **dates)  # type: ignore[arg-type]
+    check_board(tls, mission, "pi1")
+    assert tls_in(tls.key.parent) == tls
 
 
 def test_a_daemon_reads_its_keys_without_the_package_that_makes_them(fleet: FleetKeys) -> None:
