@@ -208,6 +208,10 @@ def _same(host: str) -> str:
 def _readable(file: Path, what: str) -> None:
     try:
         file.read_bytes()
+    except PermissionError as error:
+        text = f"cannot be read ({what}): {error.strerror}: keys are for their owner, and this user is another one"
+        do = "on a board, `sudo systemd-tmpfiles --create argosy-MISSION.conf` gives them to its commd"
+        raise _wrong(file, f"{text}; {do}") from None
     except OSError as error:
         text = f"cannot be read ({what}): {error.strerror}"
         raise _wrong(file, f"{text}; `argosy keys add-board` makes a machine's folder of keys") from None

@@ -83,6 +83,18 @@ def test_each_thing_that_is_wrong_with_keys_is_told_in_words(fleet: FleetKeys, w
     assert "Traceback" not in str(error.value)
 
 
+def test_keys_that_belong_to_another_user_are_to_be_given_to_the_daemon(
+    fleet: FleetKeys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_: Path) -> bytes:
+        raise PermissionError(13, "Permission denied")
+
+    tls = fleet.make("pi1")
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    with pytest.raises(Findings, match="Permission denied: keys are for their owner.*`sudo systemd-tmpfiles --create"):
+        tls_in(tls.key.parent)
+
+
 def test_keys_of_another_fleet_with_the_same_names_are_not_believed(fleet: FleetKeys, tmp_path: Path) -> None:
     other, ours = FleetKeys(tmp_path).make("pi1"), fleet.make("pi1")
     with pytest.raises(Findings, match="of different fleets"):
