@@ -91,7 +91,7 @@ def test_keys_that_belong_to_another_user_are_to_be_given_to_the_daemon(
 
     tls = fleet.make("pi1")
     monkeypatch.setattr(Path, "read_bytes", refuse)
-    with pytest.raises(Findings, match="Permission denied: keys are for their owner.*`sudo systemd-tmpfiles --create"):
+    with pytest.raises(Findings, match=r"Permission denied: keys are for their owner.*`sudo systemd-tmpfiles --create"):
         tls_in(tls.key.parent)
 
 
