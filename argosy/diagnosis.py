@@ -66,8 +66,8 @@ Check: TypeAlias = Callable[[Facts], list[Said]]
 
 def logs_of(daemon: str, mission: Mission, board: str) -> str:
     """Return in words how to see on its board why a daemon is not well."""
-    unit = f"{daemon}@{mission.name}"
-    return f"on {board}: `systemctl status {unit}` and `journalctl -u {unit} -n 50`"
+    unit, whole = f"{daemon}@{mission.name}", f"board@{mission.name}"
+    return f"on {board}: `systemctl status {unit}` and `journalctl -u {unit} -n 50` (of one process: `{whole}`)"
 
 
 def counted(number: int, noun: str) -> str:

@@ -67,6 +67,7 @@ def test_daemons_that_are_not_well_are_errors_with_where_to_look(facts: Facts) -
     found = only(daemons(replace(facts, rows=[row(), row("b", board="pi2", standing="missing")])), "error")
     assert found.text == "agentd b on pi2 is missing: the mission has it, and it is not there"
     assert "on pi2: `systemctl status agentd@trial`" in found.do
+    assert "(of one process: `board@trial`)" in found.do
     both = [row("pi2", "commd", "pi2", standing="missing"), row("b", board="pi2", standing="missing"), row()]
     dark = only(daemons(replace(facts, rows=both)), "error")
     assert dark.text == "nothing of pi2 is there: commd pi2, agentd b"

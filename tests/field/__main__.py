@@ -59,12 +59,15 @@ def fly(make: Maker) -> Row:
 def head(times: int) -> str:
     """Say where the figures come from."""
     unit = UnitFile.read("agentd")
+    often, figures = "once", ""
+    if times > 1:
+        often, figures = f"{times} times", ": the median, and in brackets the extremes"
     return (
-        f"Flown by `make field` on {datetime.now(UTC):%Y-%m-%d}, each row {times} times at speed 1: Python "
+        f"Flown by `make field` on {datetime.now(UTC):%Y-%m-%d}, each row {often} at speed 1: Python "
         f"{platform.python_version()}, eclipse-zenoh\n{version('eclipse-zenoh')}, {os.cpu_count()} cores of "
         f"{platform.machine()} for all daemons and the vehicle. Units: `WatchdogSec={unit.watchdog:g}`, "
-        f"`RestartSec={unit.restart_after:g}`,\n`TimeoutAbortSec={unit.abort:g}`. Seconds after the fault: the median, "
-        f"and in brackets the extremes. Load average of the machine at the end: {os.getloadavg()[2]:.0f}; what is "
+        f"`RestartSec={unit.restart_after:g}`,\n`TimeoutAbortSec={unit.abort:g}`. Seconds after the fault{figures}. "
+        f"Load average of the machine at the end: {os.getloadavg()[2]:.0f}; what is "
         "started again takes\nas long as that lets it."
     )
 
