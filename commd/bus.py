@@ -419,9 +419,9 @@ class Bus:
             while missing := [name for name in names if self._own(name) not in there.get(name, ())]:
                 if self._loop.time() >= until:
                     what = [f"{denials.KINDS['token']} {self._own(name)}" for name in missing]
-                    if self.router_up:
+                    if self.router_up and self.guarded:
                         raise Denied(await denials.in_words(self, what))
-                    raise BusClosed(f"the router does not show the token of `{missing[0]}`")
+                    raise BusClosed(f"the router does not show the token of `{missing[0]}` within {CLAIM_PATIENCE:g} s")
                 await asyncio.sleep(0.02)
                 there = await self._claimed(names)
             for name in names:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Sequence
 from contextlib import AsyncExitStack, aclosing
 from typing import Any
 
 import pytest
 
-from commd.bus import AlreadyRunning, BusClosed, Query, open_bus
+from commd.bus import AlreadyRunning, Bus, BusClosed, Denied, Query, open_bus
 from schemas.records import Action, ActionStatus, Perception
 from tests.support.buses import Connect, on_a_bus, served, subscribed, until
 
@@ -72,7 +73,7 @@ def test_a_query_streams_its_replies_and_ends(endpoint: str) -> None:
         async def fly(query: Query[Action]) -> None:
             assert query.record is not None
             for state in ("accepted", "running", "succeeded"):
-                query.reply(ActionStatus(id=query.record.id, state=state))  # type: ignore[arg-type]
+                query.reply(ActionStatus(id=query.record.id, state=state))
                 await asyncio.sleep(0.02)
 
         server.serve("argosy/test/uav/action/*", Action, fly)
@@ -277,5 +278,22 @@ def test_the_admin_space_of_the_router_can_be_read(endpoint: str) -> None:
             lambda: [str(r.ok.key_expr) for r in client._session.get("@/*/router", timeout=10)]
         )
         assert len(answers) == 1
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_router_without_rules_that_shows_a_token_too_late_is_not_said_to_deny_it(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def nobody(bus: Bus, names: Sequence[str]) -> dict[str, list[str]]:
+        return {}
+
+    async def body(connect: Connect) -> None:
+        bus = await connect("uav")
+        monkeypatch.setattr(Bus, "_claimed", nobody)
+        monkeypatch.setattr("commd.bus.CLAIM_PATIENCE", 0.1)
+        with pytest.raises(BusClosed, match=r"does not show the token of `uav` within 0\.1 s") as caught:
+            await bus.claim("uav")
+        assert not isinstance(caught.value, Denied)
 
     on_a_bus(endpoint, body)
