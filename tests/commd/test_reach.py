@@ -313,3 +313,20 @@ def test_an_expired_certificate_ends_its_links_and_a_new_one_on_disk_is_dialled_
             await until(lambda: one.linked() == {"pi2"}, "pi2 is linked again, and was not started again")
 
     asyncio.run(asyncio.wait_for(body(), 90))
+
+
+def test_a_certificate_that_is_not_valid_yet_is_good_when_its_time_has_come(fleet: FleetKeys, free_port: Port) -> None:
+    """As when a clock is set late: neither side is started again."""
+
+    async def body() -> None:
+        at, its = (f"tls/127.0.0.1:{free_port()}" for _ in range(2))
+        early = fleet.make("pi2", begins=8, ends=3600)
+        async with (
+            router(free_port, fleet.make("pi1"), at=at, dials=its) as one,
+            router(free_port, early, at=its, dials=at, name="pi2"),
+        ):
+            assert "is valid from" in await why_not(its, fleet.make("pi1"))
+            assert not one.linked()
+            await until(lambda: one.linked() == {"pi2"}, "pi2 is linked when its certificate is valid")
+
+    asyncio.run(asyncio.wait_for(body(), 60))
