@@ -8,7 +8,7 @@ from argparse import ArgumentParser, Namespace
 from contextlib import aclosing
 
 from argosy.operator_bus import ANY, Where, add_fleet_arguments, bridges, on_the_bus, unreached
-from commd.bus import Bus
+from commd.bus import Bus, BusClosed
 from commd.process import EXIT_DONE, EXIT_FAILED
 from schemas import keys
 from schemas.records import Outcome, StopOrder
@@ -44,48 +44,60 @@ def run(args: Namespace) -> int:
 
 
 async def _stop(bus: Bus, where: Where, order: str, wanted: list[str]) -> int:
-    """Order the mission's robots whether they are seen or not, and at once; then others whose bridges are there."""
-    known = [robot for robot in where.robots if not wanted or robot in wanted]
-    ordered = {robot: asyncio.create_task(order_robot(bus, where.fleet, robot, order)) for robot in known}
-    try:
-        return await _told(bus, where, order, wanted, ordered)
-    finally:
-        for task in ordered.values():
-            task.cancel()
+    """Order the mission's robots at once, whether they are seen or not, then others whose bridges are there."""
+    looking = asyncio.create_task(bridges(bus, where.fleet))
 
-
-async def _told(
-    bus: Bus, where: Where, order: str, wanted: list[str], ordered: dict[str, asyncio.Task[Outcome]]
-) -> int:
-    robots = await bridges(bus, where.fleet)
-    there = {robot for _, robot in robots}
-    absent = [robot for robot in wanted if robot not in there and robot not in ordered]
-    for robot in absent:
-        known = f"; there is {', '.join(sorted(there))}" if there else ""
-        print(f"{robot}: its bridge is not on the bus at {where.router}{known}", file=sys.stderr)
-    if not robots and not ordered and not wanted:
-        what = f"fleet `{where.fleet}`" if where.fleet != ANY else "any fleet"
-        print(f"error: no robot of {what} is on the bus at {where.router}", file=sys.stderr)
-    others = [(its, robot) for its, robot in robots if robot not in ordered and (not wanted or robot in wanted)]
-    orders = [*ordered.values(), *(order_robot(bus, its, robot, order) for its, robot in others)]
-    outcomes = await asyncio.gather(*orders)
-    for robot, outcome in zip((*ordered, *(robot for _, robot in others)), outcomes, strict=True):
+    async def told(fleet: str, robot: str) -> bool:
+        outcome = await order_robot(bus, fleet, robot, order)
         reason = outcome.reason
-        if reason == UNANSWERED and robot not in there:
+        if reason == UNANSWERED and robot not in {its for _, its in await looking}:
             reason = f"its bridge is not on the bus at {where.router}"
         said = f" ({reason})" if reason else ""
         print(f"{robot}: {order} {'confirmed' if outcome.ok else 'NOT confirmed'}{said}", flush=True)
-    for line in await unreached(bus):
-        print(f"note: {line}", file=sys.stderr)
-    confirmed = bool(outcomes) and all(outcome.ok for outcome in outcomes) and not absent
-    return EXIT_DONE if confirmed else EXIT_FAILED
+        return outcome.ok
+
+    known = [robot for robot in where.robots if not wanted or robot in wanted]
+    orders = [asyncio.create_task(told(where.fleet, robot)) for robot in known]
+    absent: list[str] = []
+    try:
+        if not wanted or set(wanted) - set(known):  # else nobody is to wait for boards that are nothing to them
+            there = await looking
+            orders += [
+                asyncio.create_task(told(fleet, robot))
+                for fleet, robot in there
+                if robot not in known and (not wanted or robot in wanted)
+            ]
+            absent = _absent(where, wanted, known, [robot for _, robot in there])
+            for line in await unreached(bus):
+                print(f"note: {line}", file=sys.stderr)
+        confirmed = all(await asyncio.gather(*orders))
+    finally:
+        for task in (looking, *orders):
+            task.cancel()
+        await asyncio.gather(looking, *orders, return_exceptions=True)
+    return EXIT_DONE if orders and confirmed and not absent else EXIT_FAILED
+
+
+def _absent(where: Where, wanted: list[str], known: list[str], there: list[str]) -> list[str]:
+    """Name the robots that are wanted and that nobody knows, and return them; say so if there is none at all."""
+    absent = [robot for robot in wanted if robot not in (*known, *there)]
+    for robot in absent:
+        others = f"; there is {', '.join(sorted(set(there)))}" if there else ""
+        print(f"{robot}: its bridge is not on the bus at {where.router}{others}", file=sys.stderr)
+    if not (there or known or wanted):
+        what = f"fleet `{where.fleet}`" if where.fleet != ANY else "any fleet"
+        print(f"error: no robot of {what} is on the bus at {where.router}", file=sys.stderr)
+    return absent
 
 
 async def order_robot(bus: Bus, fleet: str, robot: str, order: str) -> Outcome:
     """Give one robot an order and return what became of it."""
     told = Outcome(ok=False, reason=UNANSWERED)
     ask = StopOrder(order=order)  # type: ignore[arg-type]
-    async with aclosing(bus.query(keys.stop(fleet, robot), ask, Outcome, ANSWER_TIMEOUT)) as replies:
-        async for reply in replies:
-            told = reply.record or Outcome(ok=False, reason=reply.error)
+    try:
+        async with aclosing(bus.query(keys.stop(fleet, robot), ask, Outcome, ANSWER_TIMEOUT)) as replies:
+            async for reply in replies:
+                told = reply.record or Outcome(ok=False, reason=reply.error)
+    except BusClosed as closed:  # the others have their orders, and are to be told of
+        return Outcome(ok=False, reason=str(closed))
     return told

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Callable
 from contextlib import aclosing
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from argosy.fleet_bus import Boards, FleetBus
 from commd.bus import Bus, BusClosed
-from schemas.records import Mailboxes
+from schemas.mission import read_mission
+from schemas.records import Header, Health, Mailboxes
 
 
 def asked(monkeypatch: pytest.MonkeyPatch, *, opening: Exception | None = None, asking: Exception) -> list[str]:
@@ -48,3 +50,62 @@ def test_a_defect_while_boards_are_asked_is_raised_and_not_waited_for(monkeypatc
         asked(monkeypatch, asking=UnicodeError("label too long"))
     with pytest.raises(UnicodeError, match="host"):
         asked(monkeypatch, opening=UnicodeError("host"), asking=AssertionError())
+
+
+class Heard:
+    """What a fleet's bus takes from two boards, of which `pi2` is reached at the second attempt."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("argosy.fleet_bus.DIAL_AGAIN", 0.0)
+        self.bus, self.at_pi2 = object.__new__(FleetBus), object.__new__(FleetBus)
+        self.taken: list[Callable[..., None]] = []
+        """What each board calls, as its session is declared to."""
+        monkeypatch.setattr(Bus, "watch", lambda _, __, handler: self.taken.append(handler))
+        monkeypatch.setattr(Bus, "subscribe", lambda _, __, ___, handler: self.taken.append(handler))
+
+    async def listen(self, declare: Callable[[FleetBus], None]) -> None:
+        """Declare something, and wait until both boards know."""
+        boards = self.bus.boards = Boards(read_mission("mission: m\nagents: {a: {program: a.asl}}\n", Path("m.yaml")))
+
+        async def opened(bus: FleetBus | None) -> FleetBus:
+            if bus is None:
+                raise BusClosed("nobody listens there")
+            return bus
+
+        boards.dial = lambda _: asyncio.create_task(opened(self.at_pi2))
+        boards.opening = {board: asyncio.create_task(opened(bus)) for board, bus in (("pi1", self.bus), ("pi2", None))}
+        assert await boards.unreached() == {"pi2": "nobody listens there"}
+        declare(self.bus)
+        async with asyncio.timeout(20):
+            while len(self.taken) < 2:
+                await asyncio.sleep(0)
+        await boards.listening.end()
+
+
+def test_a_token_is_there_until_no_board_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard, told = Heard(monkeypatch), list[tuple[str, bool]]()
+    asyncio.run(heard.listen(lambda bus: bus.watch("argosy/f/*/alive/**", lambda *one: told.append(one))))
+    one, two = heard.taken
+    for at, token, alive in (
+        (one, "a", True),
+        (two, "a", True),
+        (two, "b", True),
+        (one, "a", False),
+        (two, "a", False),
+    ):
+        at(token, alive)
+    assert told == [("a", True), ("b", True), ("a", False)]
+
+
+def test_what_comes_by_two_boards_is_heard_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard, told = Heard(monkeypatch), list[tuple[str, int]]()
+    take = "argosy/f/r1/health/bridged"
+    asyncio.run(heard.listen(lambda bus: bus.subscribe(take, Health, lambda _, one: told.append(told_by(one)))))
+    one, two = heard.taken
+    for at, boot, seq in ((one, "x", 1), (two, "x", 1), (two, "x", 2), (one, "x", 2), (one, "y", 1), (two, "y", 1)):
+        at(take, Health(header=Header(boot=boot, seq=seq)))
+    assert told == [("x", 1), ("x", 2), ("y", 1)]
+
+
+def told_by(health: Health) -> tuple[str, int]:
+    return health.header.boot, health.header.seq

@@ -179,7 +179,7 @@ def test_operators_reach_each_board_by_its_own_router_and_revoked_ones_none(
                     capsys.readouterr()
                     assert await asyncio.to_thread(stop) == 1, "r3 was not stopped"
                     assert sorted(orders) == ["r1", "r2"]
-                    said = capsys.readouterr().out.splitlines()
+                    said = sorted(capsys.readouterr().out.splitlines())
                     assert said[:2] == ["r1: land confirmed", "r2: land confirmed"]
                     assert said[2].startswith("r3: land NOT confirmed (board pi3 is not reached: ")
                     assert await asyncio.to_thread(stop, "r1", keys_of="eye") == 1, "an observer stops nobody"
