@@ -7,6 +7,10 @@ from collections.abc import Coroutine
 from contextlib import suppress
 from typing import Any
 
+TELL_AGAIN = 5.0
+"""Wall seconds after which a task that was cancelled and goes on is cancelled again: `wait_for` of Python 3.11 forgets
+a cancel that comes with what it waits for."""
+
 
 class Tasks:
     """The tasks of one owner; `len` is how many are under way."""
@@ -32,9 +36,10 @@ class Tasks:
             task.cancel()
 
     async def end(self) -> None:
-        """Cancel all of them and wait until they have ended."""
-        self.cancel()
-        await asyncio.gather(*self._running, return_exceptions=True)
+        """Cancel all of them and wait until they have ended; one that goes on has forgotten it, and is told again."""
+        while self._running:
+            self.cancel()
+            await asyncio.wait(list(self._running), timeout=TELL_AGAIN)
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         self._running.discard(task)

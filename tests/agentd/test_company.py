@@ -19,7 +19,7 @@ from commd.daemon import serve as serve_commd
 from commd.presence import ROUTER_GRACE
 from schemas import keys
 from schemas.mission import Mission, load_mission
-from tests.support.buses import session, until
+from tests.support.buses import ended, session, until
 
 MISSION = """\
 mission: test
@@ -68,7 +68,7 @@ class Boards:
             yield
         finally:
             stop.set()
-            await task
+            await ended(task, f"commd of {board}")
 
     @asynccontextmanager
     async def agents(self, board: str, *names: str) -> AsyncIterator[Crew]:
@@ -83,7 +83,7 @@ class Boards:
                 yield crew
             finally:
                 stop.set()
-                await task
+                await ended(task, f"agentd of {board}")
 
 
 @pytest.fixture

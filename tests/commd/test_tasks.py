@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Coroutine
+from contextlib import suppress
 from typing import Any
 
-from commd.tasks import wait_at_most
+import pytest
+
+from commd.tasks import Tasks, wait_at_most
 
 
 def bounded(work: Coroutine[Any, Any, None]) -> None:
@@ -32,4 +35,22 @@ def test_a_loop_of_waits_ends_when_it_is_cancelled_with_its_event() -> None:
             done, _ = await asyncio.wait([task], timeout=5)
             assert done, f"cancelled {turns} turns after the event, it goes on"
 
+    bounded(main())
+
+
+def test_tasks_end_although_one_forgets_that_it_was_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def main() -> None:
+        async def forgets() -> None:
+            with suppress(asyncio.CancelledError):
+                await asyncio.Event().wait()
+            await asyncio.Event().wait()
+
+        tasks = Tasks("forgetting")
+        tasks.spawn(forgets())
+        tasks.spawn(asyncio.sleep(60))
+        await asyncio.sleep(0)
+        await tasks.end()
+        assert len(tasks) == 0
+
+    monkeypatch.setattr("commd.tasks.TELL_AGAIN", 0.05)
     bounded(main())

@@ -81,3 +81,12 @@ async def until(condition: Callable[[], bool], wish: str, seconds: float = 20) -
                 await asyncio.sleep(0.01)
     except TimeoutError:
         raise AssertionError(f"not within {seconds:g} s: {wish}") from None
+
+
+async def ended(task: asyncio.Task[Any], what: str, seconds: float = 30) -> None:
+    """Wait until a task that was told to end has ended; fail after a bound, whatever it still waits for."""
+    done, _ = await asyncio.wait([task], timeout=seconds)
+    if not done:
+        task.cancel()
+        raise AssertionError(f"not within {seconds:g} s: {what} ends")
+    task.result()
