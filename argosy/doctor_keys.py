@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import ssl
 import time
 from pathlib import Path
 
@@ -15,6 +16,11 @@ from schemas.mission import DEFAULT_PORT, Mission
 CALL_PATIENCE = 3.0
 """Wall seconds that a board has to show its certificate."""
 RENEW = "on the machine that has the fleet's authority: `argosy keys renew`, then copy the folder and restart commd"
+
+UNBELIEVED = (
+    "copy this machine's new ca.pem here, if boards were added (`argosy keys add-board`); else that board was revoked, "
+    "or has another fleet's keys"
+)
 
 
 def certificates(mission: Mission, folder: Path | None) -> list[Said]:
@@ -33,6 +39,10 @@ def certificates(mission: Mission, folder: Path | None) -> list[Said]:
             continue
         try:
             theirs = shown_at(tls, *host_and_port(entry.address, DEFAULT_PORT))
+        except ssl.SSLCertVerificationError as error:
+            text = f"{board} shows one at {entry.address} that our ca.pem does not believe: {error.verify_message}"
+            said.append(Said("error", "certificates", text, UNBELIEVED))
+            continue
         except OSError as error:
             text = f"{board} shows none at {entry.address}: {error.strerror or error}"
             do = f"is {board} there, and its commd with its keys?"

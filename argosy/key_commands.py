@@ -112,7 +112,12 @@ def add(args: Namespace, kind: str) -> int:
             folder.add(name, cast("Kind", kind), hosts_of(mission, name), tuple(args.address or ()))
         _tell_members(folder, args.names)
         others = [name for name in _boards(folder) if name not in args.names]
-        _tell_anchors(folder, others, f"a board knows {_and(args.names)} when it has this and its commd started again:")
+        whom = _and(args.names)
+        _tell_anchors(folder, others, f"a board knows {whom} when it has this and its commd started again:")
+        if kind == "board":
+            _tell_anchors(folder, _people(folder), f"operators and observers believe {whom} when they have this:")
+        if others:
+            print(f"with it each of these boards needs a new router.json5, which says what {whom} may: argosy units")
     return EXIT_DONE
 
 
@@ -147,9 +152,10 @@ def revoke(args: Namespace) -> int:
         _tell_anchors(
             folder, _boards(folder), f"a board refuses {whom} when it has this and its commd was started again:"
         )
-        people = [name for name, its in folder.record.believed.items() if its.kind != "board"]
         if any(its.kind == "board" for name, its in folder.record.members.items() if name in args.names):
-            _tell_anchors(folder, people, f"operators and observers take nobody for {whom} when they have this:")
+            _tell_anchors(
+                folder, _people(folder), f"operators and observers take nobody for {whom} when they have this:"
+            )
     return EXIT_DONE
 
 
@@ -202,6 +208,10 @@ def _check_names(mission: Mission, names: Sequence[str], known: Sequence[str], w
 
 def _boards(folder: KeyFolder) -> list[str]:
     return [name for name, member in folder.record.believed.items() if member.kind == "board"]
+
+
+def _people(folder: KeyFolder) -> list[str]:
+    return [name for name, member in folder.record.believed.items() if member.kind != "board"]
 
 
 def _tell_members(folder: KeyFolder, names: Sequence[str]) -> None:

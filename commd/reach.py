@@ -134,6 +134,7 @@ def _attempt_tls(connection: socket.socket, host: str, tls: Tls) -> str:
         return f"our own keys: {findings}"
     except ssl.SSLCertVerificationError as error:
         text = "who is there has a certificate that our ca.pem does not believe: another fleet's, or a revoked one"
+        text += ", or ours is older than it: `argosy keys` makes a new ca.pem when somebody is added"
         return f"{text} ({error.verify_message})"
     except (ssl.SSLError, ConnectionError, TimeoutError):
         return "what listens there speaks no TLS: a router without keys?"

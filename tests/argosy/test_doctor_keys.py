@@ -84,6 +84,23 @@ def test_dates_are_seen_on_this_machine_and_from_the_boards_that_show_them(
             assert all("argosy keys renew" in one.do for one in soon)
 
 
+def test_an_old_list_of_whom_this_machine_believes_is_told_for_what_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = Kept(tmp_path, 400)
+    anchors = kept.keys("ops") / "ca.pem"
+    old = anchors.read_bytes()
+    for change in ("revoke", "add-board"):
+        assert argosy(["keys", change, str(kept.mission.path), "pi1", "--dir", str(tmp_path / "keys")]) == 0
+    with kept.board("pi1"):
+        assert len(kept.seen()) == 1, "pi2 alone is not there"
+        anchors.write_bytes(old)
+        found = kept.seen()[0]
+    assert found.text.startswith("pi1 shows one at ")
+    assert "that our ca.pem does not believe" in found.text
+    assert found.do.startswith("copy this machine's new ca.pem here")
+
+
 def test_a_board_whose_certificate_has_expired_is_there_and_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -113,6 +113,9 @@ def test_a_board_that_came_to_the_mission_is_added_and_all_boards_are_to_know_it
     assert made.out.splitlines()[1:] == [
         "a board knows pi4 when it has this and its commd started again:",
         *(f"  {board}: {made.folder(board)}/ca.pem" for board in ("pi1", "pi2", "pi3")),
+        "operators and observers believe pi4 when they have this:",
+        *(f"  {one}: {made.folder(one)}/ca.pem" for one in ("alice", "bob")),
+        "with it each of these boards needs a new router.json5, which says what pi4 may: argosy units",
     ]
     assert made("show") == 0
 
