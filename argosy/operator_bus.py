@@ -111,7 +111,8 @@ def on_the_bus(args: Namespace, work: Callable[[Bus, Where], Awaitable[int]]) ->
         async with operator_bus(place) as bus:
             code = await work(bus, place)
             if code != EXIT_DONE and place.mission is not None and bus.name in place.mission.security.observers:
-                print(f"note: `{bus.name}` is an observer by the mission: it sees, and orders nothing", file=sys.stderr)
+                rights = "where access is controlled it sees, and orders nothing"
+                print(f"note: `{bus.name}` is an observer by the mission: {rights}", file=sys.stderr)
             return code
 
     try:

@@ -12,7 +12,7 @@ import logging
 import os
 from collections import Counter, deque
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Collection, Sequence
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from threading import Thread
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
@@ -50,6 +50,10 @@ ASK_WHY = 10.0
 """Wall seconds after which it is looked into again why the router is not reached."""
 UNKNOWN = "is commd running? If it is, it takes no more links: its log and its health say so"
 """Why a router that can be reached lets nobody in."""
+OPEN_PATIENCE = 15.0
+"""Wall seconds that Zenoh has to open a session or to say why not; an attempt to reach a router takes 1 s."""
+STOP_PATIENCE = 1.5
+"""Wall seconds that it has when we are told to stop."""
 LOOK_UP_PATIENCE = 3.0
 """Seconds that the name service has to find the address of this board."""
 CLAIM_PATIENCE = 3.0
@@ -310,12 +314,18 @@ class Bus:
             )
         except zenoh.ZError as error:
             raise BusClosed(f"cannot ask {key}: {error}") from None
+        until = self._loop.time() + timeout + 1.0  # Zenoh ends the query itself; the second is for its last word
         try:
-            async with asyncio.timeout(timeout + 1.0):  # Zenoh ends the query itself; the second is for its last word
-                while (reply := await replies.get()) is not None:
-                    yield self._read_reply(key, reply, answer)
-        except TimeoutError:
-            self.counters["queries_unended"] += 1
+            while True:
+                try:
+                    async with asyncio.timeout_at(until):  # not while whoever asks does something with a reply
+                        reply = await replies.get()
+                except TimeoutError:
+                    self.counters["queries_unended"] += 1
+                    return
+                if reply is None:
+                    return
+                yield self._read_reply(key, reply, answer)
         finally:
             token.cancel()  # type: ignore[no-untyped-call]
 
@@ -579,6 +589,42 @@ def _drop_query(query: zenoh.Query) -> None:
         query.reply_err(b"busy: too many queries wait", encoding=zenoh.Encoding.TEXT_PLAIN)
 
 
+async def _open(config: zenoh.Config, stop: asyncio.Event | None) -> zenoh.Session:
+    """Open a session, in a thread that the end of the process does not wait for: Zenoh may never come back from it.
+
+    Raises TimeoutError, soon once `stop` is set.
+    """
+    loop = asyncio.get_running_loop()
+    opened: asyncio.Future[zenoh.Session] = loop.create_future()
+
+    def settle(session: zenoh.Session | None, error: BaseException | None) -> None:
+        if session is not None and not opened.done():
+            opened.set_result(session)
+        elif session is not None:  # too late
+            Thread(target=session.close, name="leaving", daemon=True).start()
+        elif error is not None and not opened.done():
+            opened.set_exception(error)
+
+    def open_it() -> None:
+        session, error = None, None
+        try:
+            session = zenoh.open(config)
+        except BaseException as failure:  # a panic of Zenoh's is no Exception
+            error = failure
+        with suppress(RuntimeError):  # the loop has ended
+            loop.call_soon_threadsafe(settle, session, error)
+
+    Thread(target=open_it, name="opening", daemon=True).start()
+    told = asyncio.Event() if stop is None else stop
+    stopping = asyncio.ensure_future(told.wait())
+    try:
+        either: set[asyncio.Future[Any]] = {opened, stopping}
+        await asyncio.wait(either, timeout=OPEN_PATIENCE, return_when=asyncio.FIRST_COMPLETED)
+        return await asyncio.wait_for(opened, STOP_PATIENCE)
+    finally:
+        stopping.cancel()
+
+
 async def _absent(endpoint: str, listen: Sequence[str]) -> list[str]:
     """Return those of a router's further endpoints whose address this machine does not have, or not yet.
 
@@ -642,8 +688,10 @@ async def open_bus(
     try:
         while True:
             try:
-                session = await asyncio.to_thread(zenoh.open, config)
+                session = await _open(config, stop)
                 break
+            except TimeoutError:
+                raise BusClosed(f"Zenoh does not open a session for {endpoint}, and does not say why") from None
             except zenoh.ZError as error:
                 if mode == "router":
                     where = " or ".join((endpoint, *listen))

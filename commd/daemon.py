@@ -40,6 +40,10 @@ from schemas.records import Health
 
 ROUND_TRIP = 2.0
 """Wall seconds within which the router answers itself, or hangs."""
+NO_RULES = (
+    "no access rules: whoever has a certificate of the fleet may do everything here; "
+    "`argosy units` writes rules, --config FILE takes them"
+)
 log = logging.getLogger("commd")
 
 
@@ -92,6 +96,9 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
     if tls is not None:
         check_board(tls, mission, board)
     secured = given is not None and given.secured
+    open_to_its_machines = tls is not None and not secured
+    if open_to_its_machines:
+        log.warning("%s", NO_RULES)
     mode: Literal["client", "router"] = "client" if external else "router"
     async with open_bus(
         endpoint,
@@ -134,6 +141,8 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
                 links = await enter(open_links(bus, mission, board, tls, most_links))
             further = (gateway, air, links)
             parts = [mailroom.health, directory.health, *(part.health for part in further if part is not None)]
+            if open_to_its_machines:
+                parts.append(lambda: Health(notes=(NO_RULES,)))
             log.info("%s board=%s endpoint=%s", mode, board, endpoint)
             unit.ready(words := f"{mode} of {board} at {endpoint}")
 

@@ -168,10 +168,16 @@ def read(file: Path) -> RouterFile:
     except zenoh.ZError as error:
         why = str(error).partition(" at /")[0]  # what follows are paths of Zenoh's sources
         raise Findings([Finding(str(file), 0, 0, f"no configuration of Zenoh's: {why}")]) from None
-    listen = _listening(endpoints)
+    listen = _endpoints(endpoints)
     if mode != "router" or not listen:
         text = 'expected a router: `mode: "router"` and endpoints to listen at, as `argosy units` writes it'
         raise Findings([Finding(str(file), 0, 0, text)])
+    dialled = json.loads(config.get_json("connect/endpoints"))
+    allowed = json.loads(config.get_json("transport/link/protocols"))
+    for endpoint in (*listen, *_endpoints(dialled)):
+        if allowed and (protocol := endpoint.partition("/")[0]) not in allowed:  # Zenoh would wait for ever
+            text = f"`{endpoint}` is by {protocol}, but `transport/link/protocols` allows only {', '.join(allowed)}"
+            raise Findings([Finding(str(file), 0, 0, text)])
     files = [tls.get(name) for name in ("root_ca_certificate", "listen_certificate", "listen_private_key")]
     return RouterFile(
         config,
@@ -204,8 +210,8 @@ def _rule(name: str, messages: Sequence[str], flows: Sequence[str], key_exprs: S
     }
 
 
-def _listening(endpoints: Any) -> tuple[str, ...]:
-    """The endpoints of a `listen/endpoints`, which may be a list or one by mode, without what is said to each."""
+def _endpoints(endpoints: Any) -> tuple[str, ...]:
+    """Endpoints of `listen` or `connect`, which may be a list or one by mode, without what is said to each."""
     if isinstance(endpoints, dict):
         endpoints = endpoints.get("router", [])
     return tuple(str(one).partition("#")[0] for one in endpoints or ())

@@ -9,6 +9,7 @@ from contextlib import AsyncExitStack, aclosing
 from typing import Any
 
 import pytest
+import zenoh
 
 from commd.bus import AlreadyRunning, Bus, BusClosed, Denied, Query, open_bus
 from schemas.records import Action, ActionStatus, Perception
@@ -28,6 +29,26 @@ def test_what_is_put_arrives_typed_and_in_order(endpoint: str) -> None:
         assert got[0][0] == "argosy/test/uav/percept/altitude"
 
     on_a_bus(endpoint, body)
+
+
+@pytest.mark.parametrize("told", [True, False], ids=["told to stop", "left waiting"])
+def test_a_session_that_zenoh_never_opens_does_not_keep_a_daemon(told: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("commd.bus.OPEN_PATIENCE", 60.0 if told else 0.2)
+    monkeypatch.setattr("commd.bus.STOP_PATIENCE", 0.2)
+    forever = """{mode: "router", transport: {link: {protocols: ["unixsock-stream"]}},
+      listen: {endpoints: ["tcp/127.0.0.1:0"], timeout_ms: -1, exit_on_failure: false}}"""
+
+    async def body() -> None:
+        stop = asyncio.Event()
+        if told:
+            stop.set()
+        who = {"fleet": "test", "name": "pi", "daemon": "commd", "mode": "router", "stop": stop}
+        config = zenoh.Config.from_json5(forever)
+        with pytest.raises(BusClosed, match=r"Zenoh does not open a session for tcp/127\.0\.0\.1:0"):
+            async with open_bus("tcp/127.0.0.1:0", stamp=lambda: 0, config=config, **who):
+                pass
+
+    asyncio.run(asyncio.wait_for(body(), 30))
 
 
 def test_bad_bytes_are_counted_and_never_reach_the_handler(endpoint: str) -> None:
@@ -278,6 +299,27 @@ def test_the_admin_space_of_the_router_can_be_read(endpoint: str) -> None:
             lambda: [str(r.ok.key_expr) for r in client._session.get("@/*/router", timeout=10)]
         )
         assert len(answers) == 1
+
+    on_a_bus(endpoint, body)
+
+
+def test_who_takes_longer_with_a_reply_than_the_question_lasts_is_not_cancelled(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        server, asker = await connect(), await connect()
+
+        async def fly(query: Query[Action]) -> None:
+            query.reply(ActionStatus(id="1", state="running"))
+            query.reply(ActionStatus(id="1", state="succeeded"))
+
+        server.serve("argosy/test/uav/action/*", Action, fly)
+        await served(asker, "argosy/test/uav/action/land")
+        states = list[str]()
+        async with aclosing(asker.query("argosy/test/uav/action/land", None, ActionStatus, 0.2)) as replies:
+            async for reply in replies:
+                assert reply.record is not None
+                states.append(reply.record.state)
+                await asyncio.sleep(1.3)
+        assert states == ["running", "succeeded"]
 
     on_a_bus(endpoint, body)
 

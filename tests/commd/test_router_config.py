@@ -73,6 +73,10 @@ def test_zenoh_reads_what_is_written_for_the_shipped_missions(name: str, tmp_pat
         ('{mode: "router", listen: {endpoints: []}}', "expected a router"),
         ("{", "no configuration of Zenoh's"),
         ('{mode: "router", acess_control: {}}', "no configuration of Zenoh's"),
+        (
+            '{mode: "router", listen: {endpoints: ["tcp/127.0.0.1:1"]}, transport: {link: {protocols: ["tls"]}}}',
+            "`tcp/127.0.0.1:1` is by tcp, but `transport/link/protocols` allows only tls",
+        ),
     ],
 )
 def test_a_file_that_is_no_routers_configuration_is_refused_in_words(text: str, said: str, tmp_path: Path) -> None:
