@@ -12,9 +12,10 @@ import asyncio
 import json
 import logging
 from collections.abc import AsyncIterator, Collection, Sequence
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING
 
+from commd.tasks import wait_at_most
 from commd.trying import which_come_through
 from schemas.keys import ROOT
 
@@ -97,8 +98,7 @@ class Watch:
         """Look whenever something changed, and now and then while something is denied or not known, for ever."""
         settled = True
         while True:
-            with suppress(TimeoutError):
-                await asyncio.wait_for(self._due.wait(), None if settled else LOOK_AGAIN)
+            await wait_at_most(self._due, None if settled else LOOK_AGAIN)
             await asyncio.sleep(SETTLING)
             self._due.clear()
             settled = await self._look()

@@ -8,9 +8,9 @@ from __future__ import annotations
 import asyncio
 import os
 from collections.abc import Collection
-from contextlib import suppress
 
 from commd.raw import RawBus, Sample
+from commd.tasks import wait_at_most
 
 AGAIN = 0.05
 """Wall seconds between two attempts: what was just declared may not have reached the other one yet."""
@@ -44,8 +44,7 @@ async def which_come_through(
             for publisher in reversed(publishers):  # the forbidden ones first: they have had their time by then
                 publisher.put(b"", "zenoh/bytes")
             news.clear()
-            with suppress(TimeoutError):
-                await asyncio.wait_for(news.wait(), AGAIN)
+            await wait_at_most(news, AGAIN)
     finally:
         for declared in (*subscriptions, *publishers):
             declared.close()
