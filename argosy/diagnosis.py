@@ -64,12 +64,6 @@ class Facts:
 Check: TypeAlias = Callable[[Facts], list[Said]]
 
 
-def logs_of(daemon: str, mission: Mission, board: str) -> str:
-    """Return in words how to see on its board why a daemon is not well."""
-    unit, whole = f"{daemon}@{mission.name}", f"board@{mission.name}"
-    return f"on {board}: `systemctl status {unit}` and `journalctl -u {unit} -n 50` (of one process: `{whole}`)"
-
-
 def counted(number: int, noun: str) -> str:
     """Return a number with its noun."""
     return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -22,6 +22,7 @@ from argosy.doctor_robots import percepts, vehicles
 from argosy.fleet_status import call_the_roll, settled
 from argosy.journal import printable
 from argosy.operator_bus import Where, add_router_argument, operator_bus, where
+from argosy.remedies import target_of
 from argosy.roll import SILENT
 from commd.bus import Bus, BusClosed
 from commd.checkup import LINKS_WITHIN, NoAnswer, ask, measure_all
@@ -64,8 +65,8 @@ def run(args: Namespace) -> int:
         print(findings, file=sys.stderr)
         return EXIT_BAD_INPUT
     except BusClosed as closed:
-        do = "start commd there (`systemctl start argosy-{0}.target`), or name another router by --router"
-        said.append(Said("error", "router", str(closed), do.format(mission.name)))
+        do = f"is the fleet there? {target_of(mission, 'start', 'its boards')}; or name another router by --router"
+        said.append(Said("error", "router", str(closed), do))
     show(said, as_json=args.json)
     return EXIT_FAILED if any(one.level == "error" for one in said) else EXIT_DONE
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from argosy.diagnosis import Facts, Said, counted, logs_of
+from argosy.diagnosis import Facts, Said, counted
+from argosy.remedies import logs_of, remedy_of, target_of
 from argosy.roll import MEANING, Row
 from schemas.records import LinkReport
 from schemas.release import RELEASE
@@ -52,7 +53,7 @@ def _dark(facts: Facts) -> list[str]:
 
 def _nothing_of(facts: Facts, board: str) -> Said:
     its = ", ".join(f"{row.daemon} {row.name}" for row in facts.rows if row.board == board)
-    do = f"is it switched on and in the network? on {board}: `systemctl status argosy-{facts.mission.name}.target`"
+    do = f"is it switched on and in the network? {target_of(facts.mission, 'status', board)}"
     return Said("error", "daemons", f"nothing of {board} is there: {its}", do)
 
 
@@ -77,7 +78,7 @@ def _complaints(facts: Facts, row: Row) -> Iterator[Said]:
         return
     who, logs = f"{row.daemon} {row.name}", logs_of(row.daemon, facts.mission, row.board or "its board")
     for note in health.notes:
-        yield Said("warning", "daemons", f"{who}: {note}", logs)
+        yield Said("warning", "daemons", f"{who}: {note}", remedy_of(note, logs))
     if health.restarts:
         was = f"; {health.last_error}" if health.last_error and health.last_error_age is None else ""
         text = f"{who} was started again {counted(health.restarts, 'time')} since its board started{was}"

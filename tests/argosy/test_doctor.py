@@ -79,7 +79,7 @@ def test_daemons_that_are_not_well_are_errors_with_where_to_look(facts: Facts) -
 @pytest.mark.parametrize(
     ("more", "told"),
     [
-        ({"notes": ("no failsafe",)}, "agentd a: no failsafe"),
+        ({"notes": ("the disk is slow",)}, "agentd a: the disk is slow"),
         ({"restarts": 3, "last_error": "killed"}, "agentd a was started again 3 times since its board started; killed"),
         ({"errors": 2, "last_error": "disk full", "last_error_age": 7.2}, "2 errors, the last 7 s ago: disk full"),
         ({"drops": 60}, "agentd a is dropping: 50 within 10 s"),
@@ -89,6 +89,27 @@ def test_daemons_that_are_not_well_are_errors_with_where_to_look(facts: Facts) -
 def test_what_a_daemon_complains_of_is_a_warning(facts: Facts, more: dict[str, Any], told: str) -> None:
     said = daemons(replace(facts, rows=[row(**more)], earlier=[row(drops=10, uptime=90.0)]))
     assert told in only(said, "warning").text
+
+
+@pytest.mark.parametrize(
+    ("note", "do"),
+    [
+        ("failsafe: none: if this bridge dies, nothing brings the vehicle home", "`failsafe: {gcs: bridge}`"),
+        ("no action is taken: operator: rtl", "`argosy stop release`"),
+    ],
+)
+def test_what_is_to_be_done_about_a_known_warning_is_said_and_no_unit_named(facts: Facts, note: str, do: str) -> None:
+    found = only(daemons(replace(facts, rows=[row("uav", "bridged", notes=(note,))])), "warning")
+    assert do in found.do
+    assert "systemctl" not in found.do
+
+
+def test_units_alone_are_named_only_for_boards_with_addresses(facts: Facts, tmp_path: Path) -> None:
+    missing = [row(standing="missing")]
+    assert "with `argosy run`: see what it prints" in only(daemons(replace(facts, rows=missing)), "error").do
+    path = tmp_path / "addressed.yaml"
+    path.write_text(MISSION.replace("pi1: {}", "pi1: {address: 10.0.0.11}"))
+    assert "argosy run" not in only(daemons(replace(facts, mission=load_mission(path), rows=missing)), "error").do
 
 
 def test_what_was_dropped_before_is_no_warning_and_neither_is_an_agent_made_at_run_time(facts: Facts) -> None:
@@ -265,7 +286,7 @@ def test_two_real_boards_are_looked_over_and_what_is_missing_is_told(facts: Fact
     alone = doctor(path, two)
     assert alone.returncode == 1
     assert f"error    router  no router at {two}: is commd running?" in alone.stdout
-    assert "do: start commd there" in alone.stdout
+    assert "do: is the fleet there? with `argosy run`: start it" in alone.stdout
 
 
 def test_a_mission_that_cannot_be_read_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
