@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from argosy.observe import SILENCE, Observer
@@ -19,7 +20,9 @@ RESTART_PATIENCE = 45.0
 NOTHING_LEFT = 5.0
 """Wall seconds for which nobody does or intends anything until the user is told."""
 DOWN: tuple[str, ...] = ("land", "rtl")
-"""Orders of an operator that end the run once they are carried out."""
+"""Orders of an operator that end the run once they are carried out, whatever the agents make of it."""
+ANSWERED = 3.0
+"""Wall seconds that a bridge stays after an order at least: whoever gave it hears what became of it."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +36,15 @@ class Ending:
 class Endings:
     """Looks, a few times a second, whether something has ended the run."""
 
-    def __init__(self, status: Status, supervisor: Supervisor) -> None:
+    def __init__(self, status: Status, supervisor: Supervisor, now: Callable[[], float] = time.monotonic) -> None:
         self.observer: Observer | None = None
         """Once there is a bus."""
         self._status, self._supervisor = status, supervisor
         self._mission, self._picture = status.setup.mission, status.picture
         self._idle_since: float | None = None
         self._told_idle = False
+        self._now = now
+        self._ordered_since: float | None = None
 
     def look(self) -> Ending | None:
         """Return how the run has ended, if it has."""
@@ -58,15 +63,19 @@ class Endings:
 
     def _failed(self) -> str:
         """What an agent gives up while an operator has its flying vehicle must not end the operator's order."""
-        return "" if self._picture.flying() and self._ordered() else self._picture.failed()
+        return "" if self._ordered() else self._picture.failed()
 
     def _ordered(self) -> list[RobotSeen]:
         return [robot for robot in self._picture.robots.values() if robot.operator]
 
     def _stopped(self) -> str:
-        """Return the operator's order, once every vehicle that was told to come down is down and nobody else flies."""
-        told = [robot.operator for robot in self._ordered() if robot.operator in DOWN]
-        return "" if self._picture.flying() or not told else ", ".join(dict.fromkeys(told))
+        """Return the operator's order once nobody flies and it is answered: `hold` if an agent gave up upon it."""
+        ordered = [robot.operator for robot in self._ordered()]
+        self._ordered_since = (self._ordered_since or self._now()) if ordered else None
+        if self._ordered_since is None or self._now() - self._ordered_since < ANSWERED or self._picture.flying():
+            return ""
+        told = [order for order in ordered if order in DOWN or self._picture.failed()]
+        return ", ".join(dict.fromkeys(told))
 
     def _lost(self) -> str:
         """Return what the run cannot do without and has lost."""

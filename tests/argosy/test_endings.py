@@ -6,7 +6,7 @@ import re
 import time
 from dataclasses import replace
 
-from argosy.endings import Ending, Endings
+from argosy.endings import ANSWERED, Ending, Endings
 from argosy.summary import summary
 from argosy.supervise import Supervisor
 from tests.argosy.recorded import Recording
@@ -14,8 +14,12 @@ from tests.argosy.test_live import in_flight, screen
 
 
 def look(recording: Recording) -> Ending | None:
-    """Return whether the run of a recording has ended."""
-    return Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None)).look()
+    """Return whether the run of a recording has ended, an operator's order having had the time to be answered."""
+    times = [1.0]
+    endings = Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: times[-1])
+    first = endings.look()
+    times.append(1.0 + ANSWERED)
+    return first or endings.look()
 
 
 def ordered(order: str) -> Recording:
@@ -51,6 +55,17 @@ def test_an_agent_that_gives_up_does_not_end_the_operators_order() -> None:
     assert look(recording) is None
     recording.percept("state", "LAND", True, False)
     assert look(recording) == Ending(1, "stopped by the operator: land")
+
+
+def test_a_run_is_there_until_an_order_on_the_ground_is_answered_and_ends_with_the_order_as_its_reason() -> None:
+    recording = ordered("hold")
+    recording.percept("state", "STABILIZE", True, False)
+    recording.fail('mission_failed("operator: hold")[source(self)]')
+    times = [1.0]
+    endings = Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: times[-1])
+    assert endings.look() is None
+    times.append(1.0 + ANSWERED)
+    assert endings.look() == Ending(1, "stopped by the operator: hold")
 
 
 def test_a_lost_vehicle_is_not_down() -> None:
