@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from contextlib import aclosing
 
 from argosy.operator_bus import ANY, Where, add_fleet_arguments, bridges, on_the_bus, unreached
 from commd.bus import Bus, BusClosed
 from commd.process import EXIT_DONE, EXIT_FAILED
 from schemas import keys
+from schemas.positions import did_you_mean
 from schemas.records import Outcome, StopOrder
 
 ANSWER_TIMEOUT = 15.0
 """Wall seconds that a bridge has to see the order confirmed by its vehicle; it gives up after 10 s itself."""
 
+ORDERS = ("hold", "land", "rtl", "release")
 UNANSWERED = "its bridge did not answer"
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy stop`."""
-    orders = ("hold", "land", "rtl", "release")
-    parser.add_argument(
-        "order", choices=orders, metavar=f"{{{','.join(orders)}}}", help="`release` lets the agents act again"
-    )
+    words = f"{{{','.join(ORDERS)}}}"
+    parser.add_argument("order", type=_order, metavar=words, help="`release` lets the agents act again")
     parser.add_argument(
         "robot",
         nargs="*",
@@ -32,6 +32,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="robots (default: all of the mission, and every robot whose bridge is there)",
     )
     add_fleet_arguments(parser, "only this fleet (default: every fleet on the router)")
+
+
+def _order(word: str) -> str:
+    if word not in ORDERS:
+        raise ArgumentTypeError(f"there is no order `{word}`{did_you_mean(word, ORDERS)}")
+    return word
 
 
 def run(args: Namespace) -> int:

@@ -91,6 +91,7 @@ def test_options_of_an_emergency_command_may_stand_anywhere(endpoint: str, capsy
     ("arguments", "message"),
     [
         ([], "the following arguments are required: {hold,land,rtl,release}"),
+        (["rlt"], "there is no order `rlt`, did you mean `rtl`?"),
         (["hold", "--router", "nonsense"], "Expected an endpoint such as `tcp/127.0.0.1:7447`, got `nonsense`"),
     ],
 )
