@@ -406,11 +406,14 @@ def _check(mission: Mission) -> list[Finding]:
     }
     for kind, parts in homes.items():
         for name, part in parts.items():
-            if part.board not in mission.board_names:
-                path: Steps = (kind, name, "board") if (kind, name, "board") in where.values else (kind, name)
-                wrong(
-                    path, f"{kind}.{name}: there is no board `{part.board}`{did_you_mean(part.board, mission.boards)}"
-                )
+            path: Steps = (kind, name, "board")
+            if part.board in mission.board_names:
+                continue
+            if path not in where.values:
+                wrong((kind, name), f"{kind}.{name}: needs `board:`, one of {', '.join(mission.boards)}")
+            else:
+                hint = did_you_mean(part.board, mission.boards)
+                wrong(path, f"{kind}.{name}: there is no board `{part.board}`{hint}")
     try:
         check_endpoint(mission.router.endpoint)
     except ValueError as error:
@@ -454,8 +457,11 @@ def _check_addresses(mission: Mission, wrong: Any) -> None:
 
 def _check_gateway(mission: Mission, gateway: Gateway, wrong: Any) -> None:
     if gateway.board not in mission.board_names:
-        text = f"gateway: there is no board `{gateway.board}`{did_you_mean(gateway.board, mission.boards)}"
-        wrong(("gateway", "board") if ("gateway", "board") in mission.positions.values else ("gateway",), text)
+        if ("gateway", "board") in mission.positions.values:
+            text = f"gateway: there is no board `{gateway.board}`{did_you_mean(gateway.board, mission.boards)}"
+            wrong(("gateway", "board"), text)
+        else:
+            wrong(("gateway",), f"gateway: needs `board:`, one of {', '.join(mission.boards)}")
     for path, address in ((("listen",), gateway.listen), *((("nodes", n), a) for n, a in gateway.nodes.items())):
         try:
             host_and_port(address)

@@ -130,6 +130,8 @@ FLEET = FLEET.replace("  uav1:\n", "  uav1:\n    board: a\n")
     [
         ("boards: {a: {address: 10.0.0.1}, b: {address: '10.0.0.1:7447'}}", "`10.0.0.1:7447` is board `a` already"),
         ("boards: {a: {}, b: {address: '10.0.0.1:99999'}}", "Expected HOST or HOST:PORT such as `10.0.0.7:9000`"),
+        ("clients: {planner: {}}", "clients.planner: needs `board:`, one of a, b"),
+        ("gateway: {listen: 'h:1', nodes: {}}", "gateway: needs `board:`, one of a, b"),
         ("clients: {planner: {board: c}}", "clients.planner: there is no board `c`"),
         ("clients: {uav: {board: a}}", "`uav` is in agents already"),
         ("clients: {mail: {board: a}}", "`mail` is the sender of notices"),
