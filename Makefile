@@ -88,7 +88,7 @@ $(BIN)/python: | check-python
 
 $(VENV)/fly.stamp: pyproject.toml | $(BIN)/python
 	@echo "installing argosy"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator]' && touch $@
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys]' && touch $@
 
 $(VENV)/test.stamp: pyproject.toml | $(BIN)/python
 	@echo "installing argosy and what its tests need"
