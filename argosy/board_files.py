@@ -26,13 +26,23 @@ def files_of(mission: Mission, board: str) -> dict[str, Path]:
     """
     folder = mission.path.resolve().parent
     found = {mission.path.name: mission.path.resolve()}
+    if elsewhere := outside(mission, board):
+        raise Findings(elsewhere)
+    for _, path in _named(mission, board):
+        found[str(path.resolve().relative_to(folder))] = path.resolve()
+    return dict(sorted(found.items()))
+
+
+def outside(mission: Mission, board: str) -> list[Finding]:
+    """Return a finding for each place that names a file which is not below the mission file. Raises Findings as `files_of`."""
+    folder = mission.path.resolve().parent
+    found: dict[Steps, Finding] = {}
     for where, path in _named(mission, board):
         path = path.resolve()
-        if not path.is_relative_to(folder):
+        if where not in found and not path.is_relative_to(folder):
             text = f"{path} is not below the mission file, whose folder is what a board gets: put it there"
-            raise Findings([mission.positions.finding(where, text)])
-        found[str(path.relative_to(folder))] = path
-    return dict(sorted(found.items()))
+            found[where] = mission.positions.finding(where, text)
+    return list(found.values())
 
 
 def secrets_of(mission: Mission, board: str) -> list[str]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 from agentd.analysis.mentions import Survey
 from agentd.compose import restart_goal
 from agentd.language.syntax import Goal, ListTerm, Operator, Program, Step, Structure
+from argosy.board_files import outside
 from argosy.links import address_of, peer_of
 from argosy.simulators import machine_of, vehicle_of
 from bridged.drivers.mavlink.address import LinkAddressError
@@ -67,6 +69,10 @@ def check_boards(mission: Mission) -> list[Finding]:
     if mission.radio is not None and len({*mission.mailboxes.values()}) <= 1:
         text = "radio: has no effect: all agents and clients live on one board"
         findings.append(mission.positions.finding(("radio",), text, at_key=True))
+    for name, board in mission.boards.items():
+        if board.address:  # its files are to be copied there
+            with suppress(Findings):  # what cannot be read is told with the rest
+                findings += [one for one in outside(mission, name) if one not in findings]
     return [replace(finding, severity="warning") for finding in findings]
 
 

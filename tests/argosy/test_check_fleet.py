@@ -113,6 +113,21 @@ def test_what_is_wrong_with_a_team_is_told_where_it_stands(
     assert expected in said(pair, capsys)
 
 
+def test_programs_that_boards_could_not_be_given_are_told_before_units_are_written(
+    pair: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    inner = pair.parent / "field" / "pair.yaml"
+    inner.parent.mkdir()
+    pair.with_name("one.asl").rename(inner.with_name("one.asl"))
+    inner.write_text(MISSION.replace("two.asl", "../two.asl"))
+    pair.with_name("beside.asl").write_text("")
+    (told,) = said(inner, capsys)
+    assert told.startswith("pair.yaml:5:18: warning: ")
+    assert "two.asl is not below the mission file, whose folder is what a board gets" in told
+    inner.write_text(MISSION.replace("two.asl", "../two.asl").replace("{address: 10.0.0.12}", "{}"))
+    assert not [line for line in said(inner, capsys) if "not below" in line], "nothing is copied to it"
+
+
 def test_whoever_may_be_created_at_run_time_may_be_sent_to(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one = pair.with_name("one.asl")
     one.write_text(ONE.replace(".send([two", '.create_agent(three, "two.asl"); .send([three'))
