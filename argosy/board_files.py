@@ -34,7 +34,10 @@ def files_of(mission: Mission, board: str) -> dict[str, Path]:
 
 
 def outside(mission: Mission, board: str) -> list[Finding]:
-    """Return a finding for each place that names a file which is not below the mission file. Raises Findings as `files_of`."""
+    """Return a finding for each place that names a file which is not below the mission file.
+
+    Raises Findings for what cannot be read.
+    """
     folder = mission.path.resolve().parent
     found: dict[Steps, Finding] = {}
     for where, path in _named(mission, board):
