@@ -93,9 +93,12 @@ class Part:
     """It is told who else is there: `online(Agent)[board(B)]`."""
 
 
-def reason(mind: Mind, clock: Clock) -> list[Effect]:
-    """Run one slice; the first cycle with an effect is its last, and one with nothing left to do."""
-    until, last, batch = clock.wall() + LONGEST_SLICE, mind.cycle + SLICE, 1
+def reason(mind: Mind, clock: Clock, share: int = 1) -> list[Effect]:
+    """Run one slice; the first cycle with an effect is its last, and one with nothing left to do.
+
+    `share`: so many agents of this process reason one after the other, and have the time of a slice together.
+    """
+    until, last, batch = clock.wall() + LONGEST_SLICE / max(1, share), mind.cycle + SLICE, 1
     while True:
         effects = mind.run(clock.now(), min(batch, last - mind.cycle))
         batch = min(2 * batch, BATCH)
@@ -215,8 +218,11 @@ class Host:
             while not stop.is_set():
                 loop.beat()
                 self._wake.clear()
-                for effect in reason(mind, clock):
+                _busy.add(self)
+                for effect in reason(mind, clock, len(_busy)):
                     self._carry_out(effect)
+                if not mind.ready:
+                    _busy.discard(self)
                 look_at = self._keep()
                 if self.stopped is not None:
                     break
@@ -228,6 +234,7 @@ class Host:
                 pauses += [pause for pause in (look_at, loop.period) if pause is not None]
                 await wait_at_most(self._wake, min(pauses, default=None))
         finally:
+            _busy.discard(self)
             loop.end()
             waiting.cancel()
             await self._leave()
@@ -403,5 +410,7 @@ class Host:
         return () if self._keeping is None else tuple(self._keeping.notes())
 
 
+_busy: set[Host] = set()
+"""Agents of this process that reason, or whose last slice ended before they were done."""
 _BRIDGE_UP = Literal(signature("bridge", 1), (atom("up"),))
 _LEVELS = {"error": logging.ERROR, "warning": logging.WARNING, "info": logging.INFO, "debug": logging.DEBUG}

@@ -11,10 +11,14 @@ from pathlib import Path
 
 import pytest
 
+from agentd import host
 from agentd.host import BATCH, SLICE, reason
 from agentd.mind import Mind
+from agentd.mind.effects import Effect
 from commd.clock import Clock
+from tests.agentd.hosts import host_on
 from tests.agentd.minds import mind_of
+from tests.support.buses import Connect, on_a_bus, until
 from tests.support.processes import running
 from tests.support.promises import least
 
@@ -176,3 +180,30 @@ def test_heavy_reasoning_lets_the_event_loop_turn_five_times_a_second(costs: lis
     mind = mind_of("!g. +!g <- !!g.")
     reason(mind, Laborious(mind, costs))
     assert mind.cycle == cycles
+
+
+def test_agents_of_one_process_that_are_all_busy_have_the_time_of_a_slice_together(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shares: dict[str, int] = {}
+
+    def noted(mind: Mind, clock: Clock, share: int) -> list[Effect]:
+        shares[mind.name] = share
+        return reason(mind, clock, share)
+
+    monkeypatch.setattr(host, "reason", noted)
+
+    async def body(connect: Connect) -> None:
+        bus = await connect("a")
+        agents = [await host_on(bus, name, "!g. +!g <- !!g.", tmp_path) for name in ("a", "b", "c")]
+        idle = await host_on(bus, "idle", "!g. +!g.", tmp_path)
+        await until(
+            lambda: [shares.get(name) for name in "abc"] == [3, 3, 3], "three share a slice, and not the idle one"
+        )
+        for one in agents[1:]:
+            await one.end()
+        await until(lambda: shares["a"] == 1, "who is alone has all of it")
+        await agents[0].end()
+        await idle.end()
+
+    on_a_bus(endpoint, body)
