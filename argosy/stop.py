@@ -11,6 +11,7 @@ from argosy.operator_bus import ANY, Where, add_fleet_arguments, bridges, on_the
 from commd.bus import Bus, BusClosed
 from commd.process import EXIT_DONE, EXIT_FAILED
 from schemas import keys
+from schemas.mission import load_mission
 from schemas.positions import did_you_mean
 from schemas.records import Outcome, StopOrder
 
@@ -43,10 +44,18 @@ def _order(word: str) -> str:
 def run(args: Namespace) -> int:
     """Send the order and print what became of it. Returns 0 only if every robot confirmed."""
 
+    there = False
+
     async def stop(bus: Bus, where: Where) -> int:
+        nonlocal there
+        there = True
         return await _stop(bus, where, args.order, args.robot)
 
-    return on_the_bus(args, stop)
+    code = on_the_bus(args, stop)
+    if code == EXIT_FAILED and not there and args.mission:  # why, is said; of whom, too
+        for robot in args.robot or load_mission(args.mission).robots:
+            print(f"{robot}: {args.order} NOT confirmed (nobody was reached)")
+    return code
 
 
 async def _stop(bus: Bus, where: Where, order: str, wanted: list[str]) -> int:

@@ -157,6 +157,11 @@ def test_a_robot_of_the_mission_is_never_left_out(
     robots = "robots: {uav1: {manifest: turtle, prefix: a}, uav2: {manifest: turtle, prefix: b}}\n"
     agents = "agents: {a: {program: a.asl, robot: uav1}}\n"
     mission.write_text(f"mission: m\nfleet: sar\n{agents}{robots}router: {{endpoint: {endpoint}}}\n")
+    assert main(["stop", "rtl", "--mission", str(mission)]) == 1, "not even a router is there"
+    assert capsys.readouterr().out.splitlines() == [
+        "uav1: rtl NOT confirmed (nobody was reached)",
+        "uav2: rtl NOT confirmed (nobody was reached)",
+    ]
     with fleet(endpoint, uav1=Outcome(ok=True), uav3=Outcome(ok=True)) as orders:
         assert main(["stop", "rtl", "--mission", str(mission)]) == 1
     assert sorted(orders) == [("uav1", "rtl"), ("uav3", "rtl")]
