@@ -12,7 +12,7 @@ from collections.abc import Callable
 from argosy.operator_bus import ANY, Where, add_router_argument, on_the_bus, unreached
 from argosy.picture import without_figures
 from argosy.roll import SILENT, Roll, Row
-from argosy.status_lines import line, summary, to_json
+from argosy.status_lines import ANY_FLEET, line, summary, to_json
 from commd.bus import Bus
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas import keys
@@ -53,7 +53,7 @@ def run(args: Namespace) -> int:
     async def ask(bus: Bus, where: Where) -> int:
         roll = call_the_roll(bus, where.fleet, mission)
         await settled(roll, args.wait)
-        fleet = where.fleet if where.fleet != ANY else "any"
+        fleet = where.fleet if where.fleet != ANY else ANY_FLEET
         if args.watch:
             return await _watch(roll, bus, fleet, args)
         rows = roll.rows()

@@ -9,6 +9,9 @@ from typing import Any
 from argosy.journal import printable
 from argosy.roll import Row
 
+ANY_FLEET = "any"
+"""What stands for the fleet where all on the router are shown."""
+
 
 def line(row: Row) -> str:
     """Return a daemon in one line: standing, daemon, name, then what it tells as `key=value`."""
@@ -35,11 +38,12 @@ def line(row: Row) -> str:
 def summary(fleet: str, rows: Sequence[Row]) -> str:
     """Return in one line whether all is well."""
     ill = [row for row in rows if not row.well]
-    there = f"fleet {fleet}: {len(rows) - len(ill)} of {len(rows)} daemons are up"
+    whose = f"fleet {fleet}" if fleet != ANY_FLEET else "all fleets"
+    there = f"{whose}: {len(rows) - len(ill)} of {len(rows)} daemons are up"
     if not rows:
-        return f"fleet {fleet}: nobody is there"
+        return f"{whose}: nobody is there"
     if not ill:
-        return there
+        return there if fleet != ANY_FLEET else f"{there}; who else should be, a mission says: `argosy status MISSION`"
     standings = dict.fromkeys(row.standing for row in ill)
     kinds = (f"{one}: {', '.join(f'{r.daemon} {r.title}' for r in ill if r.standing == one)}" for one in standings)
     return f"{there}; {'; '.join(kinds)}"

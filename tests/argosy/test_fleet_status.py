@@ -111,11 +111,13 @@ def test_who_is_not_in_the_mission_is_shown_and_a_client_need_not_tell_how_it_is
 
 def test_without_a_mission_all_that_is_there_is_shown() -> None:
     trial = Trial(None)
-    assert summary("any", trial.roll.rows()) == "fleet any: nobody is there"
+    assert summary("any", trial.roll.rows()) == "all fleets: nobody is there"
     trial.alive("pi1", "commd")
     trial.tells("pi1", "commd")
     (row,) = trial.roll.rows()
     assert (row.board, row.in_mission, row.standing) == ("pi1", True, "up")
+    told = "all fleets: 1 of 1 daemons are up; who else should be, a mission says: `argosy status MISSION`"
+    assert summary("any", [row]) == told
 
 
 def test_names_without_end_are_not_all_followed() -> None:
