@@ -11,6 +11,7 @@ from commd.presence import AGENT_GRACE, ROUTER_GRACE
 from commd.session import LEASE_MS
 from commd.silence import SILENCE
 from tests.boards.network import Network
+from tests.field.flight import Flight
 from tests.field.rows import MARGIN, Maker, Row
 from tests.field.scene import Scene
 
@@ -43,8 +44,9 @@ def killed_and_restarted(folder: Path) -> Row:
     row = Row("agentd, killed", "SIGKILL; `Restart=on-failure`")
     with Scene(folder) as scene:
         at = scene.thinker.signal(signal.SIGKILL)
-        row.figure("hold", scene.until_shown("BRAKE", at), *KILLED)
-        back(row, scene, at)
+        ready = scene.thinker.happened.ready
+        scene.until(lambda: len(ready) > 1, "the daemon is ready again", _BACK)
+        returned(row, scene, at, ready[1] - at)
         row.expect(scene.shows("RTL", at) is None, "rtl is left out, since the agent is back before it")
     return row
 
@@ -162,6 +164,23 @@ def back(row: Row, scene: Scene, at: float) -> None:
         row.figure("rtl", home)
     row.figure("ready again", ready[1] - at)
     row.figure("flown by its program again", again)
+
+
+def returned(row: Row, scene: Flight, at: float, ready: float) -> None:
+    """Note what the vehicle did for an agent that was killed, and whose daemon was ready again after so many seconds.
+
+    One that is back within its grace was never lost.
+    """
+    end = max(at + ready, at + KILLED[0]) + MARGIN
+    scene.until(lambda: scene.shows("BRAKE", at) is not None or time.monotonic() > end, "it holds, or not", 60)
+    row.figure("ready again", ready)
+    if (hold := scene.shows("BRAKE", at)) is None:
+        row.expect(ready <= KILLED[0] + MARGIN, "it holds for an agent that is not back within its grace")
+        row.expect(not scene.shown(at), "the vehicle flies on")
+        row.seen.append("back within its grace: the vehicle flies on")
+    else:
+        row.figure("hold", hold, *KILLED)
+        row.figure("flown by its program again", scene.until_shown("GUIDED", at, _BACK))
 
 
 AGENTS: tuple[Maker, ...] = (

@@ -10,7 +10,7 @@ from typing import Literal
 from argosy.unit_files import Board
 from argosy.units import write
 from schemas.mission import load_mission
-from tests.field.agents import HOLD, KILLED, STOPPED, WATCHDOG
+from tests.field.agents import HOLD, STOPPED, WATCHDOG, returned
 from tests.field.bridges import FAILSAFE, ROUTER_STOPPED, goes_on
 from tests.field.flight import Flight
 from tests.field.rows import MARGIN, Maker, Row
@@ -92,9 +92,7 @@ def agent_killed(folder: Path) -> Row:
     with Booted(folder) as scene:
         pid = scene.machine.main_pid(scene.unit("agentd"))
         at = scene.kill("agentd", "KILL")
-        row.figure("hold", scene.until_shown("BRAKE", at), *KILLED)
-        row.figure("ready again", scene.ended("agentd", pid, at)[1])
-        row.figure("flown by its program again", scene.until_shown("GUIDED", at))
+        returned(row, scene, at, scene.ended("agentd", pid, at)[1])
     return row
 
 

@@ -63,8 +63,8 @@ def table(runs: Sequence[Sequence[Row]]) -> list[str]:
     for rows in runs:
         first = rows[0]
         measured, declared = [], []
-        for index, figure in enumerate(first.figures):
-            values = [row.figures[index].measured for row in rows if len(row.figures) > index]
+        for figure in first.figures:
+            values = [one.measured for row in rows for one in row.figures if one.what == figure.what]
             extremes = f" ({min(values):.1f} to {max(values):.1f})" if len(values) > 1 else ""
             measured.append(f"{figure.what} **{statistics.median(values):.1f}**{extremes}")
             if figure.declared is not None:
