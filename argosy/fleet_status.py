@@ -26,11 +26,16 @@ LOOK = 0.05
 """Wall seconds between two looks at whether everybody has told how he is."""
 
 
-def add_arguments(parser: ArgumentParser) -> None:
-    """Declare the arguments of `argosy status`."""
+def add_roll_arguments(parser: ArgumentParser) -> None:
+    """Declare whose roll is called, and where."""
     parser.add_argument("mission", nargs="?", help="mission file: who should be there, and at which router")
     parser.add_argument("--fleet", metavar="NAME", help="without a mission: only this fleet (default: all)")
     add_router_argument(parser, "the mission's")
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy status`."""
+    add_roll_arguments(parser)
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="as JSON")
     form.add_argument("--plain", action="store_true", help="a line for each daemon, as in a pipe")

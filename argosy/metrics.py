@@ -10,8 +10,8 @@ from contextlib import suppress
 from ipaddress import ip_address
 
 from argosy.exposition import exposition
-from argosy.fleet_status import call_the_roll
-from argosy.operator_bus import ANY, Where, add_router_argument, on_the_bus
+from argosy.fleet_status import add_roll_arguments, call_the_roll
+from argosy.operator_bus import ANY, Where, on_the_bus
 from commd.bus import Bus
 from commd.process import EXIT_BAD_INPUT, EXIT_FAILED
 from schemas.endpoints import host_and_port
@@ -28,9 +28,7 @@ REQUEST_PATIENCE = 5.0
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy metrics`."""
-    parser.add_argument("mission", nargs="?", help="mission file: who should be there, and at which router")
-    parser.add_argument("--fleet", metavar="NAME", help="without a mission: only this fleet (default: all)")
-    add_router_argument(parser, "the mission's")
+    add_roll_arguments(parser)
     text = f"where /metrics is served (default {LISTEN}); any other machine that reaches it may read it"
     parser.add_argument("--listen", type=_address, metavar="HOST:PORT", default=LISTEN, help=text)
 

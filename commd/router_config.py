@@ -16,7 +16,7 @@ from typing import Any
 import zenoh
 
 from commd.routers import router_of
-from commd.session import BLOCKED_SEND_US, LEASE_MS, RETRY_MS
+from commd.session import BLOCKED_SEND_US, LEASE_MS, NOBODY_IS_SOUGHT, READ_ONLY, dialling, listening_late
 from commd.tls import Tls, files_in
 from schemas import access
 from schemas.access import Rights
@@ -41,7 +41,6 @@ LARGEST_MESSAGE = 2 * MAX_BYTES
 MOST_LINKS = 800
 """Machines and daemons that are linked to a router at once, some 50 kB and a file each: systemd gives 1024 files. Zenoh
 counts the board's own daemons and other machines together, and can keep no room for either."""
-RETRY = {"period_init_ms": RETRY_MS, "period_max_ms": RETRY_MS, "period_increase_factor": 1}
 HERE = "on this board"
 """Subject of whoever connects by the board's socket: its file permissions are their password."""
 
@@ -67,21 +66,16 @@ def router_settings(mission: Mission, board: str, *, socket: str, keys: Path | N
     return {
         "mode": "router",
         "metadata": {"name": f"commd/{board}"},
-        "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "scouting": NOBODY_IS_SOUGHT,
         # The address of a network that is not up yet must not keep the board's own daemons waiting.
-        "listen": {
-            "endpoints": [f"{endpoint}#exit_on_failure=true", *listen],
-            "timeout_ms": -1,
-            "exit_on_failure": False,
-            "retry": RETRY,
-        },
-        "connect": {"endpoints": connect, "timeout_ms": -1, "exit_on_failure": False, "retry": RETRY},
+        "listen": listening_late(endpoint, listen),
+        "connect": dialling(connect),
         "transport": {
             "unicast": {"max_sessions": MOST_LINKS},
             "link": link,
             "shared_memory": {"enabled": False},
         },
-        "adminspace": {"enabled": True, "permissions": {"read": True, "write": False}},
+        "adminspace": READ_ONLY,
         "access_control": access_control(mission, board),
         "low_pass_filter": [
             {

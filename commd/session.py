@@ -19,7 +19,20 @@ OPEN_TIMEOUT_MS = 1_000
 """One attempt to reach the router. Attempts repeat, so that a stop is noticed in between."""
 
 
-_RETRY = {"period_init_ms": RETRY_MS, "period_max_ms": RETRY_MS, "period_increase_factor": 1}
+RETRY = {"period_init_ms": RETRY_MS, "period_max_ms": RETRY_MS, "period_increase_factor": 1}
+NOBODY_IS_SOUGHT = {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}}
+READ_ONLY = {"enabled": True, "permissions": {"read": True, "write": False}}
+
+
+def listening_late(endpoint: str, listen: Sequence[str]) -> dict[str, Any]:
+    """Return Zenoh's `listen` of a router that has to have its own endpoint, and the others as soon as it can."""
+    endpoints = [f"{endpoint}#exit_on_failure=true", *listen]
+    return {"endpoints": endpoints, "timeout_ms": -1, "exit_on_failure": False, "retry": RETRY}
+
+
+def dialling(connect: Sequence[str]) -> dict[str, Any]:
+    """Return Zenoh's `connect` of a router that dials others again and again, and waits for none."""
+    return {"endpoints": list(connect), "timeout_ms": -1, "exit_on_failure": False, "retry": RETRY}
 
 
 def session_config(
@@ -41,31 +54,25 @@ def session_config(
     settings: dict[str, Any] = {
         "mode": mode,
         "metadata": {"name": name},
-        "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "scouting": NOBODY_IS_SOUGHT,
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": BLOCKED_SEND_US,
         "transport/shared_memory/enabled": False,
     }
     if mode == "router":
         if listen_late:
-            endpoints = [f"{endpoint}#exit_on_failure=true", *listen]
-            settings["listen"] = {"endpoints": endpoints, "timeout_ms": -1, "exit_on_failure": False, "retry": _RETRY}
+            settings["listen"] = listening_late(endpoint, listen)
         else:
             settings["listen"] = {"endpoints": [endpoint, *listen], "timeout_ms": 0, "exit_on_failure": True}
-        settings["connect"] = {
-            "endpoints": list(connect),
-            "timeout_ms": -1,
-            "exit_on_failure": False,
-            "retry": _RETRY,
-        }
-        settings["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
+        settings["connect"] = dialling(connect)
+        settings["adminspace"] = READ_ONLY
     else:
         settings["listen"] = {"endpoints": []}
         settings["connect"] = {
             "endpoints": [endpoint],
             "timeout_ms": OPEN_TIMEOUT_MS,
             "exit_on_failure": True,
-            "retry": _RETRY,
+            "retry": RETRY,
         }
     if tls is not None:
         settings["transport/link/tls"] = tls.settings()

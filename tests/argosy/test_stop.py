@@ -6,9 +6,10 @@ import asyncio
 import re
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import AsyncExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -29,6 +30,21 @@ async def _bridge(bus: Bus, robot: str, answer: Outcome | None, orders: list[tup
 
     bus.serve(keys.stop(bus.fleet, robot), StopOrder, told)
     await bus.claim(robot)
+
+
+@contextmanager
+def beside(
+    serve: Callable[[], Coroutine[Any, Any, None]], ready: threading.Event, stop: threading.Event
+) -> Iterator[None]:
+    """Run what serves in a thread of its own, from when it is ready until it is told to stop."""
+    thread = threading.Thread(target=lambda: asyncio.run(serve()))
+    thread.start()
+    try:
+        assert ready.wait(20)
+        yield
+    finally:
+        stop.set()
+        thread.join(20)
 
 
 @contextmanager
@@ -56,14 +72,8 @@ def fleet(endpoint: str, **bridges: Outcome | None) -> Iterator[list[tuple[str, 
             ready.set()
             await asyncio.to_thread(stop.wait)
 
-    thread = threading.Thread(target=lambda: asyncio.run(serve()))
-    thread.start()
-    try:
-        assert ready.wait(20)
+    with beside(serve, ready, stop):
         yield orders
-    finally:
-        stop.set()
-        thread.join(20)
 
 
 def test_without_a_name_every_robot_gets_the_order(endpoint: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -214,14 +224,8 @@ def _bridges(made: Secured, *robots: str) -> Iterator[list[tuple[str, str]]]:
             ready.set()
             await asyncio.to_thread(stop.wait)
 
-    thread = threading.Thread(target=lambda: asyncio.run(serve()))
-    thread.start()
-    try:
-        assert ready.wait(20)
+    with beside(serve, ready, stop):
         yield orders
-    finally:
-        stop.set()
-        thread.join(20)
 
 
 def test_a_mission_that_cannot_be_read_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
