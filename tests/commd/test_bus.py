@@ -36,7 +36,7 @@ def test_a_session_that_zenoh_never_opens_does_not_keep_a_daemon(told: bool, mon
     monkeypatch.setattr("commd.bus.OPEN_PATIENCE", 60.0 if told else 0.2)
     monkeypatch.setattr("commd.bus.STOP_PATIENCE", 0.2)
     forever = """{mode: "router", transport: {link: {protocols: ["unixsock-stream"]}},
-      listen: {endpoints: ["tcp/127.0.0.1:0"], timeout_ms: -1, exit_on_failure: false}}"""
+      listen: {endpoints: ["tcp/127.0.0.1:0#exit_on_failure=true"], timeout_ms: -1, exit_on_failure: false}}"""
 
     async def body() -> None:
         stop = asyncio.Event()
