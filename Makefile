@@ -88,11 +88,11 @@ $(BIN)/python: | check-python
 
 $(VENV)/fly.stamp: pyproject.toml | $(BIN)/python
 	@echo "installing argosy"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys]' && touch $@
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys,record,ui]' && touch $@
 
 $(VENV)/test.stamp: pyproject.toml | $(BIN)/python
 	@echo "installing argosy and what its tests need"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys,test]' && touch $@
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys,record,ui,plot,test]' && touch $@
 
 $(VENV)/bench.stamp: pyproject.toml | $(BIN)/python
 	@echo "installing argosy and the peer it is measured beside"
@@ -102,7 +102,7 @@ $(VENV)/docs.stamp: pyproject.toml | $(BIN)/python
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]' && touch $@
 
 $(VENV)/lint.stamp: pyproject.toml | $(BIN)/python
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys,test,lint]' && touch $@
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys,record,ui,plot,test,lint]' && touch $@
 
 clean:
 	rm -rf $(VENV) report site

@@ -44,7 +44,8 @@ from commd.output import stdout
 from commd.perceiving import Perceiving
 from commd.tasks import Tasks, wait_at_most
 from schemas import keys
-from schemas.records import Health, MindView, Perception
+from schemas.minds import BeliefView, MindView
+from schemas.records import Health, Perception
 
 Team: TypeAlias = "Callable[[Host, TeamRequest], Awaitable[TeamReply]]"
 """Who fulfils what a mind asks of its team."""
@@ -376,7 +377,7 @@ class Host:
             header=self._bus.header("mind", self.part.name),
             agent=self.part.name,
             cycle=mind.cycle,
-            beliefs=tuple(belief.annotated for belief in mind.belief_views()),
+            beliefs=tuple(BeliefView(text=belief.annotated) for belief in mind.belief_views()),
             intentions=intentions_of(mind),
             prints=tuple(self._prints),
             done={text: mind.query(formula) for text, formula in self.part.done.items()},

@@ -8,7 +8,7 @@ import msgspec
 
 from agentd.mind import Mind
 from agentd.mind.decision_views import DecisionView, FailureView
-from schemas import records
+from schemas import minds
 
 LAST_DECISIONS: Final = 20
 """So many of the last decisions and failures stand in a view of a mind."""
@@ -16,10 +16,10 @@ MOST_PLANS: Final = 10
 """So many plans of a decision are shown."""
 
 
-def intentions_of(mind: Mind) -> tuple[records.IntentionView, ...]:
+def intentions_of(mind: Mind) -> tuple[minds.IntentionView, ...]:
     """The intentions as they stand."""
     return tuple(
-        records.IntentionView(
+        minds.IntentionView(
             id=view.id,
             state=view.state,
             reason=view.reason,
@@ -30,15 +30,15 @@ def intentions_of(mind: Mind) -> tuple[records.IntentionView, ...]:
     )
 
 
-def decisions_of(mind: Mind) -> tuple[tuple[records.DecisionView, ...], tuple[records.FailureView, ...]]:
+def decisions_of(mind: Mind) -> tuple[tuple[minds.DecisionView, ...], tuple[minds.FailureView, ...]]:
     """The last decisions and the failures among them."""
     views = mind.decision_views(LAST_DECISIONS)
     decisions = tuple(_decision(view) for view in views if isinstance(view, DecisionView))
-    return decisions, tuple(_record(view, records.FailureView) for view in views if isinstance(view, FailureView))
+    return decisions, tuple(_record(view, minds.FailureView) for view in views if isinstance(view, FailureView))
 
 
-def _decision(view: DecisionView) -> records.DecisionView:
-    record: records.DecisionView = _record(view, records.DecisionView)
+def _decision(view: DecisionView) -> minds.DecisionView:
+    record: minds.DecisionView = _record(view, minds.DecisionView)
     if len(record.rejected) <= MOST_PLANS and len(record.untried) <= MOST_PLANS:
         return record
     return msgspec.structs.replace(record, rejected=record.rejected[:MOST_PLANS], untried=record.untried[:MOST_PLANS])

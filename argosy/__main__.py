@@ -11,7 +11,15 @@ from importlib.metadata import version
 from commd.command_line import check_command
 
 EXIT_FAILED, EXIT_BAD_USAGE, EXIT_INTERRUPTED = 1, 2, 130
-EXTRAS = {"rich": "operator", "psutil": "operator", "cryptography": "keys"}
+EXTRAS = {
+    "rich": "operator",
+    "psutil": "operator",
+    "textual": "operator",
+    "cryptography": "keys",
+    "mcap": "record",
+    "aiohttp": "ui",
+    "matplotlib": "plot",
+}
 """What is not installed with the core, and the extra that brings it."""
 EPILOG = """\
 examples:

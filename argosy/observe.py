@@ -9,7 +9,8 @@ from contextlib import aclosing, suppress
 from argosy.picture import Picture
 from commd.bus import Bus, BusClosed
 from schemas import keys
-from schemas.records import ActionStatus, Health, MindView, Perception
+from schemas.minds import MindView
+from schemas.records import ActionStatus, Health, Perception
 
 MIND_PERIOD = 0.5
 """Wall seconds between two looks at a mind."""

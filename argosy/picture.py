@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 from argosy.journal import Journal, printable
 from argosy.track import Track
 from schemas import keys
+from schemas.minds import IntentionView, MindView
 from schemas.mission import Mission
-from schemas.records import ActionStatus, Health, IntentionView, MindView, Perception, State
+from schemas.records import ActionStatus, Health, Perception, State
 from schemas.terms import Atom, Term, to_float
 from schemas.text import write
 
@@ -270,7 +271,8 @@ class Picture:
         for formula, holds in view.done.items():
             if holds and not agent.done.get(formula):
                 self.journal.add(agent.name, f"done: {formula}", "good")
-        agent.done, agent.failed, agent.beliefs = dict(view.done), dict(view.failed), view.beliefs
+        agent.done, agent.failed = dict(view.done), dict(view.failed)
+        agent.beliefs = tuple(belief.text for belief in view.beliefs)
 
     def agent_ended(self, name: str) -> None:
         """An agent's process is dead: what its mind was is not what it is, should it come again."""

@@ -15,7 +15,8 @@ from benchmarks.bridge import Watched, watched
 from benchmarks.processes import BenchmarkFailed, memory
 from commd.bus import open_bus
 from schemas import keys
-from schemas.records import Message, MindView
+from schemas.minds import MindView
+from schemas.records import Message
 
 ROUNDS: Final = 200
 """Questions whose answers are waited for."""
@@ -159,7 +160,7 @@ async def _tokens(stack: AsyncExitStack, made: Boards, tokens: int) -> float:
         bus.token(keys.alive(FLEET, f"x{number}", "client", bus.boot))
     while time.monotonic() < begun + 60:
         async for reply in bus.query(keys.mind(FLEET, "a0"), None, MindView, 5):
-            believed = reply.record.beliefs if reply.record is not None else ()
+            believed = [one.text for one in reply.record.beliefs] if reply.record is not None else []
             if sum(belief.startswith("online(x") for belief in believed) == tokens:
                 return time.monotonic() - begun
         await asyncio.sleep(0.05)

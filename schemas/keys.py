@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from schemas.minds import MindDecisions, MindDeeds, MindInputs, MindOrder, MindView
 from schemas.records import (
     Action,
     ActionStatus,
@@ -21,7 +22,6 @@ from schemas.records import (
     Mail,
     Mailboxes,
     ManifestChange,
-    MindView,
     Outcome,
     Perception,
     Receipt,
@@ -67,6 +67,11 @@ CHANNELS = (
     Channel("{board}/mailboxes", "query", None, Mailboxes, "commd", "operator", None),
     Channel("{board}/checkup", "query", Checkup, BoardReport, "commd", "operator, commd", None),
     Channel("{agent}/mind", "query", None, MindView, "agentd", "observers", 4),
+    Channel("{agent}/trace/inputs", "put", MindInputs, None, "agentd", "observers", 4),
+    Channel("{agent}/trace/inputs", "query", None, MindInputs, "agentd", "observers", None),
+    Channel("{agent}/trace/decisions", "put", MindDecisions, None, "agentd", "observers", 4),
+    Channel("{agent}/trace/deeds", "put", MindDeeds, None, "agentd", "observers", 4),
+    Channel("{agent}/control", "query", MindOrder, Outcome, "agentd", "operator", None),
     Channel("{robot}/manifest", "query", ManifestChange, LiveManifest, "bridged", "operator", None),
     Channel("{robot}/manifest", "put", LiveManifest, None, "bridged", "observers", None),
     Channel("{robot}/stop", "query", StopOrder, Outcome, "bridged", "operator", None),
@@ -133,6 +138,16 @@ def checkup(fleet: str, board: str) -> str:
 def mind(fleet: str, agent: str) -> str:
     """What an agent believes and intends."""
     return f"{ROOT}/{fleet}/{agent}/mind"
+
+
+def trace(fleet: str, agent: str, part: str) -> str:
+    """The course of a mind: `inputs`, `decisions` or `deeds`; put only while somebody listens."""
+    return f"{ROOT}/{fleet}/{agent}/trace/{part}"
+
+
+def control(fleet: str, agent: str) -> str:
+    """Where an operator pauses, steps and resumes a mind and gives it goals and beliefs, if the mission allows."""
+    return f"{ROOT}/{fleet}/{agent}/control"
 
 
 def manifest(fleet: str, robot: str) -> str:

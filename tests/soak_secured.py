@@ -19,7 +19,8 @@ from pathlib import Path
 from argosy.referee import Verdict, judge_run
 from commd.bus import Bus, open_bus
 from schemas import keys
-from schemas.records import Mailboxes, MindView
+from schemas.minds import MindView
+from schemas.records import Mailboxes
 from tests.soak_report import write_section
 from tests.support.ports import free_port
 from tests.support.processes import ROOT, Daemon
@@ -64,7 +65,7 @@ async def done(bus: Bus) -> dict[str, bool]:
     found = dict.fromkeys(wanted, False)
     async for reply in bus.query(keys.mind(bus.fleet, "*"), None, MindView, 3):
         if reply.record is not None and reply.record.agent in wanted:
-            believed = {belief.partition("[")[0] for belief in reply.record.beliefs}
+            believed = {belief.text.partition("[")[0] for belief in reply.record.beliefs}
             found[reply.record.agent] = wanted[reply.record.agent] in believed
     return found
 

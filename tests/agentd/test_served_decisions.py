@@ -9,7 +9,7 @@ from pathlib import Path
 
 from commd.bus import open_bus
 from schemas import keys
-from schemas.records import MindView
+from schemas.minds import MindView
 from tests.support.processes import running
 
 MISSION = """\

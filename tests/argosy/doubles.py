@@ -22,8 +22,9 @@ from commd.bus import Bus, Query, open_bus
 from commd.clock import Clock
 from commd.process import report_health
 from schemas import keys
+from schemas.minds import BeliefView, IntentionView, MindView
 from schemas.mission import load_mission
-from schemas.records import ActionStatus, IntentionView, MindView, Outcome, Perception, StopOrder
+from schemas.records import ActionStatus, Outcome, Perception, StopOrder
 from schemas.terms import Term
 
 HERE = str(Path(__file__).resolve())
@@ -113,7 +114,7 @@ async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
             intentions=() if done or FAULT == "aimless" else (running,),
             done={"mission_done": done},
             failed={"mission_failed(_)": done and FAULT == "gives-up"},
-            beliefs=('mission_failed("too windy")[source(self)]',) if done else (),
+            beliefs=(BeliefView(text='mission_failed("too windy")[source(self)]'),) if done else (),
         )
         query.reply(view)
 

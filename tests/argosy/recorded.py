@@ -10,8 +10,9 @@ from argosy.picture import Picture
 from argosy.processes import Setup
 from argosy.status import Status
 from schemas import keys
+from schemas.minds import BeliefView, IntentionView, MindView
 from schemas.mission import load_mission
-from schemas.records import ActionStatus, Health, IntentionView, MindView, Perception, State
+from schemas.records import ActionStatus, Health, Perception, State
 from schemas.terms import Term
 
 MISSION = Path(__file__).parents[2] / "missions" / "single_uav.yaml"
@@ -45,7 +46,13 @@ class Recording:
 
     def fail(self, *beliefs: str) -> None:
         """Play a look into the mind of an agent that has given up."""
-        self.picture.mind(MindView(agent="uav", failed={"mission_failed(_)": True}, beliefs=beliefs))
+        self.picture.mind(
+            MindView(
+                agent="uav",
+                failed={"mission_failed(_)": True},
+                beliefs=tuple(BeliefView(text=text) for text in beliefs),
+            )
+        )
 
     def health(self, name: str, daemon: str, **fields: object) -> None:
         """Play the health of a daemon."""

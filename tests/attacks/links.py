@@ -15,7 +15,8 @@ from commd.reach import why_not
 from commd.session import session_config
 from commd.tls import Tls, files_in
 from schemas import keys
-from schemas.records import BoardServices, LiveManifest, MindView, Outcome, Perception, Receipt, StopOrder
+from schemas.minds import MindView
+from schemas.records import BoardServices, LiveManifest, Outcome, Perception, Receipt, StopOrder
 from tests.attacks.world import NAME, Attack, Row, World, ask, health_of, letter, put_until
 from tests.support.buses import until
 from tests.support.ports import free_port

@@ -14,8 +14,8 @@ from commd import denials
 from commd.bus import Denied
 from commd.client import Client, NotJoined, UnknownReceiver, join
 from schemas import keys
+from schemas.minds import MindView
 from schemas.mission import read_mission
-from schemas.records import MindView
 from tests.attacks.links import LINKS
 from tests.attacks.messages import MESSAGES
 from tests.attacks.world import NAME, TEXT, Attack, World

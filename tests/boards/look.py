@@ -16,7 +16,8 @@ import msgspec
 
 from commd.bus import Bus, BusClosed, open_bus
 from schemas import keys
-from schemas.records import Mailboxes, MindView
+from schemas.minds import MindView
+from schemas.records import Mailboxes
 
 PATIENCE = 3.0
 """Seconds for one answer."""
@@ -28,7 +29,7 @@ async def answer(bus: Bus, what: str, *names: str) -> Any:
         case "mind", (agent,):
             async for reply in bus.query(keys.mind(bus.fleet, agent), None, MindView, PATIENCE):
                 if reply.record is not None:
-                    return list(reply.record.beliefs)
+                    return [belief.text for belief in reply.record.beliefs]
             return None
         case "alive", ():
             return await bus.tokens(keys.alive(bus.fleet, "*", "*", "*"), PATIENCE)

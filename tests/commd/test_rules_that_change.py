@@ -11,7 +11,7 @@ from commd import denials
 from commd.bus import Bus, open_bus
 from commd.router_config import write
 from schemas import keys
-from schemas.records import MindView
+from schemas.minds import MindView
 from tests.support.buses import until
 from tests.support.processes import Daemon
 from tests.support.secured import Secured

@@ -1,4 +1,4 @@
-"""docs/reference/records.md from the declarations of schemas/records.py: `python -m tests.docs.records_page`."""
+"""docs/reference/records.md from schemas/records.py and schemas/minds.py: `python -m tests.docs.records_page`."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from schemas.keys import CHANNELS
 from schemas.records import VERSION, State
 from tests.docs.pages import ROOT
 
-SOURCE = ROOT / "schemas" / "records.py"
+SOURCES = (ROOT / "schemas" / "records.py", ROOT / "schemas" / "minds.py")
 PAGE = ROOT / "docs" / "reference" / "records.md"
 _HEAD = f"""\
 # Records
 
-<!-- Written by `make reference` from schemas/records.py. -->
+<!-- Written by `make reference` from schemas/records.py and schemas/minds.py. -->
 
 What travels on the [keys](../keys.md), as JSON objects (or MessagePack maps). The Encoding of a sample names its record
 and major version: `application/json;argosy.Perception/{VERSION}`. A field that has its default is left out. Fields that
@@ -38,7 +38,7 @@ class Told:
 
 def records() -> Iterator[Told]:
     """The records in the order of the file, without what they derive from."""
-    for node in ast.parse(SOURCE.read_text(encoding="utf-8")).body:
+    for node in (node for source in SOURCES for node in ast.parse(source.read_text(encoding="utf-8")).body):
         if isinstance(node, ast.ClassDef) and node.name != "Record":
             told = Told(node.name, _paragraphs(ast.get_docstring(node) or ""))
             for at, one in enumerate(node.body):

@@ -1,9 +1,10 @@
-"""docs/reference/records.md is what schemas/records.py declares."""
+"""docs/reference/records.md is what schemas/records.py and schemas/minds.py declare."""
 
 from __future__ import annotations
 
 import msgspec
 
+from schemas import minds
 from schemas import records as declared
 from tests.docs.records_page import PAGE, page, records
 
@@ -14,8 +15,9 @@ def test_the_page_is_what_the_declarations_say() -> None:
 
 def test_every_record_stands_on_it_with_every_field() -> None:
     told = {one.name: [name for name, *_ in one.fields] for one in records()}
+    everything = vars(declared) | vars(minds)
     named = {
-        name: one for name, one in vars(declared).items() if isinstance(one, type) and issubclass(one, declared.Record)
+        name: one for name, one in everything.items() if isinstance(one, type) and issubclass(one, declared.Record)
     }
     assert set(told) == set(named) - {"Record"}
     for name, fields in told.items():

@@ -11,7 +11,7 @@ import time
 
 from commd.bus import BusClosed, open_bus
 from schemas import keys
-from schemas.records import MindView
+from schemas.minds import MindView
 
 
 async def ask(endpoint: str, fleet: str, agent: str) -> str:
