@@ -46,7 +46,7 @@ def answer_by_plan(mind: Any, mail: Mail, relevant: Any, question: Literal, anno
     """Start the intention that finds the answer to a question and tells it."""
     if mind.crowded:
         told = f"too many events and intentions: questions such as that of {mail.sender} get no answer"
-        mind.drops.note("questions", told)
+        mind.drops.note("questions", told, mail.sender)
         return
     written = syntax.Step(syntax.Operator.TEST, syntax.Structure(question.sig.functor))
 

@@ -217,7 +217,9 @@ class Mind:
         """Hand in an input; it is taken in the next cycle (mail: one message per cycle, at most `MOST_MAIL` wait)."""
         if type(item) is Mail:
             if len(self.mailbox) >= MOST_MAIL:
-                self.drops.note("messages", f"more than {MOST_MAIL} messages wait; further ones are dropped")
+                self.drops.note(
+                    "messages", f"more than {MOST_MAIL} messages wait; further ones are dropped", item.sender
+                )
                 return
             self.mailbox.append(item)
         else:
@@ -294,7 +296,7 @@ class Mind:
         if focuses >= MOST_FOCUSES and (focuses >= MOST_FOCUSES + FOR_OTHERS or not told_by_others(annots)):
             event = f"{relevant.text}{relevant.sig.indicator}"
             told = f"more than {MOST_FOCUSES} events and intentions; events such as {event} are dropped"
-            self.drops.note("events", told)
+            self.drops.note("events", told, event)
             return
         self.events.append((relevant, args, annots, None))
 
