@@ -59,6 +59,8 @@ class IntentionView(Record, frozen=True, kw_only=True):
     """Triggering events, the top of the stack first."""
     at: str = ""
     """`file:line` of the next formula."""
+    since: float | None = None
+    """Mission seconds since when it waits for this."""
 
 
 class PlanView(Record, frozen=True, kw_only=True):
@@ -71,6 +73,11 @@ class PlanView(Record, frozen=True, kw_only=True):
     """`file:line`."""
     bindings: dict[str, str] = {}
     """The variables that had a value, as text."""
+    context: str = ""
+    """As written; empty if it has none. Only among the `plans` of a mind."""
+    uses: dict[str, str] = {}
+    """What its body does, with the `file:line` where it does so first: goals `!go/1`, tests `?where/1`, beliefs
+    `+found/3`, actions `takeoff/1`, internal actions `.send/4`. Only among the `plans` of a mind."""
 
 
 class RejectedView(Record, frozen=True, kw_only=True):
@@ -140,6 +147,23 @@ class DecisionView(Record, frozen=True, kw_only=True):
     """What became of the chosen plan so far; `none`: no plan was applicable."""
     failure: FailureView | None = None
     """What failed in it."""
+    dropped_by: str = ""
+    """For a chosen plan that was dropped: the formula that dropped it with its `file:line`, or why, in words."""
+
+
+class DropView(Record, frozen=True, kw_only=True):
+    """What was dropped because too much waited, of one kind."""
+
+    what: Literal["events", "messages", "questions"]
+    name: str = ""
+    """Of the events, such as `+tick/1`; or who sent the messages or questions."""
+    count: int
+    first: float
+    """Mission seconds."""
+    last: float
+    """Mission seconds."""
+    reason: str = ""
+    """In words."""
 
 
 class MindView(Record, frozen=True, kw_only=True):
@@ -180,7 +204,11 @@ class MindView(Record, frozen=True, kw_only=True):
     failures: tuple[FailureView, ...] = ()
     """The failures of formulas and goals since the first of these decisions, oldest first."""
     dropped: dict[str, int] = {}
-    """What was dropped because too much waited: `events` and `messages`."""
+    """How much was dropped because too much waited: `events`, `messages` and `questions`."""
+    drops: tuple[DropView, ...] = ()
+    """What was dropped, by its name; at most 50 of them."""
+    actions: tuple[Deed, ...] = ()
+    """The last actions that it asked for and their outcomes, oldest first."""
     done: dict[str, bool] = {}
     """The mission's `done` formulas of this agent and whether they hold."""
     failed: dict[str, bool] = {}
