@@ -92,6 +92,11 @@ class Query(Generic[R]):
         self.record, self.error = record, error
 
     @property
+    def parameters(self) -> dict[str, str]:
+        """What stands behind the `?` of the selector, `a=b;c=d`; one without `=` has an empty value."""
+        return dict(self._query.parameters)
+
+    @property
     def concrete(self) -> bool:
         """Whether the key has no wildcard: only then may it have an effect."""
         return "*" not in self.key
@@ -286,6 +291,7 @@ class Bus:
     ) -> AsyncGenerator[Reply[R], None]:
         """Ask all that serve `key` and yield each reply as it is made. No reply at all = nobody serves it.
 
+        The key may have parameters, `key?a=b;c=d`, for those who serve it to read.
         Ends when all have answered or after `timeout` wall seconds; a final reply that did not come is for the caller
         to notice. At most `limit` replies wait to be taken; further ones are dropped and counted.
         """
@@ -325,7 +331,7 @@ class Bus:
                     return
                 if reply is None:
                     return
-                yield self._read_reply(key, reply, answer)
+                yield self._read_reply(key.partition("?")[0], reply, answer)
         finally:
             token.cancel()  # type: ignore[no-untyped-call]
 

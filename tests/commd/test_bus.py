@@ -108,6 +108,31 @@ def test_a_query_streams_its_replies_and_ends(endpoint: str) -> None:
     on_a_bus(endpoint, body)
 
 
+def test_what_stands_behind_the_key_of_a_query_reaches_who_serves_it_as_parameters(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        server, asker = await connect(), await connect()
+        got: list[tuple[str, dict[str, str]]] = []
+
+        async def serve(query: Query[Action]) -> None:
+            got.append((query.key, query.parameters))
+            if "wrong" in query.parameters:
+                query.reply_error("no such parameter")
+            else:
+                query.reply(ActionStatus(id="1", name="arm", state="running"))
+
+        key = "argosy/test/uav/action/arm"
+        server.serve(key, Action, serve)
+        await served(asker, key)
+        got.clear()
+        replies = []
+        for selector in (key, f"{key}?last=5;about=go", f"{key}?wrong"):
+            replies += [(reply.key, reply.error) async for reply in asker.query(selector, None, ActionStatus, 5.0)]
+        assert got == [(key, {}), (key, {"last": "5", "about": "go"}), (key, {"wrong": ""})]
+        assert replies == [(key, ""), (key, ""), (key, "no such parameter")]
+
+    on_a_bus(endpoint, body)
+
+
 def test_a_query_that_nobody_serves_ends_at_once_with_no_reply(endpoint: str) -> None:
     async def body(connect: Any) -> None:
         asker = await connect()
