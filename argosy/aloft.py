@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argosy.picture import RobotSeen
+from argosy.seen import RobotSeen
 from argosy.status import Status
 
 ON_GROUND = 0.5

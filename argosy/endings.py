@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from argosy.observe import SILENCE, Observer
-from argosy.picture import RobotSeen
+from argosy.seen import RobotSeen
 from argosy.status import Status
 from argosy.supervise import Supervisor
 from commd.process import EXIT_DONE, EXIT_FAILED

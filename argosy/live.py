@@ -14,7 +14,8 @@ from rich.text import Text
 from argosy.aloft import age
 from argosy.journal import Entry, Level, printable
 from argosy.measure import MEGABYTE
-from argosy.picture import ActionSeen, AgentSeen, RobotSeen
+from argosy.picture import AgentSeen
+from argosy.seen import ActionSeen, RobotSeen
 from argosy.status import Status
 from argosy.track import Track, distance
 

@@ -8,46 +8,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from argosy.journal import Journal, printable
-from argosy.track import Track
+from argosy.seen import ActionSeen, ActionsSeen, RobotSeen
 from schemas import keys
 from schemas.minds import IntentionView, MindView
 from schemas.mission import Mission
-from schemas.records import ActionStatus, Health, Perception, State
-from schemas.terms import Atom, Term, to_float
-from schemas.text import write
+from schemas.records import ActionStatus, Health, Perception
 
 KEPT_PRINTS = 50
-MAX_TOLD = 60
-"""Characters of a percept that are kept of a robot without a vehicle's state."""
-KEPT_ACTIONS = 2_000
-"""Actions that are remembered for the summary; older ones are only counted."""
 
 OPERATOR = "operator: "
 """How the reason of an action begins that an operator's order ended."""
 
 _GROWING = re.compile(r"[0-9.]+ (s\b|of [0-9]+)")
 """What counts on in a note while it holds: "for 6 s", "88 of 90"."""
-
-
-@dataclass
-class ActionSeen:
-    """An action and what became of it. Times are mission seconds since the start of the run."""
-
-    id: str
-    agent: str
-    text: str
-    """As the agent would write it: `goto(-27.6,-48.5,40)`."""
-    name: str
-    parameters: tuple[Term, ...]
-    began: float
-    state: State
-    reason: str = ""
-    feedback: dict[str, float] = field(default_factory=dict)
-    ended: float | None = None
-
-    def age(self, now: float) -> float:
-        """Return how long it took, or has taken until now."""
-        return (now if self.ended is None else self.ended) - self.began
 
 
 @dataclass
@@ -64,44 +37,6 @@ class AgentSeen:
     cycle: int = 0
 
 
-@dataclass
-class RobotSeen:
-    """A robot as its percepts show it; None = not known."""
-
-    name: str
-    mode: str = ""
-    connected: bool = False
-    armed: bool = False
-    altitude: float | None = None
-    """Metres above home."""
-    position: tuple[float, float] | None = None
-    """Latitude and longitude in degrees."""
-    home: tuple[float, float] | None = None
-    battery: float | None = None
-    """Percent."""
-    satellites: int | None = None
-    track: Track = field(default_factory=Track)
-    operator: str = ""
-    """The order of an operator that stands above the robot's agents now."""
-    told: dict[str, str] = field(default_factory=dict)
-    """Of a robot that tells no vehicle's state: the last percept of each name, as its agent would write it."""
-    heard: float = 0.0
-    """Mission time at which a percept last told something of the vehicle."""
-
-    @property
-    def lost(self) -> bool:
-        """Whether it was heard and is no more; all else is then as it was last known."""
-        return bool(self.mode) and not self.connected
-
-    def last_known(self) -> str:
-        """Return the last known state in words."""
-        told = ["armed" if self.armed else "disarmed", self.mode]
-        if self.altitude is not None:
-            told.append(f"{self.altitude + 0.0:.0f} m up")
-        place = f" at {self.position[0]:.6f}, {self.position[1]:.6f}" if self.position is not None else ""
-        return ", ".join(told) + place
-
-
 class Picture:
     """Everything known about the agents and robots of a mission; changes worth a line go to the journal."""
 
@@ -109,7 +44,7 @@ class Picture:
         self.mission, self.journal, self._now = mission, journal, now
         self.agents = {name: AgentSeen(name, agent.robot) for name, agent in mission.agents.items()}
         self.robots = {name: RobotSeen(name) for name in mission.robots}
-        self.actions: dict[str, ActionSeen] = {}
+        self._actions = ActionsSeen()
         self.health: dict[tuple[str, str], Health] = {}
         """By name and daemon."""
         self.heard_at: dict[tuple[str, str], float] = {}
@@ -124,9 +59,19 @@ class Picture:
         """Whether a daemon for this agent, robot or board is on the bus now."""
         return any(token[:2] == (name, daemon) for token in self.alive)
 
+    @property
+    def actions(self) -> dict[str, ActionSeen]:
+        """The actions by their ids, the oldest first."""
+        return self._actions.by_id
+
+    @property
+    def actions_forgotten(self) -> int:
+        """How many older actions are not among them any more."""
+        return self._actions.forgotten
+
     def open_actions(self) -> list[ActionSeen]:
         """Return the actions that have no final state yet, the oldest first."""
-        return [action for action in self.actions.values() if action.ended is None]
+        return self._actions.open()
 
     def flying(self) -> bool:
         """Whether any vehicle is armed, or was when it fell silent."""
@@ -163,90 +108,18 @@ class Picture:
         seen = self.eyes.get(parsed[1]) if parsed else None
         if seen is None:
             return
-        robot = self.robots[seen]
-        if percept.update == "remove":
-            robot.told.pop(percept.name, None)
-            return
-        if not robot.mode and (percept.name, len(percept.parameters)) != ("state", 3):
-            self._no_vehicle(robot, percept)
-        match percept.name, percept.parameters:
-            case "state", (mode, connected, armed):
-                self._state(robot, mode, _is_true(connected), _is_true(armed))
-            case "altitude", (value,):
-                robot.altitude = to_float(value)
-                if robot.altitude is not None:
-                    robot.track.climbed(self._now(), robot.altitude)
-            case "global_pos", (latitude, longitude):
-                robot.position = _pair(latitude, longitude)
-                if robot.position is not None:
-                    robot.track.moved(self._now(), *robot.position)
-            case "home_pos", (latitude, longitude):
-                robot.home = robot.track.home = _pair(latitude, longitude)
-            case "battery", (_, _, remaining):
-                robot.battery = to_float(remaining)
-            case "gps", (_, satellites):
-                number = to_float(satellites)
-                robot.satellites = None if number is None else int(number)
-            case "override", (mode,):
-                self.journal.add(robot.name, f"somebody else took control: {_plain(mode)}", "warning")
-            case _:
-                return
-        if robot.connected:
-            robot.heard = self._now()
-
-    def _no_vehicle(self, robot: RobotSeen, percept: Perception) -> None:
-        text = percept.name + (f"({','.join(map(write, percept.parameters))})" if percept.parameters else "")
-        robot.told[percept.name] = text if len(text) <= MAX_TOLD else f"{text[: MAX_TOLD - 2]}…)"
-        robot.heard = self._now()
-
-    def _state(self, robot: RobotSeen, mode: Term, connected: bool, armed: bool) -> None:
-        name, now = _plain(mode), self._now()
-        if not connected:  # it tells neither mode nor armed: what was known last is all that is known
-            if robot.connected:
-                robot.connected = False
-                text = f"LOST: last heard {now - robot.heard:.0f} s ago, {robot.last_known()}"
-                self.journal.add(robot.name, text, "error")
-            return
-        if not robot.connected:
-            robot.connected = True
-            self.journal.add(robot.name, "vehicle heard again" if robot.mode else "vehicle connected")
-        if name != robot.mode:
-            robot.mode = name
-            robot.told.clear()
-            if name:
-                robot.track.changed_mode(now, name)
-                self.journal.add(robot.name, f"mode {name}")
-        if armed != robot.armed:
-            robot.armed = armed
-            robot.track.armed_at.append((now, armed))
-            self.journal.add(robot.name, "armed" if armed else "disarmed")
+        self.robots[seen].percept(percept, self._now(), self.journal.add)
 
     def status(self, key: str, status: ActionStatus) -> None:
         """An action began, went on or ended."""
         self.counts["statuses"] += 1
-        parsed, now = keys.parse(key), self._now()
+        parsed = keys.parse(key)
         agent = parsed[1] if parsed else "?"
-        seen = self.actions.get(status.id)
-        if seen is None:
-            text = status.name + (f"({','.join(map(write, status.parameters))})" if status.parameters else "")
-            seen = ActionSeen(status.id, agent, text, status.name, status.parameters, now, status.state)
-            if len(self.actions) >= KEPT_ACTIONS:
-                self.actions.pop(next(iter(self.actions)))
-                self.counts["actions_forgotten"] += 1
-            self.actions[status.id] = seen
-            if not status.final:
-                self.journal.add(agent, text, "action")
-        if seen.ended is not None:
+        if self._actions.status(agent, status, self._now(), self.journal.add) is None:
             return
-        seen.state, seen.reason = status.state, status.reason
-        seen.feedback = dict(status.feedback) or seen.feedback
-        if status.final:
-            seen.ended = now
-            why = f": {status.reason}" if status.reason else ""
-            level = "good" if status.state == "succeeded" else "warning"
-            self.journal.add(agent, f"{seen.text} {status.state} after {seen.age(now):.1f} s{why}", level)  # type: ignore[arg-type]
+        if status.final and status.reason.startswith(OPERATOR):
             robot = next((name for name in self.robots if agent in self.mission.agents_of(name)), None)
-            if robot is not None and status.reason.startswith(OPERATOR):
+            if robot is not None:
                 self.ordered(robot, status.reason.removeprefix(OPERATOR))
 
     def ordered(self, robot: str, order: str) -> None:
@@ -304,19 +177,6 @@ class Picture:
         """Whether every `done` formula of the mission holds; a mission without one is never done."""
         wanted = self.mission.done
         return bool(wanted) and all(self.agents[one.agent].done.get(one.formula, False) for one in wanted)
-
-
-def _is_true(term: Term) -> bool:
-    return term is True or term == Atom("true") or (isinstance(term, str) and term.lower() == "true")
-
-
-def _plain(term: Term) -> str:
-    return term if isinstance(term, str) else write(term)
-
-
-def _pair(first: Term, second: Term) -> tuple[float, float] | None:
-    one, two = to_float(first), to_float(second)
-    return None if one is None or two is None else (one, two)
 
 
 def without_figures(note: str) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from argosy.picture import ActionSeen
+from argosy.seen import ActionSeen
 from argosy.status import Status
 from argosy.svg import FAINT, INK, PAPER, Frame, Svg, equal_frame
 from argosy.track import Point, Track, metres

@@ -6,7 +6,7 @@ from argosy.aloft import in_the_air
 from argosy.endings import Ending
 from argosy.last_words import last_words
 from argosy.measure import MEGABYTE, Window
-from argosy.picture import ActionSeen, RobotSeen
+from argosy.seen import ActionSeen, RobotSeen
 from argosy.status import Status
 from commd.process import EXIT_DONE
 
@@ -42,7 +42,7 @@ def _times(status: Status, phases: list[tuple[str, float]]) -> list[str]:
     lines = [f"  {'':{widths[0]}}  {'mission':>{widths[2]}}  {'wall':>{widths[3]}}"]
     for name, state, mission, wall in rows:
         lines.append(f"  {name:{widths[0]}}  {mission:>{widths[2]}}  {wall:>{widths[3]}}  {state}".rstrip())
-    forgotten = status.picture.counts["actions_forgotten"] + len(actions[:-MOST_ACTIONS])
+    forgotten = status.picture.actions_forgotten + len(actions[:-MOST_ACTIONS])
     return [*lines, *([f"  and {forgotten} earlier actions"] if forgotten else []), ""]
 
 

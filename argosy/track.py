@@ -31,22 +31,24 @@ class Track:
     modes: list[tuple[float, str]] = field(default_factory=list)
     armed_at: list[tuple[float, bool]] = field(default_factory=list)
     home: tuple[float, float] | None = None
+    most: int = MAX_POINTS
+    """Points that are kept of this track."""
 
     def moved(self, at: float, latitude: float, longitude: float) -> None:
         """Add a position."""
         self.points.append(Point(at, latitude, longitude))
-        if len(self.points) > MAX_POINTS:
+        if len(self.points) > self.most:
             del self.points[1::2]
 
     def climbed(self, at: float, altitude: float) -> None:
         """Add an altitude."""
         self.heights.append((at, altitude))
-        if len(self.heights) > MAX_POINTS:
+        if len(self.heights) > self.most:
             del self.heights[1::2]
 
     def changed_mode(self, at: float, mode: str) -> None:
         """Add a change of mode."""
-        if len(self.modes) < MAX_POINTS:
+        if len(self.modes) < self.most:
             self.modes.append((at, mode))
 
     def length(self) -> float:
