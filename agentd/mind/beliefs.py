@@ -311,6 +311,13 @@ class BeliefBase:
     def predicates(self) -> list[Predicate]:
         return list(self._predicates.values())
 
+    def mark(self, now: float) -> None:
+        """Note that what is new has come by now, if this base knows since when it believes what."""
+
+    def since(self, fact: Literal) -> float | None:
+        """Since when a fact is believed, in mission seconds; None if nobody knows."""
+        return None
+
     def facts(self) -> Iterator[Literal]:
         """Every fact, predicate by predicate in the order in which they were first mentioned."""
         for predicate in self.predicates():

@@ -7,9 +7,11 @@ many beliefs there are. Percepts are not kept, and hardly anything is noted for 
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable
 from itertools import islice
-from typing import Any
+from operator import itemgetter
+from typing import Any, Final
 
 from agentd.language import syntax
 from agentd.language.printer import source_text
@@ -30,6 +32,8 @@ from agentd.mind.rules import add_rule
 
 Tell = Callable[[str, Exception], None]
 """Told what cannot be kept, and why."""
+MOST_MARKS: Final = 4096
+"""So many moments are remembered at which there was something new; of old ones then every second is forgotten."""
 
 
 class _Book:
@@ -44,6 +48,29 @@ class _Book:
         self.restoring: int | None = None
         """The rank of the entry that is being put back."""
         self._newest = self._oldest = self._seen_newest = self._seen_oldest = 0
+        self._marks: list[tuple[int, float]] = [(0, 0.0)]
+        """The rank of the newest entry at moments in mission seconds; the first is that of a former life."""
+
+    def begin(self) -> None:
+        """What is there now is of a former life: nobody knows since when it is."""
+        self._marks = [(self._newest, 0.0)]
+
+    def mark(self, now: float) -> None:
+        """What is new since the last mark has come by now."""
+        marks = self._marks
+        if marks[-1][0] == self._newest:
+            return
+        if len(marks) >= MOST_MARKS:
+            half = MOST_MARKS // 2
+            self._marks = marks = [marks[0], *marks[2:half:2], *marks[half:]]
+        marks.append((self._newest, now))
+
+    def since(self, rank: int) -> float | None:
+        """By when an entry had come; None if that was in a former life, or if nobody has marked it yet."""
+        marks = self._marks
+        if not marks[0][0] < rank <= marks[-1][0]:
+            return None
+        return marks[bisect_left(marks, rank, key=itemgetter(0))][1]
 
     def rank(self, last: bool) -> int:
         """The rank of a new entry."""
@@ -136,6 +163,21 @@ class KeptBeliefs(BeliefBase):
         """Note which rules are the program's own."""
         self._own_rules = {id(item): source_text(item) for item in program.beliefs if isinstance(item, syntax.Rule)}
 
+    # --- since when ---
+
+    def mark(self, now: float) -> None:
+        """Note that what is new since the last mark has come by now (mission seconds): after each run of the mind."""
+        self._book.mark(now)
+
+    def since(self, fact: Literal) -> float | None:
+        """Since when a fact is believed, in mission seconds, to within a run of the mind and later within a few.
+
+        None if nobody knows: it is of a former life. A source that has joined since then changes nothing.
+        """
+        predicate = self._predicates[fact.sig]
+        rank = predicate.ranks.get(fact.args) if isinstance(predicate, KeptPredicate) else None
+        return None if rank is None else self._book.since(rank)
+
     # --- keeping ---
 
     def change(self, changes: MindChanges, tell: Tell) -> None:
@@ -227,6 +269,7 @@ class KeptBeliefs(BeliefBase):
             except BadBytes as why:
                 tell(f"a belief (row {rank})", why)
         book.restoring = None
+        book.begin()
         missing = book.gone
         book.turn()
         book.gone = missing
