@@ -1,0 +1,54 @@
+"""The lives of minds in a recording: the stretches of their inputs, in order, and which are missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from schemas import keys
+from schemas.minds import MindInputs
+
+PART = "trace/inputs"
+
+
+@dataclass
+class Life:
+    """One life of an agent, from its birth to its end or to that of the recording."""
+
+    fleet: str
+    agent: str
+    boot: str
+    batches: list[MindInputs] = field(default_factory=list)
+    """In the order of their numbers, each once."""
+
+    @property
+    def missing(self) -> list[int]:
+        """The numbers that are missing before the last one that is there."""
+        there = {batch.number for batch in self.batches}
+        return [number for number in range(max(there, default=-1) + 1) if number not in there]
+
+    @property
+    def whole(self) -> bool:
+        """Whether it can be lived again: from birth on, and nothing missing in between."""
+        return bool(self.batches) and self.batches[0].birth is not None and not self.missing
+
+
+def lives_of(inputs: Iterable[tuple[str, MindInputs]]) -> list[Life]:
+    """Return the lives that these stretches, with their keys, are of, in the order in which they were first heard."""
+    found: dict[tuple[str, str, str], dict[int, MindInputs]] = {}
+    for key, batch in inputs:
+        parsed = keys.parse(key)
+        if parsed is not None:
+            found.setdefault((parsed[0], parsed[1], batch.header.boot), {}).setdefault(batch.number, batch)
+    return [Life(*whose, [batches[number] for number in sorted(batches)]) for whose, batches in found.items()]
+
+
+def in_words(numbers: Iterable[int]) -> str:
+    """Return numbers as stretches: `0-56, 70`."""
+    stretches: list[list[int]] = []
+    for number in sorted(numbers):
+        if stretches and number == stretches[-1][1] + 1:
+            stretches[-1][1] = number
+        else:
+            stretches.append([number, number])
+    return ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in stretches)
