@@ -94,6 +94,10 @@ class RobotSeen:
     battery: float | None = None
     """Percent."""
     satellites: int | None = None
+    heading: float | None = None
+    """Degrees from north, clockwise."""
+    velocity: tuple[float, float, float] | None = None
+    """Metres per second to the north, to the east and up."""
     track: Track = field(default_factory=Track)
     operator: str = ""
     """The order of an operator that stands above the robot's agents now."""
@@ -146,6 +150,11 @@ class RobotSeen:
             case "gps", (_, satellites):
                 number = to_float(satellites)
                 self.satellites = None if number is None else int(number)
+            case "heading", (value,):
+                self.heading = to_float(value)
+            case "velocity", (north, east, up):
+                parts = to_float(north), to_float(east), to_float(up)
+                self.velocity = None if None in parts else parts  # type: ignore[assignment]
             case "holder", (agent,):
                 self.holder = plain(agent)
             case "override", (mode,):

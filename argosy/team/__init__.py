@@ -1,0 +1,24 @@
+"""The shared model of a running fleet, for `argosy watch` and `argosy ui`: what is there, and what happens."""
+
+from argosy.team.letters import Letter, Letters
+from argosy.team.members import Member, TeamAgent, TeamBoard, TeamRobot
+from argosy.team.model import TeamModel
+from argosy.team.places import Place, Places
+from argosy.team.timeline import Entry, Timeline
+from argosy.team.watcher import TeamWatcher, steady_clock
+
+__all__ = [
+    "Entry",
+    "Letter",
+    "Letters",
+    "Member",
+    "Place",
+    "Places",
+    "TeamAgent",
+    "TeamBoard",
+    "TeamModel",
+    "TeamRobot",
+    "TeamWatcher",
+    "Timeline",
+    "steady_clock",
+]

@@ -1,0 +1,280 @@
+"""The shared model of a running fleet: made from records alone, so that it needs no bus and a recording gives the same.
+
+Whatever may grow is bounded, and nothing that has gone silent looks alive: everything has the time at which it was
+heard.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Literal, TypeVar
+
+from argosy.journal import Level
+from argosy.picture import OPERATOR, without_figures
+from argosy.roll import Roll
+from argosy.seen import ActionSeen, ActionsSeen
+from argosy.team.letters import Letters
+from argosy.team.members import Member, TeamAgent, TeamBoard, TeamRobot
+from argosy.team.places import Places
+from argosy.team.telling import Teller
+from argosy.team.timeline import Timeline
+from schemas import keys
+from schemas.minds import MindDeeds, MindView
+from schemas.mission import Mission
+from schemas.records import ActionStatus, BoardServices, Health, Mailboxes, Perception
+
+MOST = 500
+"""Members of one kind that are kept; those that went first are forgotten first."""
+SILENCE = 5.0
+"""Seconds without an answer from a mind, while the router is there, after which it counts as silent."""
+BLOCKED = "no action is taken: "
+"""How a bridge's note begins while an order of the operator, or the loss of the agent, stands above the agents."""
+OTHERS = 20
+"""Other fleets whose names are kept."""
+
+M = TypeVar("M", bound=Member)
+
+
+class TeamModel:
+    """Everything known of one fleet. `now` returns Unix seconds of a clock that never jumps."""
+
+    def __init__(self, now: Callable[[], float], *, fleet: str = "", mission: Mission | None = None) -> None:
+        self.now, self.mission = now, mission
+        self.fleet = fleet if mission is None else mission.fleet
+        """Empty until one is known."""
+        self.other_fleets: set[str] = set()
+        """Further fleets at the same router."""
+        self.agents: dict[str, TeamAgent] = {}
+        self.robots: dict[str, TeamRobot] = {}
+        self.boards: dict[str, TeamBoard] = {}
+        self.clients: dict[str, Member] = {}
+        """Programs that act as agents, and what else holds a name on the bus."""
+        self.timeline, self.letters, self.places, self._actions = Timeline(), Letters(), Places(), ActionsSeen()
+        self.router_up = True
+        self.router_since: float | None = None
+        """Unix seconds at which the router was lost or came back; None = it has been there all the time."""
+        self.version = 0
+        """Counts up with whatever is taken in."""
+        self.eyes: dict[str, str] = {}
+        """The agent or client through whom each robot is seen, and the robot."""
+        self.forgotten = 0
+        """Members that are not kept any more."""
+        self._roll = Roll(mission, now)
+        self._tell = Teller(self.timeline, self.letters, now)
+        self._boards_of: dict[str, str] = {}
+        if mission is not None:
+            self._expect(mission)
+
+    def _expect(self, mission: Mission) -> None:
+        for board in mission.board_names:
+            self.boards[board] = TeamBoard(board, board=board)
+        for name, robot in mission.robots.items():
+            self.robots[name] = TeamRobot.named(name, robot.board)
+            self._has(name, tuple(mission.agents_of(name)))
+        for name, agent in mission.agents.items():
+            self.agents[name] = TeamAgent(name, board=agent.board, robot=agent.robot or "")
+
+    @property
+    def actions(self) -> dict[str, ActionSeen]:
+        """The actions by their ids, the oldest first. Their times are Unix seconds."""
+        return self._actions.by_id
+
+    def open_actions(self, agent: str | None = None) -> list[ActionSeen]:
+        """Return the actions that have no final state yet, of one agent or of all, the oldest first."""
+        return [action for action in self._actions.open() if agent is None or action.agent == agent]
+
+    def mail_for(self, agent: str) -> int:
+        """Return how many messages wait for an agent at the boards, besides those in its mind's mailbox."""
+        return sum(board.waiting((agent,)) for board in self.boards.values())
+
+    # What is taken in. Keys are whole Zenoh keys; what is of another fleet or malformed is left alone.
+
+    def token(self, key: str, alive: bool) -> None:
+        """A liveliness token came or went."""
+        parsed = keys.parse(key)
+        if parsed is None or len(parsed[2]) != 3:
+            return
+        if parsed[0] != self.fleet:
+            if len(self.other_fleets) < OTHERS:
+                self.other_fleets.add(parsed[0])
+            return
+        self._roll.token(key, alive)
+
+    def health(self, key: str, health: Health) -> None:
+        """A daemon told how it is."""
+        parsed = keys.parse(key)
+        if parsed is None or parsed[0] != self.fleet or len(parsed[2]) != 2:
+            return
+        self.version += 1
+        name, daemon = parsed[1], parsed[2][1]
+        member = self._member(name, daemon)
+        known = {without_figures(note) for note in member.notes}
+        for note in health.notes:
+            if without_figures(note) not in known:
+                self._tell(name, note, "warning")
+        self._roll.heard(key, health)
+        if isinstance(member, TeamRobot):
+            if health.percepts:
+                self._has(name, tuple(health.percepts))
+            self._ordered(member, health.notes)
+
+    def percept(self, key: str, percept: Perception) -> None:
+        """An agent perceived something; a robot is seen through the first of those that have it."""
+        name = self._name(key)
+        if name is None:
+            return
+        self.places.percept(name, percept, self._positions(), self.now())
+        if name in self.eyes:
+            self.robots[self.eyes[name]].seen.percept(percept, self.now(), self._tell)
+
+    def status(self, key: str, status: ActionStatus) -> None:
+        """An action began, went on or ended."""
+        name = self._name(key)
+        if name is None:
+            return
+        tell = partial(self._tell.action, status)
+        action = self._actions.status(name, status, self.now(), tell)
+        if action is None:
+            return
+        self.places.action(action, self._positions(), self.now())
+        agent = self.agents.get(name)
+        if agent is not None and status.reason.startswith(OPERATOR) and agent.robot in self.robots:
+            self.robots[agent.robot].seen.operator = status.reason.removeprefix(OPERATOR)
+
+    def mind(self, agent: str, view: MindView, *, detailed: bool = False) -> None:
+        """An agent showed its mind; `detailed`: with its plans and all decisions that it keeps."""
+        self.version += 1
+        member = self._member(agent, "agentd")
+        assert isinstance(member, TeamAgent)
+        if member.silent is not None:
+            self._tell(agent, f"its mind answers again, after {self.now() - member.silent:.0f} s", "good")
+        member.mind, member.heard, member.silent, member.why_silent = view, self.now(), None, ""
+        if detailed:
+            member.detail, member.detailed = view, self.now()
+
+    def mind_unanswered(self, agent: str, why: str = "") -> None:
+        """An agent was asked for its mind and did not show it."""
+        member = self.agents.get(agent)
+        if member is None or not member.there or not self.router_up:
+            return
+        self.version += 1
+        last = max(member.heard or 0.0, member.since or 0.0, self.router_since or 0.0)
+        member.why_silent = why
+        if member.silent is None and self.now() - last > SILENCE:
+            member.silent = last
+            self._tell(agent, f"its mind has not answered for {SILENCE:.0f} s{': ' if why else ''}{why}", "warning")
+
+    def deeds(self, key: str, told: MindDeeds) -> None:
+        """An agent told what it has done."""
+        name = self._name(key)
+        if name is not None:
+            self._tell.deeds(name, told)
+
+    def mailboxes(self, key: str, told: Mailboxes | None, problem: str = "") -> None:
+        """A board told what waits there, or why it did not."""
+        name = self._name(key)
+        board = self.boards.get(name or "")
+        if board is None:
+            return
+        board.problem = problem
+        if told is not None:
+            board.mailboxes, board.heard = told, self.now()
+
+    def services(self, key: str, told: BoardServices) -> None:
+        """A board told which agents live on it."""
+        name = self._name(key)
+        for agent in told.agents if name is not None else ():
+            self._boards_of[agent] = name or ""
+            if agent in self.agents:
+                self.agents[agent].board = name or ""
+
+    def router(self, up: bool) -> None:
+        """The router was lost or came back."""
+        if up == self.router_up:
+            return
+        self.version += 1
+        before, self.router_since, self.router_up = self.router_since, self.now(), up
+        if up:
+            self._tell("router", f"it answers again, after {self.now() - (before or self.now()):.1f} s", "good")
+        else:
+            self._tell("router", "it does not answer: what is shown is what was known last", "error")
+
+    def tick(self) -> None:
+        """See who came and went: to be called some times a second, as time alone changes that."""
+        self.version += 1
+        there: set[tuple[str, str]] = set()
+        for row in self._roll.rows():
+            member = self._member(row.name, row.daemon)
+            was, member.row = member.there, row
+            there.add((row.name, row.daemon))
+            self._came_or_went(member, was)
+        for members in (self.agents, self.robots, self.boards, self.clients):
+            for member in members.values():
+                if (member.name, member.daemon) not in there:
+                    was, member.row = member.there, None
+                    self._came_or_went(member, was)
+
+    def _came_or_went(self, member: Member, was: bool) -> None:
+        if member.there == was:
+            return
+        member.since = self.now()
+        if isinstance(member, TeamAgent):
+            member.silent = None
+        what: Literal["came", "went"] = "came" if member.there else "went"
+        level: Level = "info" if member.there else "warning"
+        text = f"{member.daemon} {'is there' if member.there else 'is gone'}"
+        self.timeline.add(self.now(), member.name, what, text, level)
+
+    def _name(self, key: str) -> str | None:
+        """Return whom a key of this fleet is about."""
+        parsed = keys.parse(key.partition("?")[0])
+        if parsed is None or parsed[0] != self.fleet:
+            return None
+        self.version += 1
+        return parsed[1]
+
+    def _member(self, name: str, daemon: str) -> Member:
+        """Return a member, made if it is not known yet."""
+        match daemon:
+            case "agentd":
+                board = self._boards_of.get(name, "")
+                return self._kept(self.agents, name, lambda: TeamAgent(name, board=board, robot=self._robot_of(name)))
+            case "bridged":
+                return self._kept(self.robots, name, lambda: TeamRobot.named(name))
+            case "commd":
+                return self._kept(self.boards, name, lambda: TeamBoard(name, board=name))
+        return self._kept(self.clients, name, lambda: Member(name, daemon))
+
+    def _kept(self, members: dict[str, M], name: str, make: Callable[[], M]) -> M:
+        if name not in members:
+            if len(members) >= MOST:
+                gone = [one for one in members.values() if not one.there]
+                del members[min(gone or members.values(), key=lambda one: one.since or 0.0).name]
+                self.forgotten += 1
+            members[name] = make()
+        return members[name]
+
+    def _robot_of(self, agent: str) -> str:
+        return next((name for name, robot in self.robots.items() if agent in robot.agents), "")
+
+    def _has(self, robot: str, agents: tuple[str, ...]) -> None:
+        """A robot has these agents."""
+        member = self.robots[robot]
+        if member.agents == agents:
+            return
+        member.agents = agents
+        self.eyes = {one.agents[0]: name for name, one in self.robots.items() if one.agents}
+        for agent in agents:
+            if agent in self.agents:
+                self.agents[agent].robot = robot
+
+    def _ordered(self, robot: TeamRobot, notes: tuple[str, ...]) -> None:
+        """Tell from its bridge's notes whether an operator's order stands above the agents."""
+        blocked = next((note.removeprefix(BLOCKED) for note in notes if note.startswith(BLOCKED)), "")
+        robot.seen.operator = blocked.removeprefix(OPERATOR) if blocked.startswith(OPERATOR) else ""
+
+    def _positions(self) -> set[tuple[float, float]]:
+        """Return where the fleet is."""
+        known = (one.seen.position or one.seen.home for one in self.robots.values())
+        return {position for position in known if position is not None}
