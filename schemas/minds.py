@@ -19,7 +19,8 @@ class BeliefView(Record, frozen=True, kw_only=True):
     sources: tuple[str, ...] = ()
     """Who told it: agents, `percept`, `self`."""
     since: float | None = None
-    """Mission seconds since when it is believed as it is, as far as the agent knows."""
+    """Mission seconds by when it was believed; none = nobody knows, such as for a belief of a former life. A source
+    that joined later does not change it."""
 
 
 class EventView(Record, frozen=True, kw_only=True):
@@ -78,6 +79,8 @@ class PlanView(Record, frozen=True, kw_only=True):
     uses: dict[str, str] = {}
     """What its body does, with the `file:line` where it does so first: goals `!go/1`, tests `?where/1`, beliefs
     `+found/3`, actions `takeoff/1`, internal actions `.send/4`. Only among the `plans` of a mind."""
+    source: str = ""
+    """All of it, as the program would write it. Only among the `plans` of a mind."""
 
 
 class RejectedView(Record, frozen=True, kw_only=True):
@@ -319,5 +322,9 @@ class MindDeeds(Record, frozen=True, kw_only=True):
 
     header: Header = Header()
     agent: str = ""
+    now: float = 0.0
+    """Mission seconds at the time of the header."""
+    speed: float = 1.0
+    """Mission seconds that pass in a wall second."""
     deeds: tuple[Deed, ...] = ()
     left_out: int = 0
