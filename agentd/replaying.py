@@ -1,5 +1,5 @@
-"""A mind lived again from what was recorded of it (`{agent}/trace/inputs`): to prove that it decides the same, or to see
-what an edited program would have done.
+"""A mind lived again from what was recorded of it (`{agent}/trace/inputs`): to prove that it decides the same, or
+to see what an edited program would have done.
 
     result = replay(batches, decisions)                       # the recorded program: exact, cycle by cycle
     result = compare(batches, program=Path("edited.asl"))     # another program beside the recorded one
@@ -33,7 +33,7 @@ class Act:
     """Mission seconds."""
     kind: Literal["decision", "effect"]
     text: str
-    """A decision: the event and the plan chosen for it; an effect: what was done (`print hello`, `action goto(1,2)`)."""
+    """A decision: the event and the plan chosen for it. An effect: what was done, such as `action goto(1,2)`."""
     decision: DecisionView | None = None
     """With the plans that were rejected and why, where it is known."""
 

@@ -147,6 +147,8 @@ class Bus:
         self._seq: Counter[tuple[str, str]] = Counter()
         self._tasks = Tasks("serving a query")
         self._held: dict[Token, str] = {}
+        self._listened: list[tuple[Any, Any]] = []
+        """Publishers and their matching listeners, which are gone when nobody holds them."""
         self.strangers = Strangers(self._loop.time)
         """Who speaks another major version."""
         self._seen_keys: set[str] = set()
@@ -222,6 +224,36 @@ class Bus:
 
         self._session.declare_subscriber(key, self._hand_over(deliver))
         self._declare("subscriber", key)
+
+    def listened(self, key: str, handler: Callable[[bool], None]) -> Callable[[], None]:
+        """Call `handler(somebody)` on the event loop when the first subscriber to a key comes, or the last one goes.
+
+        It is called soon if there is one already. Returns what ends that; without it, it lasts as long as the session.
+        """
+        publisher = self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP)
+        last = False
+
+        def changed(matching: bool) -> None:
+            nonlocal last
+            if matching != last:
+                last = matching
+                handler(matching)
+
+        listener = publisher.declare_matching_listener(self._hand_over(lambda status: changed(status.matching)))
+        if publisher.matching_status:
+            self._soon(changed)(True)
+        declared = publisher, listener
+        self._listened.append(declared)
+
+        def withdraw() -> None:
+            self._listened.remove(declared)
+            for each in declared:
+                try:
+                    each.undeclare()  # type: ignore[no-untyped-call]
+                except zenoh.ZError as error:  # the session is closed already, and with it what it declared
+                    log.debug("not_withdrawn key=%s why=%s", key, error)
+
+        return withdraw
 
     def serve(
         self,

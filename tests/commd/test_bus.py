@@ -364,3 +364,25 @@ def test_a_router_without_rules_that_shows_a_token_too_late_is_not_said_to_deny_
         assert not isinstance(caught.value, Denied)
 
     on_a_bus(endpoint, body)
+
+
+def test_a_session_knows_while_somebody_listens(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        speaker, first, second = await connect(), await connect(), await connect()
+        said: list[bool] = []
+        first.raw.subscribe("argosy/test/**", lambda sample: None)
+        await subscribed(speaker, "argosy/test/uav/trace/deeds")
+        withdraw = speaker.listened("argosy/test/uav/trace/deeds", said.append)
+        await until(lambda: said == [True], "who listened before is noticed")
+        subscription = second.raw.subscribe("argosy/test/uav/trace/*", lambda sample: None)
+        await first.close()
+        subscription.close()
+        await until(lambda: said == [True, False], "it is noticed that the last one is gone")
+        third = await connect()
+        third.raw.subscribe("argosy/test/uav/trace/deeds", lambda sample: None)
+        await until(lambda: said == [True, False, True], "who comes back is noticed")
+        withdraw()
+        await third.close()
+        assert said == [True, False, True]
+
+    on_a_bus(endpoint, body)
