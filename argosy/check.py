@@ -34,8 +34,6 @@ from schemas.positions import Steps, did_you_mean
 from schemas.shipped import mission_file
 
 _FIELDS: tuple[Literal["done", "failed"], ...] = ("done", "failed")
-_NOT_BUILT: tuple[tuple[str, str, object], ...] = (("", "inject", False),)
-"""Fields that are read and do nothing yet: in what they stand, their name and default."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -98,7 +96,6 @@ def check_mission(path: str | Path) -> tuple[Mission | None, list[Finding]]:
         return None, sorted(set(findings))
     if mission is not None:
         findings += check_links(mission)
-        findings += _without_effect(mission)
         if not mission.done:
             text = "no `done`: the run will end only by ctrl-C or its timeout, and fail"
             findings.append(Finding(str(mission.path), 0, 0, text, "warning"))
@@ -119,20 +116,6 @@ def check_mission(path: str | Path) -> tuple[Mission | None, list[Finding]]:
         findings += check_team(mission, {name: found.survey for name, found in surveys.items()}, programs)
         findings += _endings(mission, programs, manifests)
     return mission, sorted(set(findings))
-
-
-def _without_effect(mission: Mission) -> list[Finding]:
-    """Nobody may rely on what is not built yet."""
-    findings = []
-    for part, field, default in _NOT_BUILT:
-        owners: dict[Steps, object] = {(): mission}
-        if part:
-            owners = {(part, name): owner for name, owner in getattr(mission, part).items()}
-        for path, owner in owners.items():
-            if getattr(owner, field) != default:
-                text = f"{field}: this has no effect yet"
-                findings.append(mission.positions.finding((*path, field), text, at_key=True))
-    return [replace(finding, severity="warning") for finding in findings]
 
 
 def _manifest(named: Outline, robot: str, mission: Mission | None, findings: list[Finding]) -> Manifest | None:

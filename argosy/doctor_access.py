@@ -74,7 +74,7 @@ async def _who(bus: Bus, mission: Mission) -> tuple[str, Rights, dict[str, str]]
     if name in mission.boards:
         return name, access.of_board(mission, name), routers
     if name in mission.security.operators:
-        return f"operator {name}", access.of_operator(), routers
+        return f"operator {name}", access.of_operator(mission.inject), routers
     if name in mission.security.observers:
         return f"observer {name}", access.of_observer(), routers
     return f"`{name}`, whom the mission does not name,", Rights(), routers

@@ -109,7 +109,7 @@ async def bind(
 ) -> Bridge:
     """Claim a robot's name and begin to serve its agents. Raises AlreadyRunning, and Findings in words."""
     await bus.claim(part.name)
-    service = Service(bus, part.name, part.agents)
+    service = Service(bus, part.name, part.agents, mission.inject)
     ledger = state_directory(args.state) / mission.fleet / f"{part.name}.actions"
     try:
         bridge = Bridge(

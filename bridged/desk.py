@@ -75,9 +75,7 @@ class ActionDesk:
 
     def ask(self, agent: str, name: str, request: Action, follower: Follower) -> None:
         """Answer a request: `follower` hears the present status of a known id, or the whole life of a new one."""
-        if not request.id:
-            self._by_hand += 1
-            request = replace(request, id=f"{agent}:{self._boot}:hand{self._by_hand}")
+        request = self._identified(agent, request)
         action = replace(request, agent=agent, name=name[:MAX_ID])
         if len(action.id) > MAX_ID:
             action = replace(action, id=action.id[:MAX_ID])
@@ -93,6 +91,11 @@ class ActionDesk:
             self._refuse(action, f"the key says {agent}/{name}, the action says {said}", follower)
         else:
             self._begin(action, follower)
+
+    def turn_away(self, agent: str, name: str, request: Action, reason: str, follower: Follower) -> None:
+        """Refuse a request of somebody who may not ask; its id is not used up by that."""
+        action = replace(self._identified(agent, request), agent=agent, name=name[:MAX_ID])
+        self._deny(replace(action, id=action.id[:MAX_ID]), reason, follower)
 
     def adopt(self, manifest: Manifest) -> None:
         """Take actions by another manifest from now on; those that run go on by their old entry."""
@@ -145,6 +148,13 @@ class ActionDesk:
                 self._tell(job, replace(running, deadline=max(0.0, job.deadline_at - now)))
                 job.progress.show(running.feedback)
         self.lease.step(active=self._driver.active, heard=self._driver.heard, busy=bool(self._jobs), now=now)
+
+    def _identified(self, agent: str, request: Action) -> Action:
+        """Return a request with an id: by hand there may be none."""
+        if request.id:
+            return request
+        self._by_hand += 1
+        return replace(request, id=f"{agent}:{self._boot}:hand{self._by_hand}")
 
     def _used_otherwise(self, action: Action) -> str:
         """Say what else an id was used for, empty if for nothing: the answer to another action is none to this one."""

@@ -38,17 +38,19 @@ MAX_STATUSES = 64
 """Statuses of one action that may wait to be sent; of the running ones the oldest is left out first."""
 FOLLOW_AT_MOST = 3600.0
 """Wall seconds for which a query follows an action; whoever still waits asks again with the same id."""
+BY_HAND = "asked by hand, which this mission does not allow; say `inject: true` in the mission file to allow it"
 log = logging.getLogger("bridged")
 
 
 class Service:
     """Answers for one robot under the names of its agents."""
 
-    def __init__(self, bus: Bus, robot: str, agents: Iterable[str]) -> None:
+    def __init__(self, bus: Bus, robot: str, agents: Iterable[str], inject: bool = False) -> None:
+        """`inject`: the mission allows actions by hand."""
         self.left_out = 0
         """Running statuses so far that a slow asker did not get."""
         self._bus, self._robot = bus, robot
-        self._agents = tuple(agents)
+        self._agents, self._inject = tuple(agents), inject
 
     def publish_percept(self, agent: str, perception: Perception) -> None:
         """Put one change of what an agent perceives."""
@@ -92,7 +94,10 @@ class Service:
                 self.left_out += 1
             statuses.put_nowait(status)
 
-        desk.ask(agent, name, query.record, follow)
+        if self._inject or not is_by_hand(agent, query.record):
+            desk.ask(agent, name, query.record, follow)
+        else:
+            desk.turn_away(agent, name, query.record, BY_HAND, follow)
         with suppress(TimeoutError):
             async with asyncio.timeout(FOLLOW_AT_MOST):
                 while (status := await statuses.get()) is not None:
@@ -146,3 +151,8 @@ class Service:
         else:
             outcome = await orders.operator(query.record.order)
         query.reply(Outcome(ok=outcome.state == "succeeded", reason=outcome.reason))
+
+
+def is_by_hand(agent: str, request: Action) -> bool:
+    """Whether somebody else than the agent asks: an agent gives its requests an id and says who it is."""
+    return not (request.id and request.header.source == agent)

@@ -62,10 +62,18 @@ class Client:
     """A member of the team. Made by `join`."""
 
     def __init__(
-        self, bus: Bus, name: str, board: str, robots: dict[str, str], clock: Clock, seen: Seen, patience: float
+        self,
+        bus: Bus,
+        name: str,
+        board: str,
+        robots: dict[str, str],
+        clock: Clock,
+        seen: Seen,
+        patience: float,
+        inject: bool = False,
     ) -> None:
         self.name, self.board = name, board
-        self._bus, self._robots, self._clock, self._patience = bus, robots, clock, patience
+        self._bus, self._robots, self._clock, self._patience, self._inject = bus, robots, clock, patience, inject
         self._sending = Sending(bus, name)
         self._inbox = Inbox(bus, name, seen)
         self._percepts: dict[str, Percepts] = {}
@@ -113,7 +121,7 @@ class Client:
         if robot is None:
             raise ValueError(f"`{agent}` has no robot that the mission tells of: percepts(agent, robot=...)")
         if agent not in self._percepts:
-            self._percepts[agent] = Percepts(self._bus, agent, robot)
+            self._percepts[agent] = Percepts(self._bus, agent, robot, self._inject)
         return self._percepts[agent]
 
     async def perform(
@@ -226,7 +234,8 @@ async def join(
         except Denied as denied:
             hint = "" if known else f"; who is not in its mission is called `{made_on(board)}...` there"
             raise NotJoined(f"{denied}{hint}") from None
-        client = Client(bus, name, board or THIS_MACHINE, robots, clock, seen, patience)
+        inject = declared is not None and declared.inject
+        client = Client(bus, name, board or THIS_MACHINE, robots, clock, seen, patience, inject)
         try:
             if not known:
                 await client.ask_directory("join", stays=stays)

@@ -1,7 +1,8 @@
 """What an agent perceives, kept complete: it subscribes, asks for the present set, and asks again whenever in doubt.
 
 In doubt is: a gap in the seqs, the router back after it was away, another life of the bridge, or a digest in the
-bridge's health that differs from our own (design section 4). The bridge alone ages percepts.
+bridge's health that differs from our own (design section 4). The bridge alone ages percepts. What people put by hand,
+known by a header that is missing or not of the robot's bridge, is kept apart (commd.hand_percepts).
 """
 
 from __future__ import annotations
@@ -9,12 +10,13 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import aclosing
 
 from commd.bus import Bus, BusClosed
+from commd.hand_percepts import HandPercepts
 from schemas import keys
-from schemas.percepts import PerceptSet, tells_of_none
+from schemas.percepts import PerceptSet, differences, tells_of_none
 from schemas.records import Health, Perception
 
 log = logging.getLogger("percepts")
@@ -28,10 +30,15 @@ RETRY = 0.2
 class Perceiving:
     """The percepts of one agent. Each change is told once, to `on_change`."""
 
-    def __init__(self, bus: Bus, agent: str, robot: str, on_change: Callable[[Perception], None]) -> None:
+    def __init__(
+        self, bus: Bus, agent: str, robot: str, on_change: Callable[[Perception], None], inject: bool = False
+    ) -> None:
+        """`inject`: the mission allows percepts by hand."""
         self.percepts = PerceptSet()
+        """Those of the bridge."""
         self.counters: Counter[str] = Counter()
-        self._bus, self._agent, self._on_change = bus, agent, on_change
+        self._by_hand = HandPercepts(agent, inject, self.counters)
+        self._bus, self._agent, self._robot, self._on_change = bus, agent, robot, on_change
         self._reported = ""
         self._doubt = asyncio.Event()
         self._waiting: list[tuple[int, asyncio.Future[None]]] = []
@@ -40,14 +47,19 @@ class Perceiving:
         bus.subscribe(keys.health(bus.fleet, robot, "bridged"), Health, self._health)
         bus.on_router(lambda up: self.doubt() if up else None)
 
+    def present(self) -> list[Perception]:
+        """Each percept that holds now, those by hand last."""
+        return self.percepts.present() + [
+            one for one in self._by_hand.percepts.present() if not self.percepts.holds(one)
+        ]
+
     def doubt(self) -> None:
         """Ask for the present set again."""
         self._doubt.set()
 
     def forget(self) -> None:
         """The bridge is gone: so is what it told."""
-        for removal in self.percepts.clear():
-            self._on_change(removal)
+        self._tell(self.percepts.clear(), self._by_hand.percepts)
 
     async def seen(self, boot: str, seq: int, patience: float) -> bool:
         """Wait until the perception with this seq has been taken in, at most `patience` wall seconds."""
@@ -94,14 +106,21 @@ class Perceiving:
         if changes is None:
             return False  # a newer perception came while the answer was on its way
         self.counters["repairs"] += 1
-        for change in changes:
-            self._on_change(change)
+        self._tell(changes, self._by_hand.percepts)
         self._tell_waiting()
         return True
 
     def _heard(self, key: str, perception: Perception) -> None:
+        if perception.header.source != self._robot:
+            self._tell(self._by_hand.take(key, perception), self.percepts)
+            return
+        family = perception.name, len(perception.parameters)
+        beside, before = self._by_hand.percepts.family(*family), self.percepts.family(*family)
         if self.percepts.apply(perception):
-            self._on_change(perception)
+            if beside:  # the mind knows them as one set: what concerns the bridge's alone is told belief by belief
+                self._tell(differences(before, self.percepts.family(*family)), self._by_hand.percepts)
+            else:
+                self._on_change(perception)
             self._tell_waiting()
         if self.percepts.needs_repair():
             self._doubt.set()
@@ -110,6 +129,12 @@ class Perceiving:
         self._reported = health.percepts.get(self._agent, "")
         if self._reported and self.percepts.needs_repair(self._reported):
             self._doubt.set()
+
+    def _tell(self, changes: Iterable[Perception], other: PerceptSet) -> None:
+        """Tell changes of single beliefs; what still holds by the other set does not end."""
+        for change in changes:
+            if change.update != "remove" or not other.holds(change):
+                self._on_change(change)
 
     def _tell_waiting(self) -> None:
         for seq, arrival in self._waiting:

@@ -20,12 +20,13 @@ ROOM = 10_000
 class Percepts:
     """The percepts of one agent, kept complete. `async for` goes through the changes from the first percept on."""
 
-    def __init__(self, bus: Bus, agent: str, robot: str) -> None:
+    def __init__(self, bus: Bus, agent: str, robot: str, inject: bool = False) -> None:
+        """`inject`: the mission allows percepts by hand."""
         self.dropped = 0
         """Changes that nobody read in time."""
         self._changes: deque[Perception] = deque()
         self._changed = asyncio.Event()
-        self.perceiving = Perceiving(bus, agent, robot, self._take)
+        self.perceiving = Perceiving(bus, agent, robot, self._take, inject)
         self.bridge = BridgeWatch(bus, robot, self.perceiving.doubt, self.perceiving.forget)
         self._tasks = Tasks(f"perceiving for {agent}")
         for work in (self.perceiving.run(), self.bridge.run()):
@@ -33,7 +34,7 @@ class Percepts:
 
     def present(self) -> list[Perception]:
         """What is perceived now."""
-        return self.perceiving.percepts.present()
+        return self.perceiving.present()
 
     def of(self, name: str) -> list[tuple[Term, ...]]:
         """The parameters of each percept of that name that holds now."""

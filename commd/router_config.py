@@ -114,7 +114,7 @@ def access_control(mission: Mission, board: str) -> dict[str, Any]:
                 rules.append(_rule(further[-1], EVERY, ["ingress", "egress"], simulated))
             allow(subject, access.of_board(mission, other), *further)
     people = {
-        "operators": (mission.security.operators, access.of_operator()),
+        "operators": (mission.security.operators, access.of_operator(mission.inject)),
         "observers": (mission.security.observers, access.of_observer()),
     }
     for subject, (names, rights) in people.items():

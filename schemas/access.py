@@ -53,10 +53,17 @@ def of_observer() -> Rights:
     return Rights(asks=reads, hears=everything, watches=everything)
 
 
-def of_operator() -> Rights:
-    """See everything, stop robots, read and change their manifests, list the mail."""
+def of_operator(inject: bool = False) -> Rights:
+    """See everything, stop robots, read and change their manifests, list the mail.
+
+    Where the mission says `inject`, act and tell percepts in the place of any agent, too.
+    """
     orders = (f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if _is_order(channel))
-    return of_observer() + Rights(asks=tuple(orders))
+    rights = of_observer() + Rights(asks=tuple(orders))
+    if not inject:
+        return rights
+    anybody = keys.percept("*", "*", "**"), keys.action("*", "*", "**"), keys.cancel("*", "*")
+    return rights + Rights(puts=anybody[:1], asks=anybody[1:])
 
 
 def of_board(mission: Mission, board: str) -> Rights:
@@ -84,7 +91,7 @@ def of_member(mission: Mission, board: str) -> Rights:
     """
     robots = robot_keys(mission, board)
     on_robots = Rights(puts=robots, deletes=robots, serves=robots, asks=(*robots, "@/*/router"), hears=robots)
-    return of_board(mission, board) + of_operator() + on_robots
+    return of_board(mission, board) + of_operator(mission.inject) + on_robots
 
 
 def robot_keys(mission: Mission, board: str, other: str | None = None) -> tuple[str, ...]:

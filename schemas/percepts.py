@@ -64,6 +64,14 @@ class PerceptSet:
         """Each belief that holds, as the perception that told it, in the order of names and arrival."""
         return [belief for family in sorted(self._families) for belief in self._families[family].values()]
 
+    def family(self, name: str, arity: int) -> list[Perception]:
+        """Each belief of a name and number of parameters that holds."""
+        return list(self._families.get((name, arity), {}).values())
+
+    def holds(self, belief: Perception) -> bool:
+        """Whether a belief holds."""
+        return _identity(belief) in self._families.get((belief.name, len(belief.parameters)), {})
+
     def snapshot(self) -> list[Perception]:
         """`present`, each with the set's own seq: what a bridge answers to a repair query."""
         return [replace(one, header=replace(one.header, seq=self.seq)) for one in self.present()]
@@ -103,15 +111,12 @@ class PerceptSet:
         seq = max((one.header.seq for one in told), default=self.seq)
         if any(one.header.boot != boot for one in told) or (boot == self.boot and seq < self.seq):
             return None
-        old = {_identity(one): one for one in self.present()}
-        new = {_identity(one): one for one in told}
-        gone = [_removal(one) for at, one in old.items() if at not in new]
-        come = [replace(one, update="add") for at, one in new.items() if at not in old]
+        changes = differences(self.present(), told)
         self._families.clear()
-        for identity, one in new.items():
-            self._families.setdefault((one.name, len(one.parameters)), {})[identity] = one
+        for one in told:
+            self._families.setdefault((one.name, len(one.parameters)), {})[_identity(one)] = one
         self.boot, self.seq, self._in_doubt, self._digest = boot, seq, False, ""
-        return gone + come
+        return changes
 
     def clear(self) -> list[Perception]:
         """Forget everything, as when the bridge is gone. Returns the removals for the mind."""
@@ -119,6 +124,14 @@ class PerceptSet:
         self._families.clear()
         self.boot, self.seq, self._in_doubt, self._digest = "", 0, False, ""
         return gone
+
+
+def differences(before: Iterable[Perception], after: Iterable[Perception]) -> list[Perception]:
+    """Return the perceptions that turn some beliefs into others, removals first and then additions, and no more."""
+    old = {_identity(one): one for one in before}
+    new = {_identity(one): one for one in after}
+    gone = [_removal(one) for at, one in old.items() if at not in new]
+    return gone + [replace(one, update="add") for at, one in new.items() if at not in old]
 
 
 def tells_of_none(digest: str) -> bool:

@@ -36,7 +36,8 @@ class Perception(Record, frozen=True, kw_only=True):
     """A change of what an agent perceives (the paper's listing 1)."""
 
     header: Header = Header()
-    name: str
+    name: str = ""
+    """By hand it may be missing: then it is the key's."""
     parameters: tuple[Term, ...] = ()
     update: Literal["replace", "add", "remove"] = "replace"
     key: tuple[int, ...] = ()

@@ -221,12 +221,10 @@ def test_a_mission_without_done_is_warned_about(mission: Path) -> None:
     assert main(["check", str(mission)]) == 0
 
 
-def test_what_has_no_effect_yet_is_warned_about(mission: Path) -> None:
+def test_every_field_has_an_effect(mission: Path) -> None:
     edit(mission, "    robot: uav1", "    robot: uav1\n    presence: true\n    on_restart: fresh")
     edit(mission, "done:", "inject: true\nrestart: on-failure\nwire: json\ndone:")
-    assert findings(mission) == [
-        "survey.yaml:14:1: warning: inject: this has no effect yet",
-    ]
+    assert findings(mission) == []
 
 
 def test_robots_that_share_a_link_are_right_where_they_can_meet(

@@ -15,6 +15,7 @@ from schemas.records import (
     ActionStatus,
     BoardServices,
     Cancel,
+    Header,
     Outcome,
     Perception,
     Receipt,
@@ -26,7 +27,7 @@ from tests.support.buses import served, until
 
 FLOOD = 3.0
 """Wall seconds."""
-MOVE = Action(parameters=(1.0, 0.0, 0.0))
+MOVE = Action(header=Header(source="a"), id="a:attacked:1", parameters=(1.0, 0.0, 0.0))
 
 
 async def forged_sender(world: World) -> Row:
@@ -187,7 +188,9 @@ async def replayed_action(world: World) -> Row:
     async with world.machine("pi3", "pi1") as attacker, world.member("pi1", "a") as agent:
         key = keys.action(NAME, "a", "cmd_vel")
         await served(agent, key)
-        action = Action(id="a:replayed:1", agent="a", name="cmd_vel", parameters=(1.0, 0.0, 0.0))
+        action = Action(
+            header=Header(source="a"), id="a:replayed:1", agent="a", name="cmd_vel", parameters=(1.0, 0.0, 0.0)
+        )
         begun: list[str] = []
         agent.subscribe(
             keys.status(NAME, "a", "cmd_vel"), ActionStatus, lambda _, one: begun.append(f"{one.id} {one.state}")

@@ -114,7 +114,8 @@ class Airfield:
     ) -> list[ActionStatus]:
         """Perform an action as an agent does; returns its statuses. Fails on anything that is not one."""
         self._ids += 1
-        action = Action(id=id or f"{agent}:t:{self._ids}", parameters=parameters, attempt=attempt)
+        identity, its_own = id or f"{agent}:t:{self._ids}", bus.header("action", agent)
+        action = Action(header=its_own, id=identity, parameters=parameters, attempt=attempt)
         key, heard = keys.action("test", agent, name), list[ActionStatus]()
         async for reply in bus.query(key, action, ActionStatus, timeout):
             assert reply.record is not None, reply.error

@@ -39,7 +39,8 @@ class Studio:
     async def do(self, name: str, *parameters: Term) -> ActionStatus:
         """Perform an action by a query, as an agent does."""
         self._ids += 1
-        action = Action(id=f"{self.agent}:t:{self._ids}", parameters=parameters)
+        header = self.bus.header("action", self.agent)
+        action = Action(header=header, id=f"{self.agent}:t:{self._ids}", parameters=parameters)
         key = keys.action(self.bus.fleet, self.agent, name)
         heard = [one.record async for one in self.bus.query(key, action, ActionStatus, 20)]
         assert heard, "nobody serves the action"

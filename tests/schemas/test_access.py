@@ -88,6 +88,23 @@ def test_operators_stop_robots_and_list_the_mail_and_observers_do_not() -> None:
     assert rights_of("eye").puts == rights_of("eye").serves == rights_of("eye").holds == ()
 
 
+def test_operators_act_and_tell_percepts_by_hand_where_the_mission_says_inject() -> None:
+    acts = [
+        ("asks", keys.action("f", "a", "move")),
+        ("asks", keys.action("f", "a", "*")),
+        ("asks", keys.cancel("f", "a")),
+    ]
+    for right, key in (*acts, ("puts", keys.percept("f", "a", "victim"))):
+        assert covers(getattr(access.of_operator(inject=True), right), key), key
+        assert not covers(getattr(access.of_operator(), right), key), key
+        assert not covers(getattr(access.of_observer(), right), key), key
+        assert covers(getattr(access.of_member(mission(f"{FLEET}inject: true"), "pi1"), right), key)
+        if right == "puts":
+            assert not covers(access.of_member(mission(), "pi1").puts, key)
+    assert not access.of_operator(inject=True).serves
+    assert not access.of_operator(inject=True).holds
+
+
 def test_every_channel_is_somebodys_to_speak_on_and_to_ask() -> None:
     for channel in keys.CHANNELS:
         names = {"{agent}": "a", "{receiver}": "a", "{board}": "pi2", "{robot}": "r1", "{name}": "a", "{sender}": "b"}

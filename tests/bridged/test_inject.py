@@ -1,0 +1,137 @@
+"""Actions asked for by hand, over a real bus: refused unless the mission says `inject: true`, then as an agent's."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bridged.service import BY_HAND, is_by_hand
+from commd.bus import Bus
+from schemas import keys
+from schemas.records import Action, ActionStatus, Cancel, Header
+from tests.bridged.airfield import Airfield, on_the_airfield, present, until
+from tests.bridged.sky import MISSION
+
+INJECT = f"{MISSION}inject: true\n"
+
+
+def asked(bus: Bus, name: str, payload: bytes, agent: str = "uav") -> list[dict[str, Any]]:
+    """Ask with the bytes of a person, without an Encoding; return all replies."""
+    selector = f"{keys.action('test', agent, name)}?_time=[..]"  # Zenoh keeps replies together without a time
+    return [
+        json.loads(reply.ok.payload.to_bytes()) if reply.ok else {"error": reply.err.payload.to_string()}
+        for reply in bus._session.get(selector, payload=payload, timeout=30)
+    ]
+
+
+def test_an_agent_is_known_by_its_id_and_its_name() -> None:
+    its_own = Header(source="uav")
+    assert not is_by_hand("uav", Action(header=its_own, id="uav:b:1"))
+    assert is_by_hand("uav", Action())
+    assert is_by_hand("uav", Action(header=its_own))
+    assert is_by_hand("uav", Action(id="uav:b:1"))
+    assert is_by_hand("uav", Action(header=Header(source="operator"), id="operator:b:1"))
+
+
+def test_without_inject_an_action_by_hand_is_refused_and_the_field_is_named(endpoint: str, tmp_path: Path) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as bus, field.client("operator") as person:
+            daemon = field.start()
+            async with asyncio.timeout(20):
+                while not await present(bus):
+                    await asyncio.sleep(0.05)
+            told: list[ActionStatus] = []
+            bus.subscribe(keys.status("test", "uav", "*"), ActionStatus, lambda _, one: told.append(one))
+            [refused] = await asyncio.to_thread(asked, person, "arm_motors", b'{"parameters": [true]}')
+            assert (refused["state"], refused["result"], refused["reason"]) == ("refused", False, BY_HAND)
+            assert "inject: true" in BY_HAND
+            await until(lambda: [one.reason for one in told] == [BY_HAND], "observers are told, too")
+            assert not field.vehicle.copter.armed
+            assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded", "the agent acts as ever"
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body)
+
+
+def test_with_inject_what_is_missing_is_filled_in_and_every_status_comes(endpoint: str, tmp_path: Path) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as bus, field.client("operator") as person:
+            daemon = field.start()
+            async with asyncio.timeout(20):
+                while not await present(bus):
+                    await asyncio.sleep(0.05)
+            for name, payload in (("set_mode", b'{"parameters":["GUIDED"]}'), ("arm_motors", b'{"parameters":[true]}')):
+                statuses = await asyncio.to_thread(asked, person, name, payload)
+                assert statuses[-1]["state"] == "succeeded", statuses
+            statuses = await asyncio.to_thread(asked, person, "takeoff", b'{"parameters": [20]}')
+            states = [one["state"] for one in statuses]
+            assert states[0] == "accepted"
+            assert set(states[1:-1]) == {"running"}
+            assert states[-1] == "succeeded"
+            assert "altitude" in statuses[1]["feedback"]
+            [identity] = {one["id"] for one in statuses}
+            assert identity.startswith("uav:")
+            refused = await asyncio.to_thread(asked, person, "takeoff", b'{"parameters": [500]}')
+            assert "expected altitude: float 1..120 m, got 500" in refused[-1]["reason"]
+            described = await asyncio.to_thread(asked, person, "takeoff", b"5 m")
+            assert described[0]["signature"] == "takeoff(altitude: float 1..120 m)"
+            assert "Action:" in described[0]["problem"]
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body, mission=INJECT)
+
+
+def test_an_action_by_hand_stands_under_the_lease_and_can_be_cancelled(endpoint: str, tmp_path: Path) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as bus, field.client("operator") as person:
+            daemon = field.start()
+            async with asyncio.timeout(20):
+                while not await present(bus):
+                    await asyncio.sleep(0.05)
+            await field.take_off(bus)
+            [refused] = await asyncio.to_thread(asked, person, "land", b'{"parameters":[]}', "other")
+            assert refused["reason"].startswith("held by uav for ")
+            mine = Action(
+                header=Header(source="operator"), id="operator:x:1", parameters=(-27.600, -48.515, 20)
+            )  # 500 m away
+            running: list[ActionStatus] = []
+
+            async def fly() -> None:
+                async for reply in person.query(keys.action("test", "uav", "goto"), mine, ActionStatus, 60):
+                    assert reply.record is not None, reply.error
+                    running.append(reply.record)
+
+            asker = asyncio.create_task(fly())
+            await until(lambda: any(one.state == "running" for one in running), "it flies")
+            busy = await field.do(bus, "goto", -27.601, -48.515, 20)
+            assert busy.reason == "busy: goto is running"
+            ended = person.query(keys.cancel("test", "uav"), Cancel(id="operator:x:1"), ActionStatus, 10)
+            assert [reply.record.state async for reply in ended if reply.record] == ["cancelled"]
+            await asker
+            assert running[-1].state == "cancelled"
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body, mission=INJECT)
+
+
+@pytest.mark.parametrize("payload", [b'{"parameters":[],"name":"land"}', b'{"parameters":[],"agent":"other"}'])
+def test_what_contradicts_its_key_is_refused(endpoint: str, tmp_path: Path, payload: bytes) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client("operator") as person:
+            daemon = field.start()
+            async with asyncio.timeout(20):
+                while not await present(person):
+                    await asyncio.sleep(0.05)
+            [refused] = await asyncio.to_thread(asked, person, "return_to_launch", payload)
+            assert "the key says uav/return_to_launch, the action says " in refused["reason"]
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body, mission=INJECT)

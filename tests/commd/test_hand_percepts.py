@@ -1,0 +1,166 @@
+"""Percepts put by hand on a real bus: beside the bridge's, until they are taken away by hand."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from collections import Counter
+from typing import Any
+
+import pytest
+
+from commd.bus import Bus
+from commd.hand_percepts import MOST, HandPercepts, hear_by_hand
+from commd.perceiving import Perceiving
+from schemas import keys
+from schemas.records import Perception
+from tests.commd.test_perceiving import FakeBridge
+from tests.support.buses import FLEET, Connect, on_a_bus, subscribed, until
+
+
+class Believing:
+    """What a mind believes of what it is told, as it takes percepts in."""
+
+    def __init__(self, bus: Bus, inject: bool = True) -> None:
+        self.beliefs: dict[tuple[str, str], Perception] = {}
+        self.changes: list[tuple[str, str, tuple[Any, ...]]] = []
+        self.perceiving = Perceiving(bus, "uav", "uav1", self.take, inject)
+        self.repairing = asyncio.create_task(self.perceiving.run())
+
+    def take(self, one: Perception) -> None:
+        self.changes.append((one.update, one.name, one.parameters))
+        if one.update != "add":
+            for at, known in list(self.beliefs.items()):
+                same = (known.name, len(known.parameters)) == (one.name, len(one.parameters))
+                if same and all(known.parameters[place] == one.parameters[place] for place in one.key):
+                    del self.beliefs[at]
+        if one.update != "remove":
+            self.beliefs[one.name, repr(one.parameters)] = one
+
+    def present(self) -> set[tuple[str, tuple[Any, ...]]]:
+        return {(one.name, one.parameters) for one in self.beliefs.values()}
+
+
+async def put(bus: Bus, name: str, /, **fields: Any) -> None:
+    """Put what a person types."""
+    key = keys.percept(FLEET, "uav", name)
+    await subscribed(bus, key)
+    bus._session.put(key, json.dumps(fields))
+
+
+def test_a_percept_by_hand_stays_beside_the_bridges_whatever_becomes_of_those(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bridge = FakeBridge(await connect("uav1", "bridged"))
+        mind = Believing(await connect("uav"))
+        person = await connect("operator")
+        bridge.tell("altitude", 1)
+        await put(person, "victim", name="victim", parameters=[1, 2, 3])
+        await put(person, "altitude", parameters=[99])
+        both = {("victim", (1, 2, 3)), ("altitude", (99,)), ("altitude", (1,))}
+        await until(lambda: mind.present() == both, "both are believed")
+        bridge.tell("altitude", 2)
+        await until(lambda: ("altitude", (2,)) in mind.present(), "the bridge's next word arrives")
+        assert mind.present() == {("victim", (1, 2, 3)), ("altitude", (99,)), ("altitude", (2,))}
+        before = mind.perceiving.counters["repairs"]
+        bridge.tell("armed", True, lose=True)
+        bridge.report()
+        await until(lambda: ("armed", (True,)) in mind.present(), "a repair finds what was lost")
+        assert mind.perceiving.counters["repairs"] == before + 1
+        assert {("victim", (1, 2, 3)), ("altitude", (99,))} <= mind.present()
+        bridge.report()
+        mind.perceiving.forget()
+        assert mind.present() == {("victim", (1, 2, 3)), ("altitude", (99,))}, "the bridge's alone go with it"
+        await put(person, "victim", update="remove")
+        await put(person, "altitude", update="remove", parameters=[99])
+        await until(lambda: not {("victim", (1, 2, 3)), ("altitude", (99,))} & mind.present(), "taken away by hand")
+        assert mind.perceiving.counters["by_hand"] == 4
+        assert mind.perceiving.counters["unreadable"] == 0
+
+    on_a_bus(endpoint, body)
+
+
+def test_what_both_tell_ends_when_the_last_of_them_says_so(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bridge = FakeBridge(await connect("uav1", "bridged"))
+        mind = Believing(await connect("uav"))
+        person = await connect("operator")
+        await put(person, "link", parameters=["up"])
+        bridge.tell("link", "up")
+        bridge.tell("link", "up", update="remove", key=(0,))
+        bridge.tell("mode", "AUTO")
+        await until(lambda: ("mode", ("AUTO",)) in mind.present(), "the bridge's words arrive")
+        assert ("link", ("up",)) in mind.present()
+        bridge.tell("link", "up")
+        await put(person, "link", update="remove")
+        await until(lambda: mind.perceiving.counters["by_hand"] == 2, "it is taken away")
+        assert ("link", ("up",)) in mind.present()
+        bridge.tell("link", "up", update="remove", key=(0,))
+        await until(lambda: ("link", ("up",)) not in mind.present(), "nobody tells it any more")
+
+    on_a_bus(endpoint, body)
+
+
+def test_without_inject_percepts_by_hand_are_ignored_counted_and_told_once(
+    endpoint: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.WARNING, "percepts")
+
+    async def body(connect: Connect) -> None:
+        bridge = FakeBridge(await connect("uav1", "bridged"))
+        mind = Believing(await connect("uav"), inject=False)
+        person = await connect("operator")
+        await until(lambda: mind.perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
+        asked = bridge.asked
+        for number in range(5):
+            await put(person, "victim", parameters=[number])
+        await until(lambda: mind.perceiving.counters["by_hand_ignored"] == 5, "all are counted")
+        assert mind.present() == set()
+        assert bridge.asked == asked, "they are no reason to doubt what the bridge has told"
+
+    on_a_bus(endpoint, body)
+    told = [one.getMessage() for one in caplog.records if one.name == "percepts"]
+    assert len(told) == 1
+    assert "a percept `victim` put by hand is ignored" in told[0]
+    assert "`inject: true`" in told[0]
+
+
+def test_an_agent_without_a_robot_perceives_by_hand_too(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        heard: list[tuple[str, tuple[Any, ...]]] = []
+        hear_by_hand(await connect("uav"), "uav", lambda one: heard.append((one.update, one.parameters)))
+        person = await connect("operator")
+        await put(person, "victim", parameters=[1])
+        await put(person, "victim", parameters=[2], update="add")
+        await put(person, "victim", update="remove")
+        await until(lambda: len(heard) == 4, "all changes come")
+        assert heard == [("add", (1,)), ("add", (2,)), ("remove", (1,)), ("remove", (2,))]
+
+    on_a_bus(endpoint, body)
+
+
+@pytest.mark.parametrize(
+    ("key", "perception", "why"),
+    [
+        ("argosy/f/uav/percept/Victim", Perception(), "expected a name such as `victim`, got `Victim`"),
+        ("argosy/f/uav/percept/a", Perception(name="b"), "the key says a, the percept says b"),
+    ],
+)
+def test_what_is_no_percept_is_refused_in_words(
+    key: str, perception: Perception, why: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    by_hand = HandPercepts("uav", True, counters := Counter[str]())
+    assert by_hand.take(key, perception) == []
+    assert counters == {"by_hand_refused": 1}
+    assert why in caplog.text
+
+
+def test_there_is_room_for_so_many_and_a_removal_always_is_taken() -> None:
+    by_hand = HandPercepts("uav", True, counters := Counter[str]())
+    key = "argosy/f/uav/percept/victim"
+    for number in range(MOST + 5):
+        by_hand.take(key, Perception(parameters=(number,), update="add"))
+    assert len(by_hand.percepts) == MOST
+    assert counters["by_hand_refused"] == 5
+    assert len(by_hand.take(key, Perception(update="remove"))) == MOST
+    assert len(by_hand.percepts) == 0
