@@ -12,6 +12,8 @@ from schemas.records import ActionStatus
 
 MOST = 5_000
 """Beginnings and ends of actions that are remembered as told."""
+LONGEST_WAIT = 5.0
+"""Seconds for which a deed may have waited until it was told."""
 LEVELS: dict[str, Level] = {"error": "error", "warning": "warning"}
 
 
@@ -38,7 +40,8 @@ class Teller:
     def deeds(self, agent: str, told: MindDeeds) -> None:
         """Note what an agent has done."""
         for deed in told.deeds:
-            self._deed(agent, deed, self._now())
+            late = (told.now - deed.time) / told.speed if told.now and told.speed > 0 else 0.0
+            self._deed(agent, deed, self._now() - min(max(0.0, late), LONGEST_WAIT))
         if told.left_out:
             self.left_out += told.left_out
             self(agent, f"{told.left_out} more of its deeds are not told: too many at once", "warning")
