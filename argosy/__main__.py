@@ -103,6 +103,7 @@ COMMANDS = {
     "keys": "make, renew and revoke the certificates by which boards and operators know each other",
     "doctor": "look a fleet over: clocks, disks, links, versions, percepts; say what to do",
     "metrics": "serve the health of a fleet to Prometheus, on loopback",
+    "why": "tell why an agent did, or did not do, something, back to what caused it",
     "mail": "show what waits in the mailboxes of a fleet, and what was given up",
     "referee": "judge a search and rescue by what the simulators saw: each victim one buoy",
     "wheelhouse": "download all that boards without internet install, Argosy's own wheel among it",
@@ -137,6 +138,10 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy import metrics
 
             return metrics.add_arguments, metrics.run
+        case "why":
+            from argosy.why import command as why
+
+            return why.add_arguments, why.run
         case "mail":
             from argosy import mail
 

@@ -1,0 +1,105 @@
+"""The way back from an event to the percept, message or line of the program that caused it, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice
+
+from argosy.why.memory import Cause, Memory
+from argosy.why.story import Line
+from argosy.why.words import event_words, failure_words, first_up, many, shown, sign_of, without_annotations
+from schemas.minds import DecisionView
+
+MOST_LINKS = 8
+"""So many steps back are told; of further ones the number."""
+MOST_FOLLOWED = 400
+"""So many are followed at most."""
+
+
+def cause_lines(memory: Memory, decision: DecisionView, indent: int = 1) -> list[Line]:
+    """Where an event comes from, a line for each step back."""
+    lines: list[Line] = []
+    known: dict[tuple[str, ...], int] = {}
+    rounds = further = 0
+    last: tuple[DecisionView, Cause] | None = None
+    for made, cause in islice(memory.chain(decision), MOST_FOLLOWED):
+        last = made, cause
+        shape = (made.kind, made.name, made.asked_at, "" if cause.failure is None else cause.failure.position)
+        known[shape] = known.get(shape, 0) + 1
+        if cause.by is None and cause.failure is None:
+            break  # told as the end of it
+        if known[shape] > 1:
+            rounds = max(rounds, known[shape] - 1)
+        elif len(lines) >= MOST_LINKS:
+            further += 1
+        else:
+            lines += _link(made, cause, _subject(made, first=not lines), indent)
+    if further:
+        lines.append(Line(f"... and {many(further, 'step')} more back.", indent))
+    if rounds:
+        lines.append(Line(f"So it went round {many(rounds, 'time')} before, as far as is remembered.", indent))
+    if last is not None and last[1].by is None and last[1].failure is None:
+        lines += _origin(last[0], _subject(last[0], first=not lines), indent)
+    return lines
+
+
+def _subject(made: DecisionView, first: bool) -> str:
+    return "it" if first else event_words(made.event)
+
+
+def _link(made: DecisionView, cause: Cause, subject: str, indent: int) -> Iterator[Line]:
+    if cause.failure is not None:
+        failure, place = cause.failure, cause.failure.position
+        at = f" at {place}" if place else ""
+        yield Line(f"{first_up(subject)} comes from this{at}: {failure_words(failure)}.", indent, place)
+    elif cause.by is not None:
+        at = f" at {made.asked_at}" if made.asked_at else ""
+        focus = ", as an intention of its own" if cause.own_focus and made.kind == "+!" else ""
+        text = f"{first_up(subject)} comes from {raiser_words(cause.by.event)}, whose plan {_verb(made)} it{at}{focus}."
+        yield Line(text, indent, made.asked_at)
+
+
+def _verb(made: DecisionView) -> str:
+    match made.kind:
+        case "+!":
+            return "set"
+        case "+?":
+            return "asked"
+        case "-":
+            return "took away"
+        case "+":
+            return "added"
+    return "raised"
+
+
+def raiser_words(event: str) -> str:
+    """The event of a plan that raised another one."""
+    sign, rest = sign_of(without_annotations(event))
+    return f"{sign[1:]}{shown(rest)}" if sign in ("+!", "+?") else event_words(event)
+
+
+def _origin(made: DecisionView, subject: str, indent: int) -> Iterator[Line]:
+    yield Line(f"{first_up(subject)} {origin_words(made)}.", indent, made.asked_at)
+
+
+def origin_words(made: DecisionView) -> str:
+    """Where an event comes from that nothing remembered has led to, as what it does: `comes from a percept`."""
+    cause, at = made.cause, f" at {made.asked_at}" if made.asked_at else ""
+    if cause == "the program":
+        return "stands in the program, which begins with it"
+    if cause == "given from outside":
+        return "was given from outside: by an operator, the mission or a restart"
+    if cause == "a percept":
+        return "comes from what the agent perceives"
+    if cause.startswith("message ") and len(words := cause.split(" ")) >= 4:
+        identity = f" {words[4].strip('()')}" if len(words) > 4 else ""
+        return f"comes from a message of {words[3]} ({words[1]}{identity})"
+    if cause.startswith("told by "):
+        return f"was told by {cause.removeprefix('told by ')}"
+    if made.goal:
+        return (
+            f"comes from {raiser_words(made.goal)}, whose plan {_verb(made)} it{at}; what was before is not remembered"
+        )
+    if cause.startswith("intention "):
+        return f"was raised{at} by a plan of which no more is remembered"
+    return "comes from the agent itself" if not cause else f"comes from {shown(cause)}"

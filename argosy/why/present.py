@@ -1,0 +1,117 @@
+"""What an agent is doing now, and what was dropped or failed lately."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from argosy.why.causes import origin_words, raiser_words
+from argosy.why.deciding import aftermath, waited_for
+from argosy.why.memory import Memory
+from argosy.why.story import Line, Paragraph
+from argosy.why.words import ago, failure_words, first_up, many, shown, span, without_annotations
+from schemas.minds import DropView, FailureView, IntentionView, MindView
+
+MOST_INTENTIONS = 10
+"""So many intentions are told; of further ones the number."""
+MOST_GOALS = 6
+"""So many goals of a stack are named."""
+
+
+def standing(memory: Memory) -> Paragraph:
+    """How the agent is."""
+    view = memory.view
+    program = f" It runs {view.program}." if view.program else ""
+    match view.state:
+        case "paused":
+            until = f" and goes on by itself in {span(view.paused_for)}" if view.paused_for is not None else ""
+            state = f"is paused by an operator{until}"
+        case "reasoning":
+            state = "is reasoning"
+        case _:
+            state = "waits for something to happen"
+    lines = [Line(f"{view.agent} {state} (mission second {memory.now:.1f}, cycle {view.cycle}).{program}")]
+    if not view.intentions:
+        lines.append(Line("It has nothing in mind: no plan of it has something left to do."))
+    if view.events:
+        told = [raiser_words(event.text) for event in view.events[:4]]
+        left = len(view.events) + view.events_left_out - len(told)
+        more = f" and {many(left, 'other event')}" if left else ""
+        lines.append(Line(f"Waiting to be given a plan: {', '.join(told)}{more}."))
+    if view.mailbox:
+        lines.append(Line(f"{many(view.mailbox, 'message')} it has not read yet."))
+    return Paragraph("now", tuple(lines))
+
+
+def doing(memory: Memory) -> Iterator[Paragraph]:
+    """Each intention: the goal, what it waits for and since when."""
+    view = memory.view
+    for intention in view.intentions[:MOST_INTENTIONS]:
+        yield Paragraph("now", tuple(intention_lines(memory, intention)))
+    left = len(view.intentions) + view.intentions_left_out - MOST_INTENTIONS
+    if left > 0:
+        yield Paragraph("now", (Line(f"And {many(left, 'more intention')}."),))
+
+
+def intention_lines(memory: Memory, intention: IntentionView) -> Iterator[Line]:
+    """An intention: what it is at, what for, and where it comes from."""
+    goals = [raiser_words(event) for event in intention.stack]
+    at = f" at {intention.at}" if intention.at else ""
+    since = f" for {span(memory.now - intention.since)}" if intention.since is not None else ""
+    match intention.state:
+        case "waiting":
+            what = f"has waited{since} for {shown(waited_for(intention.reason))}"
+            what = what if since else f"waits for {shown(waited_for(intention.reason))}"
+        case "suspended":
+            what = f"is suspended{since}: {shown(intention.reason)}" if intention.reason else f"is suspended{since}"
+        case _:
+            what = "goes on with the next formula"
+    subject = first_up(goals[0]) if goals else f"Intention {intention.id}"
+    yield Line(f"{subject} {what}{at}.", 0, intention.at)
+    if len(goals) > 1:
+        above = goals[1 : MOST_GOALS + 1]
+        more = f", and {many(len(goals) - 1 - MOST_GOALS, 'more goal')} above" if len(goals) - 1 > MOST_GOALS else ""
+        yield Line(f"This is for {', for '.join(above)}{more}.", 1)
+    root = intention.stack[-1] if intention.stack else ""
+    for made in memory.decisions:
+        if made.intention == intention.id and without_annotations(made.event) == root and not made.goal:
+            yield Line(f"{goals[-1]} {origin_words(made)}.", 1, made.asked_at)
+            return
+
+
+def dropped(memory: Memory, drops: tuple[DropView, ...]) -> Iterator[Paragraph]:
+    """What was dropped because too much waited."""
+    for drop in drops:
+        match drop.what:
+            case "events":
+                what = f"{many(drop.count, 'event')} {drop.name} {_was(drop.count)} dropped"
+            case "messages":
+                what = f"{many(drop.count, 'message')} of {drop.name or 'others'} {_was(drop.count)} dropped unread"
+            case _:
+                what = f"{many(drop.count, 'question')} of {drop.name or 'others'} got no answer"
+        span_ = f", the first {ago(memory.now, drop.first)}" if drop.count > 1 else ""
+        lines = [Line(f"{ago(memory.now, drop.last)}: {what}{span_}.")]
+        if drop.reason:
+            lines.append(Line(f"Why: {shown(drop.reason)}.", 1))
+        if drop.what == "events":
+            lines.append(Line("No plan was looked for: the agent raises events faster than it can deal with them.", 1))
+        yield Paragraph("dropped", tuple(lines), drop.last, drop.count)
+
+
+def _was(count: int) -> str:
+    return "was" if count == 1 else "were"
+
+
+def only_counted(view: MindView) -> Iterator[Paragraph]:
+    """What was dropped of which only the number is known."""
+    for what, count in view.dropped.items():
+        named = sum(drop.count for drop in view.drops if drop.what == what)
+        if count > named:
+            more = " more" if named else ""
+            yield Paragraph("dropped", (Line(f"{count - named}{more} {what} were dropped because too much waited."),))
+
+
+def failure_paragraph(memory: Memory, failure: FailureView) -> Paragraph:
+    """A failure whose decision is not remembered."""
+    at = f" at {failure.position}" if failure.position else ""
+    head = Line(f"{ago(memory.now, failure.time)}:{at} {failure_words(failure)}.", 0, failure.position)
+    return Paragraph("failure", (head, *aftermath(memory, failure)), failure.time)

@@ -1,0 +1,48 @@
+"""An explanation as data: short paragraphs of lines, each with the place in the program that it speaks of."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+Kind = Literal["now", "decision", "failure", "action", "dropped", "question", "belief", "plan", "hint"]
+
+
+class Line(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A sentence."""
+
+    text: str
+    indent: int = 0
+    position: str = ""
+    """`file:line` of the formula or plan that it is about; the text names it too."""
+
+
+class Paragraph(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What there is to say of one thing that happened, or that is so now."""
+
+    kind: Kind
+    lines: tuple[Line, ...]
+    time: float | None = None
+    """Mission seconds; none: it is about what is so now, or about the program."""
+    times: int = 1
+    """How often it happened for the same reasons; the newest of them is told."""
+
+
+class Explanation(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Why an agent did, or did not do, something: what happened stands in order, the newest last."""
+
+    agent: str
+    about: str = ""
+    """The goal, belief or action that was asked for; empty: what the agent is doing."""
+    time: float = 0.0
+    """Mission seconds of the view of the mind that this is made of."""
+    paragraphs: tuple[Paragraph, ...] = ()
+
+
+def plain(explanation: Explanation) -> str:
+    """The text for a terminal: a paragraph after the other, with a blank line between them."""
+    return "\n\n".join(
+        "\n".join(f"{'  ' * line.indent}{line.text}" for line in paragraph.lines)
+        for paragraph in explanation.paragraphs
+    )

@@ -1,0 +1,168 @@
+"""Events, plans and times in words that a newcomer understands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from argosy.journal import printable
+from schemas.minds import DecisionView, FailureView, PlanView, RejectedView
+
+LONGEST = 160
+"""Characters of a formula that are shown."""
+
+
+def shown(text: str) -> str:
+    """A text of the agent's, fit for a terminal and not longer than a line or two."""
+    safe = printable(text)
+    return safe if len(safe) <= LONGEST else f"{safe[: LONGEST - 1]}…"
+
+
+def ago(now: float, then: float) -> str:
+    """`12 s ago (mission second 431.2)`; of what is to come, `in 12 s (...)`."""
+    seconds = now - then
+    where = f"mission second {then:.1f}"
+    if seconds < -0.05:
+        return f"in {span(-seconds)} ({where})"
+    return f"{span(seconds)} ago ({where})" if seconds >= 0.05 else f"now ({where})"
+
+
+def span(seconds: float) -> str:
+    """A time as people read it."""
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def first_up(text: str) -> str:
+    """The text as the beginning of a sentence."""
+    return text[:1].upper() + text[1:]
+
+
+def many(number: int, what: str) -> str:
+    """`1 plan`, `2 plans`."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def joined(parts: Sequence[str], last: str = "and") -> str:
+    """`a, b and c`."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {last} {parts[-1]}" if parts else ""
+
+
+def without_annotations(text: str) -> str:
+    """An event without what stands in its last square brackets: `+!go(1)` of `+!go(1)[source(bob)]`."""
+    if not text.endswith("]"):
+        return text
+    depth, quoted = 0, False
+    for place in range(len(text) - 1, -1, -1):
+        character = text[place]
+        if character == '"':
+            quoted = not quoted
+        elif not quoted and character in "[]":
+            depth += 1 if character == "]" else -1
+            if depth == 0:
+                head = text[:place]
+                return head if head and head[-1] not in "(,|" else text
+    return text
+
+
+def sign_of(event: str) -> tuple[str, str]:
+    """Operator and kind of an event, and the rest: `+!` and `go(1)`."""
+    rest = event.lstrip("+-^!?")
+    return event[: len(event) - len(rest)], rest
+
+
+def event_words(event: str) -> str:
+    """What an event is: `the goal !go(1)`, `the new belief victim(3)`."""
+    sign, rest = sign_of(without_annotations(event))
+    rest = shown(rest)
+    match sign:
+        case "+!":
+            return f"the goal !{rest}"
+        case "-!":
+            return f"the failure of !{rest}"
+        case "+?":
+            return f"the question ?{rest}"
+        case "-?":
+            return f"the failure of ?{rest}"
+        case "+":
+            return f"the new belief {rest}"
+        case "-":
+            return f"the end of the belief {rest}"
+    return f"the event {sign}{rest}"
+
+
+def goal_words(event: str) -> str:
+    """The event of a plan as the goal it is for: `!go(1)` of `+!go(1)`."""
+    sign, rest = sign_of(without_annotations(event))
+    return f"{sign[1:]}{shown(rest)}" if sign in ("+!", "+?") else f"{sign}{shown(rest)}"
+
+
+def goals_words(events: Iterable[str], most: int = 4) -> str:
+    """Several goals, the innermost first; of many the number."""
+    told = [goal_words(event) for event in events]
+    rest = len(told) - most
+    return joined([*told[:most], f"{rest} more"] if rest > 0 else told)
+
+
+def plan_words(plan: PlanView) -> str:
+    """A plan with its label and place: `@careful +!fly(H) (fly.asl:4)`."""
+    label = f"@{plan.label} " if plan.label else ""
+    return f"{shown(label + plan.trigger)} ({plan.position})" if plan.position else shown(label + plan.trigger)
+
+
+def with_values(bindings: Mapping[str, str]) -> str:
+    """`, with B = 12`."""
+    pairs = [f"{name} = {value}" for name, value in bindings.items()]
+    return f", with {shown(', '.join(pairs))}" if pairs else ""
+
+
+def rejected_words(rejected: RejectedView) -> str:
+    """Why a plan was not chosen."""
+    if rejected.why != "context" or not rejected.literal:
+        return rejected.message
+    return f"{shown(rejected.literal)} does not hold{with_values(rejected.plan.bindings)}"
+
+
+def failure_words(failure: FailureView) -> str:
+    """What failed, and why: `the action takeoff(5) failed: it is not armed`."""
+    what = shown(failure.formula)
+    why = f": {shown(failure.reason)}" if failure.reason else ""
+    match failure.error:
+        case "constraint_failed":
+            return f"{what} did not hold"
+        case "test_goal_failed":
+            return f"{what} found nothing that is believed"
+        case "no_relevant":
+            return f"there is no plan for {event_words(failure.formula)}"
+        case "no_applicable":
+            return f"no plan could be chosen for {event_words(failure.formula)}"
+        case "wait_timeout":
+            return f"{what} waited in vain"
+        case "action_failed" if not what.startswith("."):
+            return f"the action {what} failed{why}"
+        case "ia_failed":
+            return f"{what} did not succeed{why}"
+        case "undefined_number":
+            return f"{what} could not be computed{why}"
+    return f"{what} failed with the error {failure.error}{why}"
+
+
+def cause_words(decision: DecisionView) -> str:
+    """Where an event that begins an intention comes from, as a clause about `it`; empty if that is not known."""
+    cause = decision.cause
+    if cause == "the program":
+        return "the program begins with it"
+    if cause == "given from outside":
+        return "it was given from outside: by an operator, the mission or a restart"
+    if cause == "a percept":
+        return "the agent perceived it"
+    if cause.startswith("message "):
+        words = cause.split(" ")
+        identity = f" {words[4]}" if len(words) > 4 else ""
+        return f"{words[3]} sent it in a message ({words[1]}{identity.replace('(', ', ').rstrip(')')})"
+    if cause.startswith("told by "):
+        return f"{cause.removeprefix('told by ')} told it"
+    return cause
