@@ -102,12 +102,15 @@ COMMANDS = {
     "status": "show the daemons of a fleet: who is there, how they are, who is missing",
     "keys": "make, renew and revoke the certificates by which boards and operators know each other",
     "doctor": "look a fleet over: clocks, disks, links, versions, percepts; say what to do",
+    "record": "record everything that a fleet says into an MCAP file",
     "metrics": "serve the health of a fleet to Prometheus, on loopback",
     "why": "tell why an agent did, or did not do, something, back to what caused it",
     "mail": "show what waits in the mailboxes of a fleet, and what was given up",
     "referee": "judge a search and rescue by what the simulators saw: each victim one buoy",
     "wheelhouse": "download all that boards without internet install, Argosy's own wheel among it",
     "units": "write the systemd units, router configuration and files that one board of a mission needs",
+    "act": "let the robot of an agent act by hand, where the mission allows it",
+    "ui": "serve a web page for this machine: map, minds, timeline, mail and stop buttons of a running fleet",
     "stop": "order robots to hold, land or return to launch, above every agent",
 }
 
@@ -134,6 +137,10 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy import doctor
 
             return doctor.add_arguments, doctor.run
+        case "record":
+            from argosy.recording import record
+
+            return record.add_arguments, record.run
         case "metrics":
             from argosy import metrics
 
@@ -158,6 +165,14 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy import units
 
             return units.add_arguments, units.run
+        case "act":
+            from argosy.tools import act
+
+            return act.add_arguments, act.run
+        case "ui":
+            from argosy.ui import command
+
+            return command.add_arguments, command.run
         case "check":
             from argosy import check
 

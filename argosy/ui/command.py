@@ -1,0 +1,122 @@
+"""`argosy ui`: arguments, the address that is printed, and the run of the server until ctrl-C."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import signal
+import socket
+import sys
+import time
+import webbrowser
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from pathlib import Path
+
+from aiohttp import web
+
+from argosy.operator_bus import add_fleet_arguments, where
+from argosy.ui.doors import Doors, is_loopback
+from argosy.ui.following import Following
+from argosy.ui.server import application
+from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from commd.tls import identity_of
+from schemas.findings import Findings
+from schemas.mission import load_mission
+
+PORT = 8080
+LISTEN = "127.0.0.1"
+LEAVE = 1.0
+"""Wall seconds that pages have at the end to be told that the server goes."""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy ui`."""
+    add_fleet_arguments(parser, "this fleet (default: the one on the router; of several the page lets you choose)")
+    help_ = f"port of the page (default {PORT}; 0: any that is free)"
+    parser.add_argument("--port", type=_port, metavar="PORT", default=PORT, help=help_)
+    help_ = f"address to listen at (default {LISTEN}: this machine only)"
+    parser.add_argument("--listen", metavar="HOST", default=LISTEN, help=help_)
+    parser.add_argument(
+        "--tiles", type=Path, metavar="FOLDER", help="map tiles, FOLDER/Z/X/Y.png (default: a plain grid)"
+    )
+    parser.add_argument("--browser", action="store_true", help="open the page in this machine's browser")
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or int(text) > 65_535:
+        raise ArgumentTypeError(f"expected a port from 0 to 65535, got `{text}`")
+    return int(text)
+
+
+def run(args: Namespace) -> int:
+    """Serve the page until ctrl-C or SIGTERM."""
+    logging.getLogger("bus").setLevel(logging.ERROR)  # what it would say of the router, the page and Link say
+    if args.tiles is not None and not args.tiles.is_dir():
+        print(f"error: --tiles: {args.tiles} is no folder", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    try:
+        place, mission = where(args), load_mission(args.mission) if args.mission else None
+        identity = identity_of(place.tls, time.time()).name if place.tls is not None else ""
+        return asyncio.run(_serve(args, Following(place, mission, identity, tiles=args.tiles is not None)))
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return EXIT_BAD_INPUT
+
+
+async def _serve(args: Namespace, following: Following) -> int:
+    try:
+        listening = await asyncio.to_thread(_socket, args.listen, args.port)
+    except OSError as error:
+        hint = "" if args.port == 0 else "; --port 0 takes any that is free"
+        what = f"cannot listen at {args.listen} port {args.port}: {error.strerror or error}{hint}"
+        print(f"error: {what}", file=sys.stderr)
+        return EXIT_FAILED
+    doors = Doors(args.listen, listening.getsockname()[1])
+    app = application(doors, following, args.tiles)
+    runner = web.AppRunner(app, access_log=None, shutdown_timeout=LEAVE)
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        with contextlib.suppress(ValueError):  # not in the main thread: a test
+            loop.add_signal_handler(number, stop.set)
+    link = asyncio.create_task(following.link.run())
+    try:
+        await runner.setup()
+        await web.SockSite(runner, listening).start()
+        _tell(args, doors)
+        stopped = asyncio.create_task(stop.wait())
+        done, _ = await asyncio.wait({stopped, link}, return_when=asyncio.FIRST_COMPLETED)
+        stopped.cancel()
+        if link in done:
+            link.result()  # raises what made it end
+        return EXIT_DONE
+    finally:
+        link.cancel()
+        await asyncio.gather(link, return_exceptions=True)
+        await runner.cleanup()
+
+
+def _socket(host: str, port: int) -> socket.socket:
+    """Return a listening socket. Raises OSError."""
+    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    family, kind, protocol, _, address = found[0]
+    listening = socket.socket(family, kind, protocol)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(address)
+        listening.listen(64)
+        listening.setblocking(False)
+    except BaseException:
+        listening.close()
+        raise
+    return listening
+
+
+def _tell(args: Namespace, doors: Doors) -> None:
+    print(f"open {doors.url}", flush=True)
+    if not is_loopback(args.listen):
+        text = "other machines reach this page, without TLS: whoever reads the address on its way has all its buttons"
+        print(f"warning: {text}", file=sys.stderr, flush=True)
+    if args.browser:
+        webbrowser.open(doors.url)

@@ -1,0 +1,129 @@
+"""Who may come in: a browser with this run's token, from the page itself, by a name that nobody else can take.
+
+A page in the operator's browser may send requests to loopback from anywhere in the web. So whatever does something or
+shows something wants the cookie that the printed URL sets (SameSite=Strict: no other site's page sends it), the Host of
+this server (no name that an attacker points here: DNS rebinding), and, for what does something, the Origin of our page.
+"""
+
+from __future__ import annotations
+
+import hmac
+import secrets
+import socket
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from ipaddress import ip_address
+
+from aiohttp import web
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+POLICY = (
+    "default-src 'self'; connect-src 'self' ws://{host}; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'; require-trusted-types-for 'script'; trusted-types 'none'"
+)
+"""Nothing from elsewhere, nothing inline, and no text ever made markup: a script that tries ends with an error."""
+HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+STRANGER = "This page belongs to another run of `argosy ui`, or to none: open the address that it has printed.\n"
+ELSEWHERE = "refused: this request does not come from the page of `argosy ui`\n"
+MISNAMED = "refused: `argosy ui` does not answer to the name {host}\n"
+
+
+@dataclass(frozen=True)
+class Doors:
+    """What one run of the server lets in."""
+
+    listen: str
+    """The host of `--listen`."""
+    port: int
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24), repr=False)
+
+    @property
+    def cookie(self) -> str:
+        """Name of the cookie; browsers share cookies among the ports of a host, so the port is part of it."""
+        return f"argosy_{self.port}"
+
+    @property
+    def url(self) -> str:
+        """The address to open, with the token."""
+        host = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(self.listen, self.listen)  # noqa: S104
+        return f"http://{_bracketed(host)}:{self.port}/?token={self.token}"
+
+    def names(self, host: str) -> bool:
+        """Whether a `Host` header names this server: an address cannot be pointed elsewhere, and other names are few.
+
+        The port may be another one: somebody may reach us through an ssh tunnel.
+        """
+        name = host.rpartition(":")[0] if ":" in host and not host.endswith("]") else host
+        name = name.strip("[]").lower()
+        if name in ("localhost", self.listen.lower()):
+            return True
+        try:
+            address = ip_address(name)
+        except ValueError:
+            own = socket.gethostname().lower()
+            return not is_loopback(self.listen) and name in (own, f"{own}.local")
+        return address.is_loopback or not is_loopback(self.listen)
+
+    def knows(self, request: web.Request) -> bool:
+        """Whether a request has this run's cookie."""
+        return hmac.compare_digest(request.cookies.get(self.cookie, "").encode(), self.token.encode())
+
+    def is_ours(self, request: web.Request) -> bool:
+        """Whether a request comes from our own page."""
+        site = request.headers.get("Sec-Fetch-Site", "same-origin")
+        return site == "same-origin" and request.headers.get("Origin") == f"http://{request.host}"
+
+    def enter(self, request: web.Request) -> web.StreamResponse | None:
+        """Answer a request that shows the token: with the cookie, and the address without the token."""
+        shown = request.query.get("token")
+        if shown is None or request.path != "/" or not hmac.compare_digest(shown.encode(), self.token.encode()):
+            return None
+        answer = web.Response(status=303, headers={"Location": "/"})
+        answer.set_cookie(self.cookie, self.token, httponly=True, samesite="Strict", path="/")
+        return answer
+
+    @web.middleware
+    async def guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Let a request in or say why not; every answer says what the browser may do with it."""
+        answer = await self._answer(request, handler)
+        if not answer.prepared:
+            answer.headers.update(HEADERS)
+            answer.headers["Content-Security-Policy"] = POLICY.format(host=request.host)
+            kept = isinstance(answer, web.FileResponse)  # the browser asks each time whether its copy still holds
+            answer.headers["Cache-Control"] = "no-cache" if kept else "no-store"
+        return answer
+
+    async def _answer(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        if not self.names(request.host):
+            return web.Response(status=421, text=MISNAMED.format(host=request.host[:100]))
+        entered = self.enter(request) if request.method == "GET" else None
+        if entered is not None:
+            return entered
+        if not self.knows(request):
+            return web.Response(status=401, text=STRANGER)
+        wants_more = request.method not in ("GET", "HEAD") or request.headers.get("Upgrade") is not None
+        if wants_more and not self.is_ours(request):
+            return web.Response(status=403, text=ELSEWHERE)
+        try:
+            return await handler(request)
+        except web.HTTPException as refusal:  # 404, 405, 413 of aiohttp itself: an answer like any other
+            return web.Response(status=refusal.status, text=f"{refusal.reason}\n")
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine reaches a host."""
+    try:
+        return ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _bracketed(host: str) -> str:
+    return f"[{host}]" if ":" in host else host

@@ -1,0 +1,129 @@
+"""What the page's buttons do: orders to robots above every agent, and orders to minds; the outcome as it is told.
+
+As in `argosy stop` every robot of the mission is ordered, seen or not, and whoever did not confirm is named.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import aclosing
+from typing import Literal
+
+import msgspec
+from msgspec.structs import replace
+
+from argosy.operator_bus import bridges
+from argosy.stop import UNANSWERED, order_robot
+from argosy.ui.views import OrderedView
+from commd.bus import Bus, BusClosed
+from schemas import keys
+from schemas.minds import MindOrder
+from schemas.records import Outcome
+
+WAITING = ("waiting", "")
+NOBODY = "the router is not reached, so nobody was told"
+ROBOTS = 200
+"""Robots of one order."""
+KEPT = 20
+"""Orders that pages show."""
+CONTROL_PATIENCE = 5.0
+"""Wall seconds that an agent has to answer."""
+LONGEST = 4_000
+"""Characters of a goal or belief."""
+
+
+class StopWish(msgspec.Struct, forbid_unknown_fields=True):
+    """What a page asks of robots."""
+
+    order: Literal["hold", "land", "rtl", "release"]
+    robots: list[str] | None = None
+    """None: all."""
+
+
+class ControlWish(msgspec.Struct, forbid_unknown_fields=True):
+    """What a page asks of a mind."""
+
+    agent: str
+    do: Literal["pause", "step", "resume", "goal", "belief"]
+    text: str = ""
+
+
+class Orders:
+    """The orders of this run."""
+
+    def __init__(self, known: Callable[[], list[str]], rights: Callable[[], str]) -> None:
+        self._known = known
+        """The robots of the mission, and those that were seen."""
+        self._rights = rights
+        """Why nothing may be ordered; empty if it may be."""
+        self._number = 0
+        self.last: deque[OrderedView] = deque(maxlen=KEPT)
+
+    async def stop(self, bus: Bus | None, fleet: str, wish: StopWish) -> OrderedView:
+        """Order robots, all at once, and wait for what each of them says."""
+        self._number += 1
+        view = OrderedView(number=self._number, order=wish.order, at=time.time(), of="" if wish.robots else "all")
+        self.last.append(view)
+        problem = self._rights() or (NOBODY if bus is None or not fleet else "")
+        if problem or bus is None:
+            return self._now(replace(view, problem=problem))
+        names = self._known() if wish.robots is None else list(dict.fromkeys(wish.robots))[:ROBOTS]
+        telling = {asyncio.create_task(self._told(bus, fleet, name, wish.order)) for name in names}
+        view = self._now(replace(view, outcomes=dict.fromkeys(names, WAITING)))
+        looking = asyncio.create_task(bridges(bus, fleet))
+        try:
+            if wish.robots is None:  # those that nobody has seen yet, too: the others have their orders by now
+                for more in sorted({robot for _, robot in await looking} - set(names)):
+                    telling.add(asyncio.create_task(self._told(bus, fleet, more, wish.order)))
+                    view = self._now(replace(view, outcomes=view.outcomes | {more: WAITING}))
+            if not telling:
+                return self._now(replace(view, problem="no robot is there"))
+            there = {robot for _, robot in await looking}
+            for told in asyncio.as_completed(telling):
+                robot, outcome = await told
+                reason = outcome.reason
+                if reason == UNANSWERED and not bus.router_up:
+                    reason = "the router is not reached"
+                elif reason == UNANSWERED and robot not in there:
+                    reason = "its bridge is not on the bus"
+                state = "confirmed" if outcome.ok else "NOT confirmed"
+                view = self._now(replace(view, outcomes=view.outcomes | {robot: (state, reason)}))
+        finally:
+            for task in (looking, *telling):
+                task.cancel()
+            await asyncio.gather(looking, *telling, return_exceptions=True)
+        return view
+
+    async def _told(self, bus: Bus, fleet: str, robot: str, order: str) -> tuple[str, Outcome]:
+        return robot, await order_robot(bus, fleet, robot, order)
+
+    def _now(self, view: OrderedView) -> OrderedView:
+        """Let pages see how an order stands."""
+        for index, one in enumerate(self.last):
+            if one.number == view.number:
+                self.last[index] = view
+        return view
+
+    async def control(self, bus: Bus | None, fleet: str, wish: ControlWish) -> Outcome:
+        """Order a mind; refused in words unless its mission allows it."""
+        if why := self._rights():
+            return Outcome(ok=False, reason=why)
+        if bus is None or not fleet:
+            return Outcome(ok=False, reason=NOBODY)
+        if len(wish.text) > LONGEST:
+            return Outcome(ok=False, reason=f"{len(wish.text)} characters, expected at most {LONGEST}")
+        if wish.do in ("goal", "belief") and not wish.text.strip():
+            return Outcome(ok=False, reason=f"expected a {wish.do}, such as `go(3,4)`")
+        told = Outcome(ok=False, reason=f"`{wish.agent}` did not answer: is it there?")
+        order = MindOrder(do=wish.do, text=wish.text.strip())
+        try:
+            asking = bus.query(keys.control(fleet, wish.agent), order, Outcome, CONTROL_PATIENCE)
+            async with aclosing(asking) as replies:
+                async for reply in replies:
+                    told = reply.record or Outcome(ok=False, reason=reply.error)
+        except BusClosed as closed:
+            return Outcome(ok=False, reason=str(closed))
+        return told

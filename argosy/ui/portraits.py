@@ -1,0 +1,111 @@
+"""Makes what pages show of the members of a fleet from the shared model."""
+
+from __future__ import annotations
+
+import math
+
+from argosy.seen import ActionSeen
+from argosy.team import TeamAgent, TeamBoard, TeamModel, TeamRobot
+from argosy.ui.views import AgentView, BoardView, IntentionLine, RobotView, RunningView
+from schemas.mission import Robot
+
+INTENTIONS = 4
+"""Intentions of an agent that stand in the list."""
+HEARD_STEP = 5.0
+"""Seconds: finer steps of when somebody was heard would make every part new in every message."""
+
+
+def agent_view(model: TeamModel, agent: TeamAgent, said: str) -> AgentView:
+    """Return an agent as it stands in the list."""
+    mind = agent.mind
+    counted = {} if mind is None else {
+        "state": mind.state,
+        "program": mind.program,
+        "cycle": mind.cycle,
+        "intentions": tuple(
+            IntentionLine(
+                id=one.id, state=one.state, goal=one.stack[0] if one.stack else "", depth=len(one.stack),
+                reason=one.reason, at=one.at,
+            )
+            for one in mind.intentions[:INTENTIONS]
+        ),
+        "intention_count": len(mind.intentions) + mind.intentions_left_out,
+        "belief_count": len(mind.beliefs) + mind.beliefs_left_out,
+        "event_count": len(mind.events) + mind.events_left_out,
+        "question_count": len(mind.questions),
+        "mailbox": mind.mailbox + model.mail_for(agent.name),
+        "dropped": sum(mind.dropped.values()),
+    }  # fmt: skip
+    return AgentView(
+        name=agent.name,
+        board=agent.board,
+        robot=agent.robot,
+        standing=agent.standing,
+        since=agent.since,
+        notes=agent.notes,
+        heard=_stepped(agent.heard),
+        silent=agent.silent,
+        why_silent=agent.why_silent,
+        actions=tuple(map(_running, model.open_actions(agent.name)[-INTENTIONS:])),
+        said=said,
+        **counted,  # type: ignore[arg-type]
+    )
+
+
+def _running(action: ActionSeen) -> RunningView:
+    return RunningView(
+        id=action.id,
+        text=action.text[:200],
+        state=action.state,
+        began=action.began,
+        feedback={name: round(value, 1) for name, value in list(action.feedback.items())[:4]},
+    )
+
+
+def robot_view(model: TeamModel, robot: TeamRobot, named: Robot | None) -> RobotView:
+    """Return a robot as it stands on the map; `named` is what the mission says of it."""
+    seen, age = robot.seen, robot.age(model.now())
+    velocity = seen.velocity
+    return RobotView(
+        name=robot.name,
+        board=robot.board,
+        agents=robot.agents,
+        standing=robot.standing,
+        since=robot.since,
+        notes=robot.notes,
+        heard=None if age is None else _stepped(model.now() - age),
+        lost=seen.lost,
+        mode=seen.mode,
+        armed=seen.armed,
+        position=seen.position,
+        altitude=_rounded(seen.altitude, 1),
+        heading=_rounded(seen.heading, 0),
+        speed=None if velocity is None else _rounded(math.hypot(velocity[0], velocity[1]), 1),
+        battery=_rounded(seen.battery, 0),
+        satellites=seen.satellites,
+        home=seen.home,
+        radius=None if named is None or named.limits.radius is None else float(named.limits.radius),
+        ceiling=None if named is None or named.limits.altitude is None else float(named.limits.altitude),
+        operator=seen.operator,
+        told=dict(list(seen.told.items())[:8]),
+    )
+
+
+def board_view(board: TeamBoard) -> BoardView:
+    """Return a board."""
+    return BoardView(
+        name=board.name,
+        standing=board.standing,
+        since=board.since,
+        notes=board.notes,
+        waiting=board.waiting(),
+        problem=board.problem,
+    )
+
+
+def _stepped(at: float | None) -> float | None:
+    return None if at is None else math.floor(at / HEARD_STEP) * HEARD_STEP
+
+
+def _rounded(value: float | None, digits: int) -> float | None:
+    return None if value is None or not math.isfinite(value) else round(value + 0.0, digits)

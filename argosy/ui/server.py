@@ -1,0 +1,78 @@
+"""The web server of `argosy ui`: the page and its files, one WebSocket for each open page, and what its buttons ask."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+from aiohttp import web
+
+from argosy.ui.doors import Doors
+from argosy.ui.explaining import FleetWish, WhyWish
+from argosy.ui.feed import Page
+from argosy.ui.following import Following
+from argosy.ui.orders import ControlWish, StopWish
+from argosy.ui.views import encoded
+
+STATIC = Path(__file__).with_name("static")
+REQUEST = 16_384
+"""Bytes of what a page posts."""
+PAGES = 16
+"""Pages at once."""
+W = TypeVar("W")
+
+
+def application(doors: Doors, following: Following, tiles: Path | None = None) -> web.Application:
+    """Return the server's application."""
+    app = web.Application(middlewares=[doors.guard], client_max_size=REQUEST)
+    pages = following.pages
+
+    async def page(_request: web.Request) -> web.StreamResponse:
+        return web.FileResponse(STATIC / "index.html")
+
+    async def feed(request: web.Request) -> web.StreamResponse:
+        if len(pages) >= PAGES:
+            return web.Response(status=503, text=f"{PAGES} pages are open already\n")
+        one = Page(following.shown, following.refresh)
+        pages.add(one)
+        try:
+            return await one.serve(request)
+        finally:
+            pages.discard(one)
+
+    app.router.add_get("/", page)
+    app.router.add_get("/feed", feed)
+    app.router.add_get("/here", _here)
+    app.router.add_post("/stop", _asked(StopWish, following.stop))
+    app.router.add_post("/control", _asked(ControlWish, following.control))
+    app.router.add_post("/why", _asked(WhyWish, following.why))
+    app.router.add_post("/fleet", _asked(FleetWish, following.choose))
+    app.router.add_static("/static", STATIC)
+    if tiles is not None:
+        app.router.add_static("/tiles", tiles)
+    return app
+
+
+async def _here(_request: web.Request) -> web.Response:
+    """Say that this run is the one whose cookie the page has."""
+    return web.Response(text="here\n")
+
+
+def _asked(
+    wish: type[W], answer: Callable[[W], Awaitable[object]]
+) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
+    """Return what reads a wish as JSON and answers it as JSON."""
+    decoder = msgspec.json.Decoder(wish)
+
+    async def handle(request: web.Request) -> web.StreamResponse:
+        if request.content_type != "application/json":
+            return web.Response(status=415, text="expected application/json\n")
+        try:
+            asked = decoder.decode(await request.read())
+        except msgspec.DecodeError as bad:
+            return web.Response(status=400, text=f"{bad}\n")
+        return web.Response(body=encoded(await answer(asked)), content_type="application/json")
+
+    return handle

@@ -1,0 +1,242 @@
+"""What goes to the page, as JSON: one struct for each part. Times are Unix seconds of this machine, places are degrees.
+
+What a mind shows goes as it came (schemas/minds.py, docs/mind-format.md).
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from schemas.minds import MindView
+
+_encoder = msgspec.json.Encoder()
+
+
+def encoded(thing: object) -> bytes:
+    """Return JSON."""
+    return _encoder.encode(thing)
+
+
+class View(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A part of what is shown; what is missing has its default."""
+
+
+class HeadView(View, frozen=True, kw_only=True):
+    """The fleet as a whole (part `head`)."""
+
+    fleet: str = ""
+    """Empty: not known yet."""
+    fleets: tuple[str, ...] = ()
+    """Where no fleet was named and several are there: those to choose from."""
+    mission: str = ""
+    file: str = ""
+    version: str = ""
+    endpoint: str = ""
+    router: Literal["up", "away", "never"] = "never"
+    """`away`: it was there."""
+    router_since: float = 0.0
+    problem: str = ""
+    """Why nothing is seen, in words; or what else is to be said of the bus."""
+    identity: str = ""
+    """The name in our certificate; empty without keys."""
+    observer: str = ""
+    """Why nothing can be ordered, in words; empty if it may be."""
+    inject: bool | None = None
+    """Whether minds take orders by the mission; None = no mission was given, so their agents say."""
+    mission_zero: float | None = None
+    """When mission second 0 was, as far as it is known."""
+    speed: float = 1.0
+    """Mission seconds per wall second."""
+    timeout: float | None = None
+    """Mission seconds."""
+    done: dict[str, bool] = {}
+    """The mission's `done` formulas, `agent: formula`, and whether they hold."""
+    failed: dict[str, bool] = {}
+    tiles: bool = False
+    unreached: tuple[str, ...] = ()
+    """Boards that are not reached, each with the reason."""
+
+
+class RunningView(View, frozen=True, kw_only=True):
+    """An action that runs."""
+
+    id: str
+    text: str
+    state: str
+    began: float
+    feedback: dict[str, float] = {}
+    target: tuple[float, float] | None = None
+
+
+class IntentionLine(View, frozen=True, kw_only=True):
+    """An intention in one line."""
+
+    id: int
+    state: str
+    goal: str = ""
+    """The top of its stack."""
+    depth: int = 0
+    reason: str = ""
+    at: str = ""
+
+
+class AgentView(View, frozen=True, kw_only=True):
+    """An agent in the list (part `agent/NAME`)."""
+
+    name: str
+    board: str = ""
+    robot: str = ""
+    standing: str = "missing"
+    """Of its daemon: up, coming, silent, twice, unclaimed or missing (docs/health.md)."""
+    since: float | None = None
+    notes: tuple[str, ...] = ()
+    state: str = ""
+    """Of its mind: reasoning, waiting or paused; empty = it was not heard."""
+    heard: float | None = None
+    """When its mind was last heard, in steps of some seconds while it answers."""
+    silent: float | None = None
+    """Since when its mind does not answer."""
+    why_silent: str = ""
+    program: str = ""
+    cycle: int = 0
+    intentions: tuple[IntentionLine, ...] = ()
+    intention_count: int = 0
+    belief_count: int = 0
+    event_count: int = 0
+    question_count: int = 0
+    mailbox: int = 0
+    dropped: int = 0
+    actions: tuple[RunningView, ...] = ()
+    said: str = ""
+    """The last line that it printed."""
+
+
+class RobotView(View, frozen=True, kw_only=True):
+    """A robot on the map and in the list (part `robot/NAME`)."""
+
+    name: str
+    board: str = ""
+    agents: tuple[str, ...] = ()
+    standing: str = "missing"
+    since: float | None = None
+    notes: tuple[str, ...] = ()
+    heard: float | None = None
+    """When it last told something of itself."""
+    lost: bool = False
+    """Its vehicle is not heard any more: all else is as it was."""
+    mode: str = ""
+    armed: bool = False
+    position: tuple[float, float] | None = None
+    altitude: float | None = None
+    """Metres above home."""
+    heading: float | None = None
+    """Degrees from north, clockwise."""
+    speed: float | None = None
+    """Metres a second over ground."""
+    battery: float | None = None
+    """Percent."""
+    satellites: int | None = None
+    home: tuple[float, float] | None = None
+    radius: float | None = None
+    """Metres around home that it may not leave."""
+    ceiling: float | None = None
+    """Metres above home."""
+    operator: str = ""
+    """The order that stands above its agents."""
+    told: dict[str, str] = {}
+    """Of what is no vehicle: its last percepts."""
+
+
+class BoardView(View, frozen=True, kw_only=True):
+    """A board (part `board/NAME`)."""
+
+    name: str
+    standing: str = "missing"
+    since: float | None = None
+    notes: tuple[str, ...] = ()
+    waiting: int = 0
+    """Messages that wait there."""
+    problem: str = ""
+
+
+class MarkView(View, frozen=True, kw_only=True):
+    """A place that agents speak of (in part `marks`)."""
+
+    id: str
+    kind: Literal["victim", "waypoint", "target", "place"]
+    label: str
+    position: tuple[float, float]
+    agents: tuple[str, ...] = ()
+    state: str = ""
+    """Of a victim: `missing`, `promised`, `rescued`; of an action: how it stands."""
+    text: str = ""
+
+
+class AreaView(View, frozen=True, kw_only=True):
+    """A rectangle that agents believe in: south, west, north, east."""
+
+    agent: str
+    label: str
+    bounds: tuple[float, float, float, float]
+
+
+class MarksView(View, frozen=True, kw_only=True):
+    """All places and areas (part `marks`)."""
+
+    marks: tuple[MarkView, ...] = ()
+    areas: tuple[AreaView, ...] = ()
+    left_out: int = 0
+
+
+class LetterView(View, frozen=True, kw_only=True):
+    """A message between agents (part `letter/N`)."""
+
+    number: int
+    """In the order in which messages were first heard of."""
+    id: str
+    sender: str
+    receiver: str
+    performative: str
+    content: str
+    sent: float | None = None
+    received: float | None = None
+    in_reply_to: str = ""
+    undelivered: str = ""
+    """Why it will not come; empty = it came or is on its way."""
+
+
+class HappenedView(View, frozen=True, kw_only=True):
+    """A line of the timeline."""
+
+    n: int
+    at: float
+    who: str
+    what: str
+    text: str
+    level: str = "info"
+    other: str = ""
+    id: str = ""
+
+
+class OrderedView(View, frozen=True, kw_only=True):
+    """An order to robots and what became of it (part `order/N`)."""
+
+    number: int
+    order: str
+    at: float
+    of: str = ""
+    """`all`, or nothing for a single robot."""
+    outcomes: dict[str, tuple[str, str]] = {}
+    """By robot: `waiting`, `confirmed` or `NOT confirmed`, and the reason."""
+    problem: str = ""
+    """Why nobody was ordered at all."""
+
+
+class SeenMind(View, frozen=True, kw_only=True):
+    """A whole mind (part `mind/NAME`, for pages that look at it)."""
+
+    heard: float | None
+    mind: MindView | None = None
+    """Without its plans: they are part `plans/NAME`."""
