@@ -195,6 +195,14 @@ class RawBus:
         )
         return Subscription(queue, declared, self._declare("subscriber", key))
 
+    def tap(self, key: str, take: Callable[[zenoh.Sample], None]) -> _Handle:
+        """Call `take` for each sample that anybody puts on a matching key, of whatever size, on a thread of Zenoh's.
+
+        For a recorder: it must be quick, never wait, and bound what it keeps itself.
+        """
+        declared = self._session.declare_subscriber(key, zenoh.handlers.Callback(take, indirect=False))
+        return _Handle(declared, self._declare("subscriber", key))
+
     def publisher(self, key: str) -> Publisher:
         """Declare that this process puts on a key."""
         return Publisher(

@@ -31,10 +31,12 @@ class Facts:
     mission_text: str = ""
     only: tuple[str, ...] = ()
     """The key expressions to which it was limited; none = everything of the fleet."""
+    speed: float = 1.0
+    """Mission seconds that passed in a second of the clock on the wall."""
     part: int = 1
     """Counts up from 1 with the files of a recording that was split."""
     notes: Mapping[str, str] = field(default_factory=dict)
-    """What whoever recorded wanted to have noted, such as `speed`."""
+    """What whoever recorded wanted to have noted."""
 
     def metadata(self) -> dict[str, str]:
         """Return them as a metadata record's content."""
@@ -48,6 +50,7 @@ class Facts:
             "mission_file": self.mission_file,
             "mission_text": self.mission_text,
             "only": " ".join(self.only),
+            "speed": f"{self.speed:g}",
             "part": str(self.part),
         } | {_NOTE + name: text for name, text in self.notes.items()}
 
@@ -66,6 +69,7 @@ def facts_of(metadata: Mapping[str, str]) -> Facts:
         mission_file=metadata.get("mission_file", ""),
         mission_text=metadata.get("mission_text", ""),
         only=tuple(metadata.get("only", "").split()),
+        speed=float(metadata.get("speed", "1")),
         part=int(metadata.get("part", "1")),
         notes={name.removeprefix(_NOTE): text for name, text in metadata.items() if name.startswith(_NOTE)},
     )

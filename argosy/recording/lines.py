@@ -1,0 +1,52 @@
+"""What a recorder tells: one line while it records, some at its end."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from typing import Self
+
+from argosy.recording import sizes
+from argosy.recording.recorder import Recorder
+
+REFRESH = 1.0
+"""Wall seconds between two looks at the recorder."""
+
+
+class StatusLine:
+    """The line that is written over and over on a terminal; nothing where there is none."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder, self._shown = recorder, False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._shown:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+    async def show(self) -> None:
+        """Show it until cancelled."""
+        if not sys.stderr.isatty():
+            return
+        before, recorder = 0, self._recorder
+        while True:
+            messages = recorder.messages
+            told = f"{recorder.seconds:.0f} s  {(messages - before) / REFRESH:.0f} messages/s"
+            size = sizes.in_words(recorder.size)
+            print(f"\r\x1b[K{told}  {size}  {recorder.dropped} dropped", end="", file=sys.stderr, flush=True)
+            before, self._shown = messages, True
+            await asyncio.sleep(REFRESH)
+
+
+def summary(recorder: Recorder) -> list[str]:
+    """Return what is said at the end."""
+    many = f"{recorder.messages} message{'' if recorder.messages == 1 else 's'} in {recorder.seconds:.1f} s"
+    files = str(recorder.path) if len(recorder.files) == 1 else f"{recorder.path} and {len(recorder.files) - 1} more"
+    lines = [f"{files}: {many}, {sizes.in_words(recorder.size)}; ended: {recorder.why}"]
+    if recorder.dropped:
+        lines.append(f"warning: {recorder.dropped} messages did not fit and are missing")
+    if recorder.unread:
+        lines.append(f"note: {recorder.unread} messages are neither JSON nor MessagePack and are kept as bytes")
+    return lines + [f"warning: {gap}" for gap in recorder.minds.gaps()]

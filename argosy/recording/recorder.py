@@ -1,0 +1,229 @@
+"""The recorder: a thread that writes what was heard, once a second, until it is told to end or a limit is reached."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from threading import Event, Thread
+from typing import Final
+
+import msgspec
+
+from argosy.recording import sizes, transcode
+from argosy.recording.facts import End, Facts
+from argosy.recording.intake import Heard, Intake
+from argosy.recording.lives import PART
+from argosy.recording.minds import Minds, Whose
+from argosy.recording.records import PREFIX, RecorderNote
+from argosy.recording.writer import Compression, RecordingWriter
+from schemas import keys
+from schemas.durations import Duration
+
+PERIOD: Final = 1.0
+"""Wall seconds between two chunks: what is lost at most when the recorder is killed."""
+NOTES: Final = "argosy/recorder"
+"""The topic of what the recorder says of itself."""
+MOST_STREAMS: Final = 60_000
+"""Keys of which is known what was heard last."""
+SECOND: Final = 1_000_000_000
+PER_CHANNEL: Final = 10
+"""Bytes of a chunk's entry in the index at the end of a file, for each of its channels; and 100 for itself."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When a file is long enough."""
+
+    size: int = 2_000_000_000
+    """Bytes."""
+    seconds: Duration | None = None
+    """Of the wall; none = no limit."""
+    split: bool = False
+    """Whether it goes on in another file then."""
+
+
+class Recorder:
+    """Writes one recording."""
+
+    def __init__(
+        self,
+        path: Path,
+        facts: Facts,
+        limits: Limits,
+        intake: Intake,
+        *,
+        compression: Compression = "lz4",
+        overwrite: bool = False,
+        several: bool = False,
+    ) -> None:
+        """Make the file. `several`: the same may be heard by more than one way. Raises OSError."""
+        self.path, self.intake, self.minds = path, intake, Minds()
+        self.files = [path]
+        self.problem = ""
+        """Why it could not go on, if it could not."""
+        self.messages = 0
+        self._limits, self._facts, self._several = limits, facts, several
+        self._compression: Compression = compression
+        self._overwrite = overwrite
+        self._writer = RecordingWriter(path, facts, compression, overwrite=overwrite)
+        self._written = 0
+        """Bytes of the files before this one."""
+        self._since_flush = self._chunks = 0
+        self._began = intake.now()
+        self._newest: dict[str, tuple[str, int]] = {}
+        self._told_dropped = 0
+        self._why = ""
+        self._stop = Event()
+        self._thread = Thread(target=self._run, name="recorder", daemon=True)
+        self._on_end: Callable[[], object] = lambda: None
+
+    @property
+    def size(self) -> int:
+        """Bytes of all files so far."""
+        return self._written + self._writer.size
+
+    @property
+    def dropped(self) -> int:
+        """Messages that were heard and are not in the file."""
+        return self.intake.dropped + self.intake.too_large + self._writer.no_channel
+
+    @property
+    def unread(self) -> int:
+        """Messages of this file that are in it as bytes."""
+        return self._writer.unread
+
+    @property
+    def seconds(self) -> float:
+        """Since the beginning of the recording."""
+        return (self.intake.now() - self._facts.started) / SECOND
+
+    @property
+    def why(self) -> str:
+        """Why it ended."""
+        return self.problem or self._why
+
+    def start(self, on_end: Callable[[], object]) -> None:
+        """Begin; `on_end` is called on the recorder's thread when it has ended, for whatever reason."""
+        self._on_end = on_end
+        self._thread.start()
+
+    def stop(self, why: str) -> None:
+        """Tell it to write what waits and to end."""
+        self._why = self._why or why
+        self._stop.set()
+        self.intake.woken.set()
+
+    def note(self, kind: str, text: str) -> None:
+        """Write down what happened to the recorder."""
+        payload = msgspec.json.encode(RecorderNote(kind=kind, text=text))
+        encoding = f"application/json;{PREFIX}{RecorderNote.__name__}/1"
+        self.intake.put(Heard(self.intake.now(), NOTES, payload, encoding, "recorder"))
+
+    def _run(self) -> None:
+        try:
+            self._record()
+            self._drain()
+            self._close(self._why)
+        except OSError as error:
+            self.problem = f"cannot write {self._writer.path}: {error.strerror or error}"
+            self._writer.abandon()
+        except Exception as error:  # a defect must not end in silence
+            self.problem = f"defect in argosy: {type(error).__name__}: {error}"
+            self._writer.abandon()
+        finally:
+            self._on_end()
+
+    def _record(self) -> None:
+        while not self._stop.is_set():
+            self.intake.woken.wait(PERIOD)
+            self.intake.woken.clear()
+            if not self._drain():
+                return
+            limit = self._limits.seconds
+            if (
+                limit is not None
+                and (self.intake.now() - self._began) >= limit * SECOND
+                and not self._full(f"{limit} are over")
+            ):
+                return
+
+    def _drain(self) -> bool:
+        """Write what waits. Returns whether there is room for more."""
+        for heard in self.intake.take():
+            if self._wanted(heard) and self._writer.add(heard) is not None:
+                self.messages += 1
+                self._since_flush += len(heard.payload) + 64
+            if self._size_of_file() >= self._limits.size and not self._full(
+                f"{sizes.in_words(self._limits.size)} are full"
+            ):
+                return False
+        self._tell_dropped()
+        self._flush()
+        return True
+
+    def _flush(self) -> None:
+        self._writer.flush()
+        self._since_flush = 0
+        self._chunks += 1
+
+    def _size_of_file(self) -> int:
+        """Bytes that the file would have if it ended now, or some more."""
+        index = self._chunks * (100 + PER_CHANNEL * self._writer.channels)
+        return self._writer.size + self._since_flush + index
+
+    def _full(self, why: str) -> bool:
+        """Go on in another file, if that is wanted. Returns whether it does."""
+        if not self._limits.split:
+            self._why = self._why or why
+            return False
+        facts = replace(self._facts, part=len(self.files) + 1)
+        path = self.path.with_name(f"{self.path.stem}-{facts.part:04}{self.path.suffix}")
+        following = RecordingWriter(path, facts, self._compression, overwrite=self._overwrite)
+        self._close(why, following.path.name)
+        self._written += self._writer.size
+        self._writer = following
+        self.files.append(path)
+        self._since_flush = self._chunks = 0
+        self._began = self.intake.now()
+        return True
+
+    def _close(self, why: str, following: str = "") -> None:
+        self._writer.close(
+            End(
+                why=why,
+                ended=self.intake.now(),
+                dropped=self.intake.dropped + self._writer.no_channel,
+                too_large=self.intake.too_large,
+                gaps=tuple(self.minds.gaps()),
+                following=following,
+            )
+        )
+
+    def _wanted(self, heard: Heard) -> bool:
+        """Whether a message is new: what is asked for may have been heard already, and so what comes by two routers."""
+        if heard.deleted or heard.origin in ("token", "recorder"):
+            return True
+        inputs = heard.key.endswith(PART)
+        asked_for = "/percept/" in heard.key or heard.key.endswith("/manifest")
+        if heard.origin == "put" and not (inputs or asked_for or self._several):
+            return True
+        said = transcode.said_in(heard.payload, heard.encoding)
+        if said is None or not said.header.boot:
+            return True
+        header = said.header
+        if inputs and (parsed := keys.parse(heard.key)) is not None:
+            return self.minds.heard(Whose(parsed[0], parsed[1], header.boot), said.number)
+        boot, seq = self._newest.get(heard.key, ("", -1))
+        old = boot == header.boot and header.seq <= seq
+        if old and (self._several or heard.origin == "query"):
+            return False
+        if len(self._newest) >= MOST_STREAMS:
+            self._newest.clear()
+        self._newest[heard.key] = (header.boot, max(header.seq, seq) if boot == header.boot else header.seq)
+        return True
+
+    def _tell_dropped(self) -> None:
+        if self.dropped > self._told_dropped:
+            self.note("dropped", f"{self.dropped - self._told_dropped} messages did not fit and are missing")
+            self._told_dropped = self.dropped
