@@ -12,13 +12,14 @@ from typing import Literal, TypeVar
 
 from argosy.journal import Level
 from argosy.picture import OPERATOR, without_figures
-from argosy.roll import Roll
+from argosy.roll import Roll, Row
 from argosy.seen import ActionSeen, ActionsSeen
 from argosy.team.letters import Letters
 from argosy.team.members import Member, TeamAgent, TeamBoard, TeamRobot
 from argosy.team.places import Places
 from argosy.team.telling import Teller
 from argosy.team.timeline import Timeline
+from commd.presence import ROUTER_GRACE
 from schemas import keys
 from schemas.minds import MindDeeds, MindView
 from schemas.mission import Mission
@@ -124,7 +125,7 @@ class TeamModel:
         name = self._name(key)
         if name is None:
             return
-        self.places.percept(name, percept, self._positions(), self.now())
+        self.places.percept(name, percept, self._positions, self.now())
         if name in self.eyes:
             self.robots[self.eyes[name]].seen.percept(percept, self.now(), self._tell)
 
@@ -137,7 +138,7 @@ class TeamModel:
         action = self._actions.status(name, status, self.now(), tell)
         if action is None:
             return
-        self.places.action(action, self._positions(), self.now())
+        self.places.action(action, self._positions, self.now())
         agent = self.agents.get(name)
         if agent is not None and status.reason.startswith(OPERATOR) and agent.robot in self.robots:
             self.robots[agent.robot].seen.operator = status.reason.removeprefix(OPERATOR)
@@ -202,20 +203,22 @@ class TeamModel:
 
     def tick(self) -> None:
         """See who came and went: to be called some times a second, as time alone changes that."""
+        if not self.router_up:  # nobody has gone because we hear nothing
+            return
         self.version += 1
-        there: set[tuple[str, str]] = set()
-        for row in self._roll.rows():
-            member = self._member(row.name, row.daemon)
-            was, member.row = member.there, row
-            there.add((row.name, row.daemon))
-            self._came_or_went(member, was)
-        for members in (self.agents, self.robots, self.boards, self.clients):
-            for member in members.values():
-                if (member.name, member.daemon) not in there:
-                    was, member.row = member.there, None
-                    self._came_or_went(member, was)
+        coming_back = self.router_since is not None and self.now() - self.router_since < ROUTER_GRACE
+        rows = {(row.name, row.daemon): row for row in self._roll.rows()}
+        for (name, daemon), row in rows.items():
+            if not (coming_back and row.standing == "missing"):
+                self._stands(self._member(name, daemon), row)
+        if not coming_back:
+            for members in (self.agents, self.robots, self.boards, self.clients):
+                for member in members.values():
+                    if (member.name, member.daemon) not in rows:
+                        self._stands(member, None)
 
-    def _came_or_went(self, member: Member, was: bool) -> None:
+    def _stands(self, member: Member, row: Row | None) -> None:
+        was, member.row = member.there, row
         if member.there == was:
             return
         member.since = self.now()

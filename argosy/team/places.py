@@ -6,7 +6,7 @@ other that are a place within `NEAR` of a robot.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -55,8 +55,8 @@ class Places:
         self.forgotten = 0
         self._most = most
 
-    def percept(self, agent: str, percept: Perception, robots: Collection[Position], now: float) -> None:
-        """Take what an agent perceived; `robots` are the positions that are known."""
+    def percept(self, agent: str, percept: Perception, robots: Callable[[], Collection[Position]], now: float) -> None:
+        """Take what an agent perceived; `robots` returns the positions that are known."""
         if percept.name in OWN:
             return
         identity = percept.key or tuple(range(len(percept.parameters)))
@@ -75,7 +75,7 @@ class Places:
         text = written(percept.name, percept.parameters)
         self._keep(Place(id, "percept", percept.name, text, agent, position, now))
 
-    def action(self, action: ActionSeen, robots: Collection[Position], now: float) -> None:
+    def action(self, action: ActionSeen, robots: Callable[[], Collection[Position]], now: float) -> None:
         """Take how an action stands."""
         known = self.all.get(action.id)
         if known is not None:
@@ -99,11 +99,11 @@ class Places:
             self.forgotten += 1
 
 
-def place_in(parameters: tuple[Term, ...], robots: Collection[Position]) -> Position | None:
+def place_in(parameters: tuple[Term, ...], robots: Callable[[], Collection[Position]]) -> Position | None:
     """Return the first two neighbours among the parameters that are a place near a robot."""
     for first, second in pairwise(map(to_float, parameters)):
         if first is None or second is None or not (-90 <= first <= 90 and -180 <= second <= 180):
             continue
-        if any(distance((first, second), robot) <= NEAR for robot in robots):
+        if any(distance((first, second), robot) <= NEAR for robot in robots()):
             return first, second
     return None

@@ -85,10 +85,21 @@ def test_no_mind_counts_as_silent_because_the_router_is_away() -> None:
     fleet.model.router(up=True)
     fleet.model.mind_unanswered("scout")
     assert fleet.model.agents["scout"].silent is None
+    assert fleet.model.agents["scout"].there
     assert texts(fleet)[-2:] == [
         "router: it does not answer: what is shown is what was known last",
         "router: it answers again, after 60.0 s",
     ]
+
+
+def test_nobody_has_gone_as_long_as_the_router_is_away_or_has_just_come_back() -> None:
+    fleet = rescue()
+    fleet.model.router(up=False)
+    fleet.goes("scout", "agentd").waits(60)
+    assert fleet.model.agents["scout"].there
+    fleet.model.router(up=True)
+    assert fleet.waits(4).model.agents["scout"].there
+    assert not fleet.waits(2).model.agents["scout"].there
 
 
 def test_a_robot_of_which_nothing_is_heard_is_stale_and_says_how_old_it_is() -> None:
