@@ -1,0 +1,63 @@
+"""By hand in a fleet with keys: where the mission says `inject: true` an operator acts and tells percepts, no observer."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+
+import pytest
+
+from argosy.__main__ import main
+from commd.client import join
+from schemas import keys
+from schemas.records import Perception
+from tests.attacks.world import NAME, TEXT, World
+from tests.support.secured import Secured
+
+INJECT = TEXT.replace("mission: three", "mission: three\nfleet: three\ninject: true")
+
+
+@pytest.fixture(scope="module")
+def world() -> Iterator[World]:
+    with Secured(INJECT) as fleet:
+        world = World(fleet)
+        world.begin()
+        yield world
+
+
+def act(world: World, who: str, *words: str) -> int:
+    return main(["act", *words, "--mission", str(world.fleet.path), "--keys", str(world.fleet.keys(who))])
+
+
+def test_an_operator_acts_at_the_board_of_the_robot(world: World, capsys: pytest.CaptureFixture[str]) -> None:
+    assert act(world, "ops", "a", "cmd_vel", "1", "0", "0") == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "a: cmd_vel(1, 0, 0) succeeded"
+    assert act(world, "ops", "nobody", "cmd_vel") == 1
+    assert "mission.yaml has no agent `nobody`; known are a, b, c" in capsys.readouterr().err
+
+
+def test_an_observer_does_not(world: World, capsys: pytest.CaptureFixture[str]) -> None:
+    assert act(world, "eye", "a", "cmd_vel", "1", "0", "0") == 1
+    said = capsys.readouterr().err
+    assert "answers for `a`; where access is controlled, only operators may ask" in said
+    assert "note: `eye` is an observer by the mission: where access is controlled it sees, and orders nothing" in said
+
+
+def test_an_operator_tells_percepts_and_an_observer_does_not(world: World) -> None:
+    async def body() -> None:
+        mission = world.fleet.mission
+        async with (
+            join("pi1_x", mission=mission, board="pi1", router=world.fleet.socket("pi1")) as member,
+            world.machine("ops", "pi1") as operator,
+            world.machine("eye", "pi1") as observer,
+        ):
+            percepts = member.percepts("a")
+            async with asyncio.timeout(20):
+                while not percepts.of("victim"):
+                    observer.put(keys.percept(NAME, "a", "forged"), Perception(parameters=(1,)))
+                    operator.put(keys.percept(NAME, "a", "victim"), Perception(parameters=(1,)))
+                    await asyncio.sleep(0.1)
+            assert percepts.of("forged") == []
+            assert percepts.of("victim") == [(1,)]
+
+    asyncio.run(body())
