@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from argosy.why.causes import cause_lines
-from argosy.why.deciding import aftermath, decision_paragraph, groups
+from argosy.why.deciding import WITHOUT_PLAN, aftermath, decision_paragraph, groups
 from argosy.why.mails import MailFacts, question_paragraph
 from argosy.why.memory import Memory
 from argosy.why.present import dropped, failure_paragraph, intention_lines
@@ -25,12 +25,12 @@ def about(memory: Memory, subject: Subject, last: int, facts: MailFacts) -> list
     view = memory.view
     made = [one for one in memory.decisions if subject.is_of(one.event)]
     happened = [decision_paragraph(memory, group) for group in groups(made)]
-    told = {id(one.failure) for one in made if one.failure is not None}
-    failures = [one for one in memory.failures if subject.is_of(one.formula) and one.error not in _GOALS]
+    told = [one.failure for one in made if one.failure is not None]
+    failures = [one for one in memory.failures if subject.is_of(one.formula) and one.error not in WITHOUT_PLAN]
     happened += [
         paragraph
         for failure in _newest_of_each(failures)
-        if id(failure) not in told and (paragraph := _failed(memory, failure)) is not None
+        if failure not in told and (paragraph := _failed(memory, failure)) is not None
     ]
     happened += list(dropped(memory, tuple(d for d in view.drops if d.what == "events" and subject.is_named(d.name))))
     happened += [
@@ -43,10 +43,6 @@ def about(memory: Memory, subject: Subject, last: int, facts: MailFacts) -> list
     if not found and not program:
         return [Paragraph("hint", (Line(_unknown(view, subject)),))]
     return [*found, *program]
-
-
-_GOALS = ("no_relevant", "no_applicable")
-"""Errors of goals that found no plan: the decision tells them."""
 
 
 def _asks(subject: Subject, content: str, performative: str) -> bool:
@@ -69,20 +65,16 @@ def _failed(memory: Memory, failure: FailureView) -> Paragraph:
         return failure_paragraph(memory, failure)
     same = sum(1 for one in memory.failures if (one.position, one.error, one.reason) == _key(failure))
     lines = [
-        Line(f"{ago(memory.now, failure.time)}: {failure_words(failure)}{at}.", 0, failure.position),
+        Line(f"{ago(memory.now, failure.time)}:{at} {failure_words(failure)}.", 0, failure.position),
         Line(
             f"It is part of the plan {plan_words(made.chosen)} for {event_words(made.event)}.", 1, made.chosen.position
         ),
-        *(Line(line.text.replace("It ", "That ", 1), *_rest(line)) for line in cause_lines(memory, made)),
+        *cause_lines(memory, made, event_words(made.event)),
         *aftermath(memory, failure),
     ]
     if same > 1:
         lines.append(Line(f"The same {many(same - 1, 'time')} before.", 1))
     return Paragraph("failure", tuple(lines), failure.time, same)
-
-
-def _rest(line: Line) -> tuple[int, str]:
-    return line.indent, line.position
 
 
 def _key(failure: FailureView) -> tuple[str, str, str]:
@@ -228,5 +220,5 @@ def _unknown(view: MindView, subject: Subject) -> str:
     names = names_of(view)
     if subject.name in names:
         return f"Nothing is remembered of {subject.text}, and nothing is believed about it."
-    hint = did_you_mean(subject.name, names)
-    return f"Nothing of {view.agent}'s is called `{subject.name}`{hint or ': no goal, belief or action'}."
+    hint = did_you_mean(subject.name, names) or ": no goal, belief or action."
+    return f"Nothing of {view.agent}'s is called `{subject.name}`{hint}"

@@ -16,8 +16,8 @@ MOST_FOLLOWED = 400
 """So many are followed at most."""
 
 
-def cause_lines(memory: Memory, decision: DecisionView, indent: int = 1) -> list[Line]:
-    """Where an event comes from, a line for each step back."""
+def cause_lines(memory: Memory, decision: DecisionView, called: str = "it", indent: int = 1) -> list[Line]:
+    """Where an event comes from, a line for each step back; it is `called` so in the first of them."""
     lines: list[Line] = []
     known: dict[tuple[str, ...], int] = {}
     rounds = further = 0
@@ -33,18 +33,14 @@ def cause_lines(memory: Memory, decision: DecisionView, indent: int = 1) -> list
         elif len(lines) >= MOST_LINKS:
             further += 1
         else:
-            lines += _link(made, cause, _subject(made, first=not lines), indent)
+            lines += _link(made, cause, event_words(made.event) if lines else called, indent)
     if further:
         lines.append(Line(f"... and {many(further, 'step')} more back.", indent))
     if rounds:
         lines.append(Line(f"So it went round {many(rounds, 'time')} before, as far as is remembered.", indent))
     if last is not None and last[1].by is None and last[1].failure is None:
-        lines += _origin(last[0], _subject(last[0], first=not lines), indent)
+        lines += _origin(last[0], event_words(last[0].event) if lines else called, indent)
     return lines
-
-
-def _subject(made: DecisionView, first: bool) -> str:
-    return "it" if first else event_words(made.event)
 
 
 def _link(made: DecisionView, cause: Cause, subject: str, indent: int) -> Iterator[Line]:

@@ -17,11 +17,14 @@ from argosy.why.words import (
     rejected_words,
     shown,
     with_values,
+    without_annotations,
 )
 from schemas.minds import DecisionView, FailureView, RejectedView
 
 MOST_PLANS = 6
 """So many rejected plans are told; of further ones the number."""
+WITHOUT_PLAN = ("no_relevant", "no_applicable")
+"""Errors of goals that found no plan."""
 
 
 def groups(decisions: Iterable[DecisionView]) -> list[list[DecisionView]]:
@@ -106,7 +109,7 @@ def _running(memory: Memory, made: DecisionView) -> Line:
     for intention in memory.view.intentions:
         if intention.id == made.intention:
             where = f" at {intention.at}" if intention.at else ""
-            if intention.stack and intention.stack[0] != _bare(made.event):
+            if intention.stack and intention.stack[0] != without_annotations(made.event):
                 inner = raiser_words(intention.stack[0])
                 return Line(f"The plan still runs: it waits for {inner}, which is{where}.", 1, intention.at)
             return Line(f"The plan still runs{where}{_waits(intention.state, intention.reason)}.", 1, intention.at)
@@ -126,7 +129,7 @@ def waited_for(reason: str) -> str:
     if reason.startswith("answer of "):
         return f"the {reason}"
     if reason.startswith("wait(") and reason.endswith("s)"):
-        return f"a time: {reason[5:-2]} s"
+        return f"{reason[5:-2]} s to pass (.wait)"
     match reason:
         case "wait(formula)":
             return "a condition to hold (.wait)"
@@ -141,12 +144,6 @@ def waited_for(reason: str) -> str:
     return reason
 
 
-def _bare(event: str) -> str:
-    from argosy.why.words import without_annotations
-
-    return without_annotations(event)
-
-
 def failure_lines(memory: Memory, failure: FailureView) -> Iterator[Line]:
     """What failed in a plan, and what that led to."""
     at = f" at {failure.position}" if failure.position else ""
@@ -156,7 +153,9 @@ def failure_lines(memory: Memory, failure: FailureView) -> Iterator[Line]:
 
 def aftermath(memory: Memory, failure: FailureView) -> Iterator[Line]:
     """What became of the goals of a failure."""
-    given_up = f"{goals_words(failure.given_up)} failed" if failure.given_up else "the goal failed"
+    own = (failure.formula,) if failure.error in WITHOUT_PLAN else ()
+    goals = tuple(dict.fromkeys((*map(without_annotations, own), *failure.given_up)))
+    given_up = f"{goals_words(goals)} failed" if goals else "the goal failed"
     if not failure.handled_by:
         yield Line(f"So {given_up}, and the intention ended: no plan handles such a failure.", 1)
         return
@@ -170,7 +169,7 @@ def aftermath(memory: Memory, failure: FailureView) -> Iterator[Line]:
 
 def _unchosen(memory: Memory, made: DecisionView) -> Iterator[Line]:
     for failure in memory.failures:
-        if failure.cycle == made.cycle and failure.error in ("no_relevant", "no_applicable"):
+        if failure.cycle == made.cycle and failure.error in WITHOUT_PLAN:
             yield from aftermath(memory, failure)
             return
     yield Line("So it failed.", 1)

@@ -6,19 +6,23 @@ import asyncio
 import time
 from collections.abc import Iterable
 from contextlib import aclosing
+from pathlib import PurePath
 from typing import TypeVar
+
+from msgspec.structs import replace
 
 from argosy.operator_bus import ANY, Unanswered
 from argosy.why.about import about as tell_about
-from argosy.why.deciding import decision_paragraph, groups
+from argosy.why.deciding import WITHOUT_PLAN, decision_paragraph, groups
 from argosy.why.mails import MailFacts, dead_letters, question_paragraph
 from argosy.why.memory import Memory
 from argosy.why.present import doing, dropped, failure_paragraph, only_counted, standing
 from argosy.why.story import Explanation, Line, Paragraph
 from argosy.why.subject import subject_of
+from argosy.why.words import without_annotations
 from commd.bus import Bus
 from schemas import keys
-from schemas.minds import MindView
+from schemas.minds import DecisionView, MindView
 from schemas.positions import did_you_mean
 from schemas.records import BoardServices, Mailboxes, Record
 
@@ -59,20 +63,29 @@ def tell(view: MindView, about: str = "", *, last: int = LAST, facts: MailFacts 
     paragraphs = tell_about(memory, subject_of(about), last, facts) if about else _now(memory, last, facts)
     if not view.decisions and not view.failures:
         paragraphs.append(Paragraph("hint", (Line(NO_DECISIONS),)))
-    return Explanation(view.agent, about, memory.now, tuple(paragraphs))
+    folder = f"{PurePath(view.program).parent}/" if "/" in view.program else ""
+    return Explanation(view.agent, about, memory.now, tuple(_nearer(paragraph, folder) for paragraph in paragraphs))
+
+
+def _nearer(paragraph: Paragraph, folder: str) -> Paragraph:
+    """The texts without the folder of the program before each place in it."""
+    if not folder:
+        return paragraph
+    lines = tuple(replace(line, text=line.text.replace(folder, "")) for line in paragraph.lines)
+    return replace(paragraph, lines=lines)
 
 
 def _now(memory: Memory, last: int, facts: MailFacts) -> list[Paragraph]:
     """What it is doing and what went wrong, oldest first; then what it is doing."""
     view = memory.view
-    wrong = [one for one in memory.decisions if one.outcome in ("failed", "dropped") or one.chosen is None]
-    told = {id(one.failure) for one in memory.decisions if one.failure is not None}
+    wrong = [one for one in memory.decisions if _went_wrong(one)]
+    told = [one.failure for one in wrong if one.failure is not None]
     goals = {one.cycle for one in wrong if one.chosen is None}
     happened = [decision_paragraph(memory, group) for group in groups(wrong)]
     happened += [
         failure_paragraph(memory, failure)
         for failure in memory.failures
-        if id(failure) not in told and not _is_told(failure.cycle, failure.error, goals)
+        if failure not in told and not _is_told(failure.cycle, failure.error, goals)
     ]
     happened += list(dropped(memory, view.drops))
     happened.sort(key=lambda paragraph: paragraph.time or 0.0)
@@ -81,8 +94,17 @@ def _now(memory: Memory, last: int, facts: MailFacts) -> list[Paragraph]:
     return [*only_counted(view), *given_up, *happened[-last:], *asked, standing(memory), *doing(memory)]
 
 
+def _went_wrong(made: DecisionView) -> bool:
+    """Whether a plan was dropped or failed by itself, not only with one that it waited for, or there was none."""
+    if made.failure is not None:
+        if made.failure.error in WITHOUT_PLAN:
+            return False  # that of the goal without a plan is told
+        return made.failure.given_up[:1] == (without_annotations(made.event),)
+    return made.outcome == "dropped" or made.chosen is None
+
+
 def _is_told(cycle: int, error: str, goals: set[int]) -> bool:
-    return error in ("no_relevant", "no_applicable") and cycle in goals
+    return error in WITHOUT_PLAN and cycle in goals
 
 
 async def view_of(bus: Bus, fleet: str, agent: str) -> tuple[str, MindView]:

@@ -54,7 +54,7 @@ def doing(memory: Memory) -> Iterator[Paragraph]:
 
 def intention_lines(memory: Memory, intention: IntentionView) -> Iterator[Line]:
     """An intention: what it is at, what for, and where it comes from."""
-    goals = [raiser_words(event) for event in intention.stack]
+    goals = [_goal(event) for event in intention.stack]
     at = f" at {intention.at}" if intention.at else ""
     since = f" for {span(memory.now - intention.since)}" if intention.since is not None else ""
     match intention.state:
@@ -70,12 +70,16 @@ def intention_lines(memory: Memory, intention: IntentionView) -> Iterator[Line]:
     if len(goals) > 1:
         above = goals[1 : MOST_GOALS + 1]
         more = f", and {many(len(goals) - 1 - MOST_GOALS, 'more goal')} above" if len(goals) - 1 > MOST_GOALS else ""
-        yield Line(f"This is for {', for '.join(above)}{more}.", 1)
+        yield Line(f"It is for {', for '.join(above)}{more}.", 1)
     root = intention.stack[-1] if intention.stack else ""
     for made in memory.decisions:
         if made.intention == intention.id and without_annotations(made.event) == root and not made.goal:
-            yield Line(f"{goals[-1]} {origin_words(made)}.", 1, made.asked_at)
+            yield Line(f"{first_up(goals[-1])} {origin_words(made)}.", 1, made.asked_at)
             return
+
+
+def _goal(event: str) -> str:
+    return raiser_words(event).replace("the failure of", "the failure plan of", 1)
 
 
 def dropped(memory: Memory, drops: tuple[DropView, ...]) -> Iterator[Paragraph]:

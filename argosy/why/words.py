@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from argosy.journal import printable
-from schemas.minds import DecisionView, FailureView, PlanView, RejectedView
+from schemas.minds import FailureView, PlanView, RejectedView
 
 LONGEST = 160
 """Characters of a formula that are shown."""
@@ -52,19 +52,24 @@ def joined(parts: Sequence[str], last: str = "and") -> str:
 
 
 def without_annotations(text: str) -> str:
-    """An event without what stands in its last square brackets: `+!go(1)` of `+!go(1)[source(bob)]`."""
-    if not text.endswith("]"):
-        return text
-    depth, quoted = 0, False
-    for place in range(len(text) - 1, -1, -1):
+    """An event without what stands in square brackets behind it: `+!go(1)` of `+!go(1)[source(bob)]`."""
+    depth, quote, place = 0, "", 0
+    while place < len(text):
         character = text[place]
-        if character == '"':
-            quoted = not quoted
-        elif not quoted and character in "[]":
-            depth += 1 if character == "]" else -1
-            if depth == 0:
-                head = text[:place]
-                return head if head and head[-1] not in "(,|" else text
+        if quote:
+            if character == "\\":
+                place += 1
+            elif character == quote:
+                quote = ""
+        elif character in "\"'":
+            quote = character
+        elif character == "(":
+            depth += 1
+        elif character == ")":
+            depth -= 1
+        elif character == "[" and depth == 0:
+            return text[:place]
+        place += 1
     return text
 
 
@@ -148,21 +153,3 @@ def failure_words(failure: FailureView) -> str:
         case "undefined_number":
             return f"{what} could not be computed{why}"
     return f"{what} failed with the error {failure.error}{why}"
-
-
-def cause_words(decision: DecisionView) -> str:
-    """Where an event that begins an intention comes from, as a clause about `it`; empty if that is not known."""
-    cause = decision.cause
-    if cause == "the program":
-        return "the program begins with it"
-    if cause == "given from outside":
-        return "it was given from outside: by an operator, the mission or a restart"
-    if cause == "a percept":
-        return "the agent perceived it"
-    if cause.startswith("message "):
-        words = cause.split(" ")
-        identity = f" {words[4]}" if len(words) > 4 else ""
-        return f"{words[3]} sent it in a message ({words[1]}{identity.replace('(', ', ').rstrip(')')})"
-    if cause.startswith("told by "):
-        return f"{cause.removeprefix('told by ')} told it"
-    return cause
