@@ -103,9 +103,11 @@ COMMANDS = {
     "keys": "make, renew and revoke the certificates by which boards and operators know each other",
     "doctor": "look a fleet over: clocks, disks, links, versions, percepts; say what to do",
     "record": "record everything that a fleet says into an MCAP file",
+    "replay": "say a recording once more on the bus, tell what it holds, or live a mind of it again",
     "metrics": "serve the health of a fleet to Prometheus, on loopback",
     "why": "tell why an agent did, or did not do, something, back to what caused it",
     "mail": "show what waits in the mailboxes of a fleet, and what was given up",
+    "plot": "draw a recording for a paper: tracks, altitude, modes, actions and messages on one axis of time",
     "referee": "judge a search and rescue by what the simulators saw: each victim one buoy",
     "wheelhouse": "download all that boards without internet install, Argosy's own wheel among it",
     "units": "write the systemd units, router configuration and files that one board of a mission needs",
@@ -141,6 +143,10 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy.recording import record
 
             return record.add_arguments, record.run
+        case "replay":
+            from argosy.recording import replay
+
+            return replay.add_arguments, replay.run
         case "metrics":
             from argosy import metrics
 
@@ -153,6 +159,10 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy import mail
 
             return mail.add_arguments, mail.run
+        case "plot":
+            from argosy import plot
+
+            return plot.add_arguments, plot.run
         case "referee":
             from argosy import referee
 
