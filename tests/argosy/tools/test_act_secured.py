@@ -1,4 +1,4 @@
-"""By hand in a fleet with keys: where the mission says `inject: true` an operator acts and tells percepts, no observer."""
+"""By hand in a fleet with keys: where a mission says `inject: true` operators act and tell percepts, observers not."""
 
 from __future__ import annotations
 
