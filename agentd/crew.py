@@ -298,7 +298,7 @@ class Crew:
         """Let an agent made here join a board; None if its name is taken somewhere. Raises NotDone, BusClosed."""
         try:
             self.roster.told(await self._services.ask(board, name, "join"))
-            part = Part(name, program, None, {}, {}, self._seed + len(self.hosts))
+            part = Part(name, program, None, {}, {}, self._seed + len(self.hosts), inject=self._mission.inject)
             return self._house(part, board, await self._bus.claim(name))
         except AlreadyRunning:
             return None

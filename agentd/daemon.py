@@ -129,6 +129,7 @@ def prepare(mission: Mission, agent: str, seed: int, decisions: int = DECISIONS)
         digest_of(program),
         elsewhere if elsewhere != mission.agents[agent].board else None,
         mission.agents[agent].presence,
+        mission.inject,
     )
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from agentd.backlog import Backlog
+from agentd.control import Control
 from agentd.keeping import Keeping
 from agentd.language.compile import CompiledProgram
 from agentd.language.signatures import signature
@@ -33,18 +34,18 @@ from agentd.performing import NoJournal, Performing
 from agentd.restart import come_back, raise_interrupted
 from agentd.roster import Roster
 from agentd.telling import line_of
-from agentd.viewing import decisions_of, intentions_of
+from agentd.viewer import Viewer
 from agentd.wire import BadTerm, perceived
 from commd.acting import Acting
 from commd.bridge_watch import BridgeWatch
-from commd.bus import Bus, Query, Token
+from commd.bus import Bus, Token
 from commd.clock import Clock
+from commd.hand_percepts import hear_by_hand
 from commd.notify import Loop
 from commd.output import stdout
 from commd.perceiving import Perceiving
 from commd.tasks import Tasks, wait_at_most
-from schemas import keys
-from schemas.minds import BeliefView, MindView
+from schemas.minds import MindView
 from schemas.records import Health, Perception
 
 Team: TypeAlias = "Callable[[Host, TeamRequest], Awaitable[TeamReply]]"
@@ -92,6 +93,8 @@ class Part:
     """The board of its robot, if that is another one than its own."""
     presence: bool = False
     """It is told who else is there: `online(Agent)[board(B)]`."""
+    inject: bool = False
+    """Operators may pause it and give it goals and beliefs."""
 
 
 def reason(mind: Mind, clock: Clock, share: int = 1) -> list[Effect]:
@@ -154,11 +157,13 @@ class Host:
         self._perceiving: Perceiving | None = None
         self._acting: Acting | None = None
         if part.robot is not None:
-            self._perceiving = Perceiving(bus, part.name, part.robot, self._perceive)
+            self._perceiving = Perceiving(bus, part.name, part.robot, self._perceive, part.inject)
             watch = BridgeWatch(bus, part.robot, self._bridge_up, self._bridge_gone, part.robot_elsewhere)
             self._acting = Acting(bus, part.name, self._perceiving, watch, clock.to_wall)
             self._tasks.spawn(self._perceiving.run())
             self._tasks.spawn(watch.run())
+        elif part.inject:
+            hear_by_hand(bus, part.name, self._perceive)
         self._performing = Performing(
             part.name,
             bus.boot,
@@ -168,7 +173,17 @@ class Host:
             self._tasks.spawn,
             self._interrupted,
         )
-        self._hide = bus.serve(keys.mind(bus.fleet, part.name), MindView, self._show)
+        self._control = Control(bus, self._mind, part.inject, wall=clock.wall, feed=self._feed, changed=self._ordered)
+        self._viewer = Viewer(
+            bus,
+            self._mind,
+            clock,
+            self._control,
+            prints=self._prints,
+            actions=(),
+            done=part.done,
+            failed=part.failed,
+        )
 
     def _keep_in(self, memory: Memory | None) -> Keeping | None:
         """Take up the mail of a former life, and prepare to keep this one."""
@@ -219,20 +234,23 @@ class Host:
             while not stop.is_set():
                 loop.beat()
                 self._wake.clear()
-                _busy.add(self)
-                for effect in reason(mind, clock, len(_busy)):
-                    self._carry_out(effect)
-                if not mind.ready:
+                if self._control.may_reason():
+                    _busy.add(self)
+                    self._go_on(reason(mind, clock, len(_busy)))
+                else:
+                    self._step()
+                ready = mind.ready and not self._control.paused
+                if not ready:
                     _busy.discard(self)
                 look_at = self._keep()
                 if self.stopped is not None:
                     break
-                if mind.ready:
+                if ready:
                     await asyncio.sleep(0)
                     continue
-                due = mind.wake_at
+                due = None if self._control.paused else mind.wake_at
                 pauses = [] if due is None else [max(0.0, clock.to_wall(due - clock.now()))]
-                pauses += [pause for pause in (look_at, loop.period) if pause is not None]
+                pauses += [pause for pause in (look_at, loop.period, self._control.left) if pause is not None]
                 await wait_at_most(self._wake, min(pauses, default=None))
         finally:
             _busy.discard(self)
@@ -240,10 +258,30 @@ class Host:
             waiting.cancel()
             await self._leave()
 
+    def _go_on(self, effects: list[Effect]) -> None:
+        """Carry out what a run of the mind wants done."""
+        self._mind.beliefs.mark(self._mind.now)
+        for effect in effects:
+            self._carry_out(effect)
+
+    def _step(self) -> None:
+        """Run the cycles that an operator asks of a mind that is paused."""
+        while steps := self._control.take_step():
+            self._go_on(self._mind.run(self._clock.now(), 1))
+            for step in steps:
+                if not step.done():
+                    step.set_result(None)
+
+    def _ordered(self, order: str) -> None:
+        """An operator has done something to the mind."""
+        self._viewer.forget()
+        self._wake.set()
+
     def _keep(self) -> float | None:
         """Begin a save if one is due. Returns the wall seconds until it is to be looked at again."""
         if self._keeping is not None:
-            return self._keeping.look(quiet=not self._mind.ready)
+            paused = self._control.paused and self._mind.atomic is None
+            return self._keeping.look(quiet=paused or not self._mind.ready)
         self._mailing.forget()
         return None
 
@@ -279,7 +317,8 @@ class Host:
 
     def close(self) -> None:
         """Leave the bus for good: nobody of this name is here any more."""
-        self._hide()
+        self._viewer.withdraw()
+        self._control.withdraw()
         self._bus.withdraw(self._token)
 
     def copy_from(self, other: Host) -> None:
@@ -366,26 +405,9 @@ class Host:
 
     # --- for observers ---
 
-    async def _show(self, query: Query[MindView]) -> None:
-        query.reply(self.view(), keys.mind(self._bus.fleet, self.part.name))
-
     def view(self) -> MindView:
         """Return what the agent believes and intends now."""
-        mind = self._mind
-        decisions, failures = decisions_of(mind)
-        return MindView(
-            header=self._bus.header("mind", self.part.name),
-            agent=self.part.name,
-            cycle=mind.cycle,
-            beliefs=tuple(BeliefView(text=belief.annotated) for belief in mind.belief_views()),
-            intentions=intentions_of(mind),
-            prints=tuple(self._prints),
-            done={text: mind.query(formula) for text, formula in self.part.done.items()},
-            failed={text: mind.query(formula) for text, formula in self.part.failed.items()},
-            decisions=decisions,
-            failures=failures,
-            dropped=dict(mind.drops.counts),
-        )
+        return self._viewer.view()
 
     def health(self) -> Health:
         """Return what the agent has counted, for its health."""
@@ -397,7 +419,8 @@ class Host:
         mind = self._mind
         counters["cycles"] = mind.cycle
         missed = self._perceiving.percepts.missed if self._perceiving else 0
-        waiting = len(mind.events) + len(mind.mailbox) if mind.ready else 0  # an atomic plan that waits keeps the rest
+        reasons = mind.ready and not self._control.paused
+        waiting = len(mind.events) + len(mind.mailbox) if reasons else 0  # an atomic plan that waits keeps the rest
         return Health(
             drops=sum(mind.drops.counts.values()) + stdout().dropped,
             bad_input=self.counters["bad_percepts"] + self._mailing.counters["bad"],
@@ -408,7 +431,8 @@ class Host:
 
     def notes(self) -> tuple[str, ...]:
         """Warnings that hold now, in words."""
-        return () if self._keeping is None else tuple(self._keeping.notes())
+        kept = () if self._keeping is None else self._keeping.notes()
+        return (*self._control.notes(), *kept)
 
 
 _busy: set[Host] = set()

@@ -1,47 +1,166 @@
-"""What a mind shows of itself to observers, as records."""
+"""What a mind shows of itself to observers, as records: bounded, and what is as before is not made again."""
 
 from __future__ import annotations
 
-from typing import Any, Final
+from collections.abc import Iterable
+from itertools import islice
+from typing import Any, Final, TypeVar
 
 import msgspec
 
+from agentd.language.printer import source_text
+from agentd.language.terms import Literal
+from agentd.look import EVERYTHING, MOST_BELIEFS, Look
 from agentd.mind import Mind
-from agentd.mind.decision_views import DecisionView, FailureView
+from agentd.mind.decision_views import DecisionView, FailureView, plan_view, written
+from agentd.mind.plan_uses import plan_context, plan_uses
+from agentd.mind.snapshot import belief_text, believed, lasting, sources_of
 from schemas import minds
 
-LAST_DECISIONS: Final = 20
-"""So many of the last decisions and failures stand in a view of a mind."""
+V = TypeVar("V")
+
 MOST_PLANS: Final = 10
 """So many plans of a decision are shown."""
+MOST_INTENTIONS: Final = 100
+MOST_GOALS: Final = 100
+"""So many goals of an intention are shown, the top of its stack first."""
+MOST_EVENTS: Final = 50
+MOST_QUESTIONS: Final = 50
+MOST_LISTED_PLANS: Final = 1000
+MOST_NAMES: Final = 20
+"""So many names whose plans were asked for are remembered."""
 
 
-def intentions_of(mind: Mind) -> tuple[minds.IntentionView, ...]:
-    """The intentions as they stand."""
-    return tuple(
+class Beliefs:
+    """The beliefs of a mind as records; those that are still there are made once."""
+
+    def __init__(self, mind: Mind) -> None:
+        self._mind = mind
+        self._shown: dict[int, tuple[Literal, minds.BeliefView]] = {}
+        """What the last look has shown of facts that do not change, by their identity; it keeps them alive."""
+        self._whole = False
+        """Whether the last look has shown everything."""
+
+    def shown(self, look: Look, now: float) -> tuple[tuple[minds.BeliefView, ...], int]:
+        """The beliefs, and how many more there are."""
+        facts, count = believed(self._mind, look.beliefs, look.about)
+        before, known = self._shown, dict[int, tuple[Literal, minds.BeliefView]]()
+        views: list[minds.BeliefView] = []
+        for fact in facts:
+            entry = before.get(id(fact))
+            if entry is None:
+                stays = lasting(fact)
+                view = self._view(fact, now if stays and not look.about and look.beliefs == MOST_BELIEFS else None)
+                if stays:
+                    known[id(fact)] = (fact, view)
+            else:
+                view = entry[1]
+                known[id(fact)] = entry
+            views.append(view)
+        if not look.about and look.beliefs == MOST_BELIEFS:
+            self._shown, self._whole = known, count == len(facts)
+        return tuple(views), count - len(facts)
+
+    def _view(self, fact: Literal, new: float | None) -> minds.BeliefView:
+        """A belief that the last look has not shown, and so is `new` if that one has shown everything."""
+        base = self._mind.beliefs
+        since = base.since(fact) if base.dated else new if self._whole else None
+        return minds.BeliefView(text=belief_text(fact), sources=sources_of(fact), since=since)
+
+
+def intentions_of(mind: Mind) -> tuple[tuple[minds.IntentionView, ...], int]:
+    """The intentions as they stand, and how many more there are."""
+    shown = tuple(
         minds.IntentionView(
             id=view.id,
             state=view.state,
             reason=view.reason,
-            stack=tuple(goal.trigger for goal in view.stack),
+            stack=tuple(goal.trigger for goal in view.stack[:MOST_GOALS]),
             at=view.stack[0].position if view.stack else "",
+            since=view.since,
         )
-        for view in mind.intention_views()
+        for view in mind.intention_views(MOST_INTENTIONS)
+    )
+    if len(shown) < MOST_INTENTIONS:
+        return shown, 0
+    return shown, sum(bool(intention.stack) for intention in mind.all_intentions()) - len(shown)
+
+
+def events_of(mind: Mind, about: str) -> tuple[tuple[minds.EventView, ...], int]:
+    """The events that are taken next, and how many more wait; those of another name are not shown."""
+    views = mind.event_views(MOST_EVENTS)
+    shown = [view for view in views if not about or view.name == about]
+    return _records(shown, minds.EventView), len(mind.events) - len(views)
+
+
+def questions_of(mind: Mind) -> tuple[minds.QuestionView, ...]:
+    """What others were asked and have not answered."""
+    return _records(mind.question_views()[:MOST_QUESTIONS], minds.QuestionView)
+
+
+class Plans:
+    """The plans of a mind as records, made anew when there are others."""
+
+    def __init__(self, mind: Mind) -> None:
+        self._mind = mind
+        self._version = -1
+        self._made: dict[str, tuple[minds.PlanView, ...]] = {}
+
+    def shown(self, look: Look) -> tuple[minds.PlanView, ...]:
+        """The plans in order, if they are asked for."""
+        if not look.plans:
+            return ()
+        if self._version != self._mind.plans.version or len(self._made) > MOST_NAMES:
+            self._version, self._made = self._mind.plans.version, {}
+        made = self._made.get(look.about)
+        if made is None:
+            plans = (plan for plan in self._mind.plans if not look.about or _functor(plan) == look.about)
+            made = self._made[look.about] = tuple(_plan(plan) for plan in islice(plans, MOST_LISTED_PLANS))
+        return made
+
+
+def _functor(plan: Any) -> Any:
+    return getattr(plan.syntax.trigger.literal, "functor", None)
+
+
+def _plan(plan: Any) -> minds.PlanView:
+    shown = plan_view(plan)
+    return minds.PlanView(
+        label=shown.label,
+        trigger=shown.trigger,
+        position=shown.position,
+        context=written(plan_context(plan.syntax)),
+        uses=plan_uses(plan.syntax),
+        source=source_text(plan.syntax),
     )
 
 
-def decisions_of(mind: Mind) -> tuple[tuple[minds.DecisionView, ...], tuple[minds.FailureView, ...]]:
+def decisions_of(
+    mind: Mind, look: Look = EVERYTHING
+) -> tuple[tuple[minds.DecisionView, ...], tuple[minds.FailureView, ...]]:
     """The last decisions and the failures among them."""
-    views = mind.decision_views(LAST_DECISIONS)
-    decisions = tuple(_decision(view) for view in views if isinstance(view, DecisionView))
-    return decisions, tuple(_record(view, minds.FailureView) for view in views if isinstance(view, FailureView))
+    if not look.last:
+        return (), ()
+    views = mind.decision_views(look.last, look.about)
+    decisions = tuple(decision_record(view) for view in views if isinstance(view, DecisionView))
+    return decisions, _records((view for view in views if isinstance(view, FailureView)), minds.FailureView)
 
 
-def _decision(view: DecisionView) -> minds.DecisionView:
+def decision_record(view: DecisionView) -> minds.DecisionView:
+    """A decision as a record, with not too many plans."""
     record: minds.DecisionView = _record(view, minds.DecisionView)
     if len(record.rejected) <= MOST_PLANS and len(record.untried) <= MOST_PLANS:
         return record
     return msgspec.structs.replace(record, rejected=record.rejected[:MOST_PLANS], untried=record.untried[:MOST_PLANS])
+
+
+def drops_of(mind: Mind) -> tuple[minds.DropView, ...]:
+    """What was dropped because too much waited, by its name."""
+    return _records(mind.drops.by_name, minds.DropView)
+
+
+def _records(views: Iterable[Any], kind: type[V]) -> tuple[V, ...]:
+    return tuple(_record(view, kind) for view in views)
 
 
 def _record(view: Any, kind: type[Any]) -> Any:

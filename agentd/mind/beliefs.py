@@ -293,6 +293,9 @@ def _index_entry(index: tuple[dict[Any, dict[Any, Any]], dict[Any, Any]], positi
 class BeliefBase:
     """All predicates of a mind."""
 
+    dated = False
+    """Whether it knows since when it believes what."""
+
     def __init__(self, opened: Callable[[], None] = lambda: None) -> None:
         """``opened`` is called whenever a belief with a free variable comes in."""
         self._predicates: dict[Signature, Predicate] = {}
@@ -312,7 +315,7 @@ class BeliefBase:
         return list(self._predicates.values())
 
     def mark(self, now: float) -> None:
-        """Note that what is new has come by now, if this base knows since when it believes what."""
+        """Note that what is new since the last mark has come by now, in mission seconds, if it is `dated`."""
 
     def since(self, fact: Literal) -> float | None:
         """Since when a fact is believed, in mission seconds; None if nobody knows."""

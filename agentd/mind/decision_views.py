@@ -98,13 +98,25 @@ class DecisionView:
     failure: FailureView | None
 
 
-def views_of(mind: Any, records: Sequence[Decision | Failure], last: int | None) -> list[DecisionView | FailureView]:
-    """Views of records; of a long list only the last so many."""
+def views_of(
+    mind: Any, records: Sequence[Decision | Failure], last: int | None, about: str = ""
+) -> list[DecisionView | FailureView]:
+    """Views of records; of a long list only the last so many, of those ``about`` a functor if one is given."""
     failures = {id(frame): record for record in records if type(record) is Failure for frame in record.frames}
     args = {id(r.frame): r.shown_args for r in records if isinstance(r, Decision) and r.frame is not None}
     alive = {id(frame) for intention in mind.all_intentions() for frame in intention.stack}
     views = _Views(mind, failures, args, alive)
+    if about:
+        records = [record for record in records if _is_about(record, about)]
     return [views.of(record) for record in (records if last is None else records[max(0, len(records) - last) :])]
+
+
+def _is_about(record: Decision | Failure, functor: str) -> bool:
+    if type(record) is Decision:
+        return bool(record.relevant.sig.functor == functor)
+    goal = record.failed.goal  # type: ignore[union-attr]
+    names = [frame[RELEVANT].sig.functor for frame in record.frames]  # type: ignore[union-attr]
+    return functor in names or (goal is not None and goal.sig.functor == functor)
 
 
 def view_of(mind: Any, record: Decision | Failure) -> DecisionView | FailureView:

@@ -12,7 +12,7 @@ from agentd.mind.frames import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Frame, Step
 class Intention:
     """One focus of the mind: the plans it is in the middle of, the innermost last."""
 
-    __slots__ = ("action", "branch", "id", "last", "stack", "suspended", "trail", "waiting")
+    __slots__ = ("action", "branch", "id", "last", "since", "stack", "suspended", "trail", "waiting")
 
     waiting: str | None
     """What it waits for, in words; None while it runs or waits for its own event."""
@@ -31,6 +31,8 @@ class Intention:
         self.trail: list[Var] = []
         """The variables bound so far that a failure may have to free again."""
         self.waiting = self.suspended = self.action = self.branch = None
+        self.since = 0.0
+        """Mission seconds since when it waits for what `waiting` says."""
 
     def goals(self) -> list[tuple[Any, Literal]]:
         """The goals and events that its plans answer, innermost first, with their `Relevant`."""

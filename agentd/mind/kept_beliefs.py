@@ -142,6 +142,8 @@ class KeptBeliefs(BeliefBase):
     A fact is kept as a literal without source(percept), a rule of the program as its text, another rule as code.
     """
 
+    dated = True
+
     def __init__(self, opened: Callable[[], None]) -> None:
         super().__init__(opened)
         self._book = _Book()

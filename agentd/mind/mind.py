@@ -27,7 +27,7 @@ from agentd.mind.drops import Drops
 from agentd.mind.effects import Effect, Log, SendMail
 from agentd.mind.frames import PLAN, Frame
 from agentd.mind.goal_states import raise_state
-from agentd.mind.inputs import Input, Mail, TimeRead
+from agentd.mind.inputs import Input, Mail, TimeRead, TooDeep
 from agentd.mind.intentions import Intention
 from agentd.mind.keeping import Keeper
 from agentd.mind.library import Library
@@ -39,7 +39,16 @@ from agentd.mind.plans import PlanLibrary
 from agentd.mind.resolving import detach, resolve_all, resolve_annots
 from agentd.mind.runtime import RUNTIME
 from agentd.mind.selection import Event, take_event, take_event_recorded
-from agentd.mind.snapshot import BeliefView, IntentionView, views_of_beliefs, views_of_intentions
+from agentd.mind.snapshot import (
+    BeliefView,
+    EventView,
+    IntentionView,
+    QuestionView,
+    views_of_beliefs,
+    views_of_events,
+    views_of_intentions,
+    views_of_questions,
+)
 from agentd.mind.team import Request
 from agentd.mind.timers import Timer, Timers
 from agentd.mind.unifier import undo
@@ -169,6 +178,7 @@ class Mind:
         self.epoch, self.zone = epoch, zone
         self.failed_handlers: dict[int, int] = {}
         """How often the failure plan of an intention has failed itself and was tried again, by the intention's id."""
+        self.most_frames: float = MOST_FRAMES
         self.verbose = 1
         """What ``.verbose`` set: 0 prints without the agent's name, 2 shows debugging."""
         self._warned: dict[str, None] = {}
@@ -213,6 +223,13 @@ class Mind:
         """Take over another mind's beliefs, rules and plans, without their events (``.clone``)."""
         copy_mind(self, other)
 
+    def tell_inputs(self, to: Callable[[int, Input], None] | None) -> None:
+        """Tell each input to somebody else from now on, or to nobody: ``on_input``."""
+        if self.recorder is None:
+            self.on_input = to
+        else:
+            self.recorder.pass_on = to
+
     def feed(self, item: Input) -> None:
         """Hand in an input; it is taken in the next cycle (mail: one message per cycle, at most `MOST_MAIL` wait)."""
         if type(item) is Mail:
@@ -238,7 +255,9 @@ class Mind:
         except RecursionError:
             self.effects.append(Log("error", "a term or rule is too deep; what it was needed for is lost"))
         current = self.current
-        if current is not None and len(current.stack) > MOST_FRAMES:
+        if current is not None and len(current.stack) > self.most_frames:
+            if self.on_input is not None:
+                self.on_input(self.cycle, TooDeep())
             fail_too_deep(self, current)
         effects, self.effects = self.effects, []
         return effects
@@ -265,30 +284,47 @@ class Mind:
         return not self.ready and self.wake_at is None and not self.waiting
 
     def query(self, formula: Any) -> bool:
-        """Whether a parsed formula (`agentd.language.parser.parse_formula`) follows from the beliefs."""
+        """Whether a parsed formula (`agentd.language.parser.parse_formula`) follows from the beliefs.
+
+        It leaves no trace in the mind, whatever rules it uses: who looks on changes nothing.
+        """
         known = self._queries.get(id(formula))
         if known is None:
             holds = compile_formula(formula, self.compiler).load(RUNTIME, self.plans.provide)["holds"]
             known = self._queries[id(formula)] = (holds, formula)
         trail: list[Any] = []
+        own = self.random, self.on_input, self.effects, self.now, self._warned
+        self.random, self.on_input, self.effects, self._warned = random.Random(self.cycle), None, [], {}
         try:
             return bool(known[0](self, trail))
         except Exception:  # a function of the program's may raise anything; what cannot be computed does not hold
             return False
         finally:
             undo(trail, 0)
+            self.random, self.on_input, self.effects, self.now, self._warned = own
 
-    def intention_views(self) -> list[IntentionView]:
-        """The intentions as they stand, for people."""
-        return views_of_intentions(self)
+    def intention_views(self, most: int | None = None) -> list[IntentionView]:
+        """The intentions as they stand, for people; of many only the first so many."""
+        return views_of_intentions(self, most)
 
     def belief_views(self) -> list[BeliefView]:
         """The beliefs as they stand, for people."""
         return views_of_beliefs(self)
 
-    def decision_views(self, last: int | None = None) -> list[DecisionView | FailureView]:
-        """The last decisions and failures, oldest first, for people; none unless the mind was made to remember any."""
-        return [] if self.recorder is None else views_of(self, self.recorder.records(), last)
+    def event_views(self, most: int) -> list[EventView]:
+        """The events that are taken next, for people."""
+        return views_of_events(self, most)
+
+    def question_views(self) -> list[QuestionView]:
+        """What others were asked and have not answered, for people."""
+        return views_of_questions(self)
+
+    def decision_views(self, last: int | None = None, about: str = "") -> list[DecisionView | FailureView]:
+        """The last decisions and failures, oldest first, for people; none unless the mind was made to remember any.
+
+        ``about`` is the functor that their events or goals are to have.
+        """
+        return [] if self.recorder is None else views_of(self, self.recorder.records(), last, about)
 
     def post(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
         """Queue an event that starts an intention of its own; arguments and annotations are resolved."""
@@ -345,7 +381,7 @@ class Mind:
 
         ``token`` is what a drop must take back.
         """
-        intention.waiting = reason
+        intention.waiting, intention.since = reason, self.now
         self.waiting[intention.id] = (intention, token)
 
     def gone(self, intention: Intention) -> None:

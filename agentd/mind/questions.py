@@ -20,9 +20,13 @@ def wrong_answer() -> Failed:
 class Question:
     """A synchronous ask: the intention that waits, and for whose answers."""
 
-    def __init__(self, intention: Intention, answer: Any, many: bool, wanted: int) -> None:
-        self.intention, self.answer, self.many, self.wanted = intention, answer, many, wanted
+    def __init__(self, intention: Intention, answer: Any, many: bool, receivers: list[str]) -> None:
+        self.intention, self.answer, self.many, self.wanted = intention, answer, many, len(receivers)
+        self.receivers = receivers
+        self.performative, self.content, self.asked = "", None, 0.0
+        """What is asked, as a term, and since when in mission seconds."""
         self.ids: list[str] = []
+        """Of the messages, in the order of the receivers."""
         self.found: list[Any] = []
         self.timer: Any = None
 

@@ -82,7 +82,8 @@ def _ask(mind: Any, receivers: list[str], many: bool, force: str, content: Any, 
             raise wrong_answer()
         return None
     intention = mind.current
-    question = Question(intention, answer, many, len(receivers))
+    question = Question(intention, answer, many, receivers)
+    question.performative, question.content, question.asked = force, content, mind.now
     mind.await_something(intention, f"answer of {', '.join(receivers)}", question)
     for receiver in receivers:
         try:

@@ -64,7 +64,7 @@ class Hosted:
 
     @property
     def beliefs(self) -> tuple[str, ...]:
-        return self.host.view().beliefs
+        return tuple(belief.text for belief in self.host.view().beliefs)
 
     def tell(self, mail: Mail) -> None:
         """Hand it a message that does not come by the bus."""

@@ -12,12 +12,13 @@ from typing import Any
 import pytest
 
 from agentd.language.terms import List, Literal, Var
+from agentd.look import LAST_DECISIONS
 from agentd.mind.decision_views import DecisionView, FailureView
 from agentd.mind.effects import PerformAction
 from agentd.mind.holding import held, held_all, short_text
 from agentd.mind.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptAdded
 from agentd.mind.selection import take_event, take_event_recorded
-from agentd.viewing import LAST_DECISIONS, decisions_of
+from agentd.viewing import decisions_of
 from agentd.why import Narrator
 from tests.agentd.minds import World, mind_of, run, term
 

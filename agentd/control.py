@@ -1,0 +1,205 @@
+"""What an operator does to a mind, where the mission says `inject: true`: pause, step, resume, give a goal or a belief.
+
+A pause holds the mind between two cycles. Its actions go on, its timers run and fire when it goes on, its mail waits at
+commd as that of a busy mind does, and what it has become is kept. It ends by itself: nobody forgets a mind.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from typing import Final
+
+from agentd.language.errors import SyntaxErrors
+from agentd.language.instantiate import instantiate
+from agentd.language.parser import parse_literal
+from agentd.language.syntax import Structure
+from agentd.language.terms import Literal
+from agentd.mind import Mind
+from agentd.mind.inputs import BeliefAdded, GoalAdded, Input
+from agentd.mind.messages import told_annots
+from agentd.mind.resolving import is_ground
+from commd.bus import Bus, Query
+from schemas import keys
+from schemas.minds import MindOrder
+from schemas.records import Outcome
+
+log = logging.getLogger("control")
+
+LONGEST_PAUSE: Final = 600.0
+"""Wall seconds after which a mind that is paused goes on by itself."""
+MOST_WAITING: Final = 20_000
+"""Inputs that wait for a paused mind before it goes on by itself."""
+TOLD_AGAIN: Final = 60.0
+"""Wall seconds for which health tells that a mind went on by itself."""
+STEP_PATIENCE: Final = 5.0
+"""Wall seconds that a step may take before the operator is told that it has not been made yet."""
+LARGEST: Final = 65_536
+"""Bytes of an order."""
+OPERATOR: Final = "operator"
+"""The source of the operator's goals and beliefs."""
+NOT_ALLOWED: Final = "the mission does not say `inject: true`: only then its minds take orders"
+
+
+class Control:
+    """The operator's hold on one mind."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        mind: Mind,
+        allowed: bool,
+        *,
+        wall: Callable[[], float],
+        feed: Callable[[Input], None],
+        changed: Callable[[str], None],
+    ) -> None:
+        """`wall` tells wall seconds; `feed` gives the mind an input; `changed` hears of each order, in words."""
+        self._mind, self._allowed, self._wall, self._feed, self._changed = mind, allowed, wall, feed, changed
+        self._since = self._until = 0.0
+        """When the pause began and when it ends by itself, if there is one."""
+        self._paused = False
+        self._steps: list[asyncio.Future[None]] = []
+        """The steps that are to be made."""
+        self._over: tuple[float, str] | None = None
+        """When a pause has ended by itself, and why."""
+        self.withdraw = bus.serve(keys.control(bus.fleet, mind.name), MindOrder, self._serve, at_most=LARGEST)
+
+    @property
+    def paused(self) -> bool:
+        """Whether the mind is to stand still, but for steps."""
+        return self._paused
+
+    @property
+    def left(self) -> float | None:
+        """Wall seconds until the mind goes on by itself; None if it is not paused."""
+        return max(0.0, self._until - self._wall()) if self._paused else None
+
+    def may_reason(self) -> bool:
+        """Whether the mind may reason now as it likes; ends a pause that is over."""
+        if not self._paused:
+            return True
+        if self._wall() >= self._until:
+            self._go_on_by_itself(f"a pause lasts at most {LONGEST_PAUSE:g} s")
+        elif len(self._mind.inputs) > MOST_WAITING:
+            self._go_on_by_itself(f"more than {MOST_WAITING} inputs waited for it")
+        return not self._paused
+
+    def take_step(self) -> list[asyncio.Future[None]]:
+        """Return who waits for a cycle that is to be run now; nobody if none is."""
+        return [self._steps.pop(0)] if self._steps else []
+
+    def notes(self) -> tuple[str, ...]:
+        """What people should know now."""
+        now = self._wall()
+        if self._paused:
+            left = max(0.0, self._until - now)
+            return (f"paused by the operator for {now - self._since:.0f} s; it goes on by itself in {left:.0f} s",)
+        if self._over is not None and now < self._over[0] + TOLD_AGAIN:
+            return (f"paused by the operator, it went on by itself: {self._over[1]}",)
+        return ()
+
+    async def _serve(self, query: Query[MindOrder]) -> None:
+        if not query.concrete:
+            query.reply_error("an order is for one mind: its key must not have a wildcard")
+        elif query.record is None:
+            query.reply_error(query.error or "an order was expected: do=pause, step, resume, goal or belief")
+        elif not self._allowed:
+            query.reply(Outcome(ok=False, reason=NOT_ALLOWED))
+        else:
+            query.reply(await self.carry_out(query.record))
+
+    async def carry_out(self, order: MindOrder) -> Outcome:
+        """Carry out an order, or say why not."""
+        match order.do:
+            case "pause":
+                return self._pause()
+            case "resume":
+                return self._resume()
+            case "step":
+                return await self._step()
+            case "goal" | "belief":
+                return self._give(order)
+
+    def _pause(self) -> Outcome:
+        now = self._wall()
+        if not self._paused:
+            self._paused, self._since, self._over = True, now, None
+        self._until = now + LONGEST_PAUSE
+        self._told("pause")
+        return Outcome(ok=True, reason=f"it goes on by itself in {LONGEST_PAUSE:g} s")
+
+    def _resume(self) -> Outcome:
+        if not self._paused:
+            return Outcome(ok=False, reason="it is not paused")
+        self._end()
+        self._told("resume")
+        return Outcome(ok=True)
+
+    async def _step(self) -> Outcome:
+        if not self._paused:
+            return Outcome(ok=False, reason="it is not paused: only then it can be stepped")
+        step = asyncio.get_running_loop().create_future()
+        self._steps.append(step)
+        idle = not self._mind.ready
+        self._told("step")
+        try:
+            async with asyncio.timeout(STEP_PATIENCE):
+                await step
+        except TimeoutError:
+            return Outcome(ok=False, reason=f"it has not been made within {STEP_PATIENCE:g} s")
+        cycle = f"cycle {self._mind.cycle}"
+        return Outcome(ok=True, reason=f"{cycle}: there was nothing to do" if idle else cycle)
+
+    def _give(self, order: MindOrder) -> Outcome:
+        """Give the mind a goal or a belief of the operator's."""
+        sign = "!" if order.do == "goal" else "+"
+        try:
+            literal = _literal(order.text.strip().removeprefix(sign))
+        except SyntaxErrors as errors:
+            return Outcome(ok=False, reason=f"the {order.do} cannot be read: {errors.findings[0].message}")
+        if order.do == "belief" and not is_ground(literal):
+            return Outcome(ok=False, reason=f"a belief without variables was expected, got {literal}")
+        if order.do == "goal" and (why := self._no_plan(literal)):
+            return Outcome(ok=False, reason=why)
+        theirs = literal.with_annots(told_annots(self._mind, literal, OPERATOR))
+        self._feed(GoalAdded(theirs) if order.do == "goal" else BeliefAdded(theirs))
+        self._told(f"{order.do} {sign}{literal}")
+        return Outcome(ok=True, reason="it is paused: it takes it when it goes on" if self._paused else "")
+
+    def _no_plan(self, goal: Literal) -> str:
+        """Why a goal would be in vain, in words; empty if the program has a plan for it."""
+        plans = self._mind.plans
+        if plans.has_nested or plans.relevant("+", "!", goal.sig).plans:
+            return ""
+        triggers = [plan.syntax.trigger for plan in plans]
+        achieved = [t.literal for t in triggers if t.operator == "+" and t.goal == "!"]
+        structures = [one for one in achieved if isinstance(one, Structure)]
+        same = {f"+!{one.functor}/{len(one.args)}" for one in structures if one.functor == goal.functor}
+        others = f"; it has plans for {', '.join(sorted(same))}" if same else ""
+        return f"its program has no plan for +!{goal.sig.indicator}{others}"
+
+    def _go_on_by_itself(self, why: str) -> None:
+        self._end()
+        self._over = (self._wall(), why)
+        log.warning("agent=%s goes on by itself after the operator's pause: %s", self._mind.name, why)
+        self._changed(f"resume by itself: {why}")
+
+    def _end(self) -> None:
+        self._paused = False
+        for step in self._steps:
+            if not step.done():
+                step.set_result(None)
+        self._steps.clear()
+
+    def _told(self, order: str) -> None:
+        log.info("agent=%s operator=%s", self._mind.name, order)
+        self._changed(order)
+
+
+def _literal(text: str) -> Literal:
+    """Read a goal or belief as the program would write it. Raises SyntaxErrors."""
+    literal = instantiate(parse_literal(text, "operator"))
+    assert type(literal) is Literal
+    return literal

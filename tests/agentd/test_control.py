@@ -1,0 +1,289 @@
+"""What an operator does to a mind: pause, step, resume, a goal, a belief; on a real bus, and in real daemons."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from contextlib import aclosing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agentd import control
+from agentd.mind.inputs import Mail, PerceptReplaced
+from commd.bus import Bus, open_bus
+from schemas import keys
+from schemas.minds import MindOrder, MindView
+from schemas.records import Outcome
+from tests.agentd.hosts import Hosted, host_on
+from tests.agentd.minds import term
+from tests.support.buses import Connect, on_a_bus, served, until
+from tests.support.processes import running
+
+PROGRAM = """\
+n(0).
+!count.
++!count : n(N) <- -+n(N+1); .wait(20); !!count.
++!say(X)[source(W)] <- .print("say ", X, " for ", W).
++!far(X, Y) <- fly(X, Y).
++told(X)[source(W)] <- .print("told ", X, " by ", W).
+"""
+
+
+async def order(bus: Bus, agent: str, do: Any, text: str = "", fleet: str = "test") -> Outcome:
+    async with aclosing(bus.query(keys.control(fleet, agent), MindOrder(do=do, text=text), Outcome, 20.0)) as replies:
+        async for reply in replies:
+            assert reply.record is not None, reply.error
+            return reply.record
+    raise AssertionError("nobody takes orders")
+
+
+def count(agent: Hosted) -> str:
+    return next(belief for belief in agent.beliefs if belief.startswith("n("))
+
+
+class Desk:
+    """An operator and an agent on one bus."""
+
+    def __init__(self, bus: Bus, agent: Hosted) -> None:
+        self.bus, self.agent = bus, agent
+
+    async def order(self, do: str, text: str = "") -> Outcome:
+        return await order(self.bus, "bob", do, text)
+
+
+async def desk(connect: Connect, folder: Path, program: str = PROGRAM, **part: Any) -> Desk:
+    agents, operator = await connect("board1"), await connect("op", "argosy")
+    agent = await host_on(agents, "bob", program, folder, inject=True, **part)
+    await served(operator, keys.control("test", "bob"))
+    return Desk(operator, agent)
+
+
+def test_a_paused_mind_stands_still_until_it_goes_on(tmp_path: Path, endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bob = await desk(connect, tmp_path)
+        assert (await bob.order("pause")).ok
+        view = bob.agent.host.view()
+        assert view.state == "paused"
+        assert view.paused_for is not None
+        assert 590 < view.paused_for <= 600
+        (note,) = bob.agent.host.health().notes
+        assert note.startswith("paused by the operator for 0 s; it goes on by itself in ")
+        cycle, before = view.cycle, count(bob.agent)
+        await asyncio.sleep(0.3)
+        assert (bob.agent.host.view().cycle, count(bob.agent)) == (cycle, before)
+        assert (await bob.order("resume")) == Outcome(ok=True)
+        await until(lambda: count(bob.agent) != before, "its timer fires when it goes on")
+        assert bob.agent.host.view().state != "paused"
+        assert bob.agent.host.health().notes == ()
+        await bob.agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_step_is_one_cycle(tmp_path: Path, endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bob = await desk(connect, tmp_path)
+        assert (await bob.order("step")) == Outcome(ok=False, reason="it is not paused: only then it can be stepped")
+        await bob.order("pause")
+        cycle = bob.agent.host.view().cycle
+        for step in range(1, 4):
+            outcome = await bob.order("step")
+            assert outcome.ok
+            assert outcome.reason.startswith(f"cycle {cycle + step}")
+        assert bob.agent.host.view().cycle == cycle + 3
+        together = await asyncio.gather(*(bob.order("step") for _ in range(10)))
+        assert all(outcome.ok for outcome in together)
+        assert bob.agent.host.view().cycle == cycle + 13
+        await bob.agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_goal_and_a_belief_come_from_the_operator(tmp_path: Path, endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bob = await desk(connect, tmp_path)
+        assert await bob.order("goal", "say(1)") == Outcome(ok=True)
+        assert await bob.order("goal", " !say([a,2]) ") == Outcome(ok=True)
+        assert await bob.order("belief", "told(3)") == Outcome(ok=True)
+        await until(lambda: len(bob.agent.prints) == 3, "it has done what it was given")
+        assert bob.agent.prints == ["say 1 for operator", "say [a,2] for operator", "told 3 by operator"]
+        assert "told(3)[source(operator)]" in bob.agent.beliefs
+        await bob.order("pause")
+        given = await bob.order("goal", "say(4)[source(self)]")
+        assert given == Outcome(ok=True, reason="it is paused: it takes it when it goes on")
+        await asyncio.sleep(0.2)
+        assert len(bob.agent.prints) == 3
+        await bob.order("resume")
+        await until(lambda: len(bob.agent.prints) == 4, "it takes what it was given meanwhile")
+        assert "operator" in bob.agent.prints[-1], "nobody speaks as somebody else"
+        await bob.agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+@pytest.mark.parametrize(
+    ("do", "text", "why"),
+    [
+        ("goal", "say(", "the goal cannot be read: the '(' of line 1, column 4 is not closed"),
+        ("goal", "", "the goal cannot be read: "),
+        ("goal", "say(1); .stopMAS", "the goal cannot be read: ';' cannot stand here"),
+        ("goal", ".stopMAS", "the goal cannot be read: "),
+        ("goal", "3", "the goal cannot be read: "),
+        ("goal", "land(1)", "its program has no plan for +!land/1"),
+        ("goal", "say(1,2)", "its program has no plan for +!say/2; it has plans for +!say/1"),
+        ("belief", "told(X)", "a belief without variables was expected, got told(X)"),
+        ("belief", "told(X) :- true", "the belief cannot be read: "),
+        ("resume", "", "it is not paused"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_in_words(do: str, text: str, why: str, tmp_path: Path, endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bob = await desk(connect, tmp_path)
+        outcome = await bob.order(do, text)
+        assert not outcome.ok
+        assert outcome.reason.startswith(why)
+        assert "\n" not in outcome.reason
+        await bob.agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_without_leave_of_the_mission_nothing_is_done(tmp_path: Path, endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        agents, operator = await connect("board1"), await connect("op", "argosy")
+        bob = await host_on(agents, "bob", PROGRAM, tmp_path)
+        await served(operator, keys.control("test", "bob"))
+        for do in ("pause", "step", "resume", "goal", "belief"):
+            assert await order(operator, "bob", do, "say(1)") == Outcome(ok=False, reason=control.NOT_ALLOWED)
+        assert bob.host.view().state != "paused"
+        assert bob.prints == []
+        await bob.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_an_order_to_everybody_is_no_order(tmp_path: Path, endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bob = await desk(connect, tmp_path)
+        said = [
+            reply.error async for reply in bob.bus.query(keys.control("test", "*"), MindOrder(do="pause"), Outcome, 5.0)
+        ]
+        assert said == ["an order is for one mind: its key must not have a wildcard"]
+        said = [reply.error async for reply in bob.bus.query(keys.control("test", "bob"), None, Outcome, 5.0)]
+        assert said == ["an order was expected: do=pause, step, resume, goal or belief"]
+        assert bob.agent.host.view().state != "paused"
+        await bob.agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_nobody_forgets_a_paused_mind(tmp_path: Path, endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(control, "LONGEST_PAUSE", 0.5)
+
+    async def body(connect: Connect) -> None:
+        bob = await desk(connect, tmp_path)
+        outcome = await bob.order("pause")
+        assert outcome == Outcome(ok=True, reason="it goes on by itself in 0.5 s")
+        before = count(bob.agent)
+        await until(lambda: count(bob.agent) != before, "it goes on by itself")
+        assert bob.agent.host.health().notes == (
+            "paused by the operator, it went on by itself: a pause lasts at most 0.5 s",
+        )
+        await bob.agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_pause_ends_when_too_much_waits(tmp_path: Path, endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(control, "MOST_WAITING", 10)
+
+    async def body(connect: Connect) -> None:
+        bob = await desk(connect, tmp_path)
+        await bob.order("pause")
+        for number in range(11):
+            bob.agent.host.take(PerceptReplaced(term(f"at({number})")))
+        await until(lambda: "at(10)[source(percept)]" in bob.agent.beliefs, "it goes on by itself")
+        (note,) = bob.agent.host.health().notes
+        assert note.endswith("it went on by itself: more than 10 inputs waited for it")
+        await bob.agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_paused_mind_is_kept_and_takes_its_mail_when_it_goes_on(tmp_path: Path, endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bob = await desk(connect, tmp_path)
+        await bob.order("pause")
+        await bob.order("belief", "told(1)")
+        await bob.order("step")
+        await until(
+            lambda: any(saving.mind is not None and saving.mind.beliefs for saving in bob.agent.disk.savings),
+            "what it has become is kept while it is paused",
+        )
+        bob.agent.tell(Mail("ana", "tell", term("told(2)")))
+        await asyncio.sleep(0.2)
+        assert bob.agent.host.view().mailbox == 1
+        assert bob.agent.host.health().lag == 0.0
+        await bob.order("resume")
+        await until(lambda: "told 2 by ana" in bob.agent.prints, "it takes its mail")
+        await bob.agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_paused_agent_leaves_at_once_when_it_is_told_to(tmp_path: Path, endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bob = await desk(connect, tmp_path)
+        await bob.order("pause")
+        before = time.monotonic()
+        await bob.agent.end()
+        assert time.monotonic() - before < 5.0
+
+    on_a_bus(endpoint, body)
+
+
+MISSION = """\
+mission: two
+{inject}
+agents:
+  ana: {{program: uav.asl}}
+  bob: {{program: uav.asl}}
+done: "ana: never"
+"""
+
+
+def test_a_daemon_with_several_agents_pauses_the_one_that_is_meant(tmp_path: Path, endpoint: str) -> None:
+    (tmp_path / "uav.asl").write_text(PROGRAM)
+    path = tmp_path / "m.yaml"
+    path.write_text(MISSION.format(inject="inject: true"))
+
+    async def mind(bus: Bus, agent: str) -> MindView:
+        async for reply in bus.query(keys.mind("two", agent), None, MindView, 10.0):
+            assert reply.record is not None, reply.error
+            return reply.record
+        raise AssertionError("nobody shows its mind")
+
+    async def talk() -> None:
+        async with open_bus(endpoint, fleet="two", name="op", daemon="test", stamp=time.time_ns) as bus:
+            await served(bus, keys.control("two", "ana"))
+            await served(bus, keys.control("two", "bob"))
+            assert (await order(bus, "ana", "pause", fleet="two")).ok
+            assert (await mind(bus, "ana")).state == "paused"
+            ana, bob = await mind(bus, "ana"), await mind(bus, "bob")
+            await asyncio.sleep(0.5)
+            assert (await mind(bus, "ana")).cycle == ana.cycle
+            assert (await mind(bus, "bob")).cycle > bob.cycle
+            assert (await order(bus, "bob", "goal", "say(7)", fleet="two")).ok
+
+    with (
+        running("commd", "serve", str(path), "--router", endpoint),
+        running("agentd", "serve", str(path), "--router", endpoint, "--state", str(tmp_path)) as agents,
+    ):
+        asyncio.run(asyncio.wait_for(talk(), 60))
+        agents.says("say 7 for operator")
+        agents.process.terminate()
+        before = time.monotonic()
+        agents.process.wait(15)
+        assert time.monotonic() - before < 10.0, "a paused agent keeps nobody from ending"
