@@ -14,6 +14,7 @@ from argosy.endings import Ending, Endings
 from argosy.hearing import Hearing
 from argosy.observe import Observer
 from argosy.processes import Process, plan
+from argosy.recording.of_a_run import what_became_of_it
 from argosy.restarts import Restarts
 from argosy.status import Status
 from argosy.supervise import Child, Supervisor
@@ -33,6 +34,8 @@ LEAVE = 1.0
 """Wall seconds that a process without an armed vehicle has to leave."""
 LEAVE_SIMULATED, LEAVE_REAL = 3.0, 35.0
 """Wall seconds that a bridge has to see its on_shutdown confirmed; it tries three orders for 10 s each if it must."""
+LEAVE_RECORDER = 15.0
+"""Wall seconds that a recorder has to ask for what it has missed, and to end its file."""
 POLL = 0.02
 """Wall seconds between two looks at whether a process has come up."""
 
@@ -124,6 +127,7 @@ class Flight:
         )
         self._observer = self._endings.observer = self._watchdog.observer = observer = Observer(bus, self._picture)
         await self._until(comm)
+        await self._recorded(await start("recorder"))
         await start("simulator")
         await self._until(await start("bridged"))
         agents = await start("agentd")
@@ -149,6 +153,16 @@ class Flight:
             name = child.name
             await self._wait_for(name, lambda child=child: self.status.serves(child))  # type: ignore[misc]
             self._journal.add(name, "up", "good")
+
+    async def _recorded(self, recorders: list[Child]) -> None:
+        """Wait until a recorder hears everything: agents that come later are recorded from their birth on."""
+        recording = self.status.setup.recording
+        for child in recorders:
+            await self._wait_for(child.name, lambda child=child: self.status.serves(child) or not child.alive)  # type: ignore[misc]
+            if self.status.serves(child):
+                self._journal.add(child.name, "up", "good")
+            elif recording is not None and recording.asked_for:
+                raise StartupFailed(f"{child.name} {child.how_it_ended()}")
 
     async def _heartbeats(self) -> None:
         for name, robot in self._mission.robots.items():
@@ -228,6 +242,7 @@ class Flight:
         await asyncio.gather(self._stop(others, patience), self._stop(widows, LEAVE), self._stop(thinkers, LEAVE))
         if self._observer is not None:
             await self._observer.stop()
+        await self._stop(self._supervisor.of_kind("recorder"), LEAVE_RECORDER)
         await self._bus.aclose()
         await self._stop(self._supervisor.of_kind("simulator"), LEAVE)
         for router in reversed(self._supervisor.of_kind("commd")):  # one by one: each tells the others that it leaves
@@ -283,7 +298,11 @@ class Flight:
         if child.dead:
             self._restarts.died(child)
         if child.dead:
-            self._journal.add(child.name, child.how_it_ended(), "error")
+            needed = child.process.kind.needed
+            without = "" if needed else "; the run goes on, and is not recorded any more"
+            self._journal.add(child.name, child.how_it_ended() + without, "error")
+        if child.process.kind.name == "recorder":
+            self.status.recorded = what_became_of_it(child.lines, child.how_it_ended())
         if child.replaced:
             kind, subjects = child.process.kind.name, child.process.subject.split()
             for name in subjects if kind in ("agentd", "bridged") else ():

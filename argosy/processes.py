@@ -14,6 +14,7 @@ from pathlib import Path
 from argosy import simulators
 from argosy.boards import Place
 from argosy.links import together
+from argosy.recording.of_a_run import RunRecording, record_command
 from schemas.mission import Mission
 
 ALL = "all"
@@ -40,6 +41,8 @@ class Setup:
     """Whether a daemon that dies is started again."""
     logs: Path | None = None
     """Folder for what simulators write for a referee."""
+    recording: RunRecording | None = None
+    """Where all that is said is recorded."""
 
     @property
     def file(self) -> str:
@@ -88,6 +91,8 @@ class Kind:
     """Whether it counts as one of the daemons that a board runs in flight."""
     daemon: bool = True
     """Whether it may be started again when it dies: a simulator that dies is a vehicle that crashes."""
+    needed: bool = True
+    """Whether its death ends the run."""
 
 
 def _simulator(setup: Setup, robot: str) -> list[str]:
@@ -105,6 +110,11 @@ def _bridge(setup: Setup, robots: str) -> list[str]:
 def _agents(setup: Setup, agents: str) -> list[str]:
     where = _router(setup, _board_of_agents(setup, agents))
     return ["agentd", "serve", setup.file, *agents.split(), *where, *_speed(setup), *_state(setup)]
+
+
+def _recorder(setup: Setup, fleet: str) -> list[str]:
+    assert setup.recording is not None
+    return record_command(setup.recording, setup.file, setup.router, setup.speed)
 
 
 def _orphaned_bridge(setup: Setup, robots: str) -> signal.Signals:
@@ -136,6 +146,17 @@ KINDS: tuple[Kind, ...] = (
         "commd",
         lambda s: s.mission.board_names,
         lambda s, board: ["commd", "serve", s.file, "--board", board, *s.place(board).arguments, *_state(s)],
+    ),
+    Kind(
+        "recorder",
+        lambda s: [s.mission.fleet] if s.recording is not None else [],
+        _recorder,
+        lambda s, fleet: s.mission.board_names[0],
+        lambda board, fleet: fleet,
+        lambda s, fleet: signal.SIGTERM,  # it ends its file
+        measured=False,
+        daemon=False,
+        needed=False,
     ),
     Kind(
         "simulator",

@@ -9,6 +9,7 @@ import sys
 import tempfile
 from argparse import ArgumentParser, Namespace
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, Self, TextIO
 
@@ -22,6 +23,7 @@ from argosy.links import address_of, bound_links, group_of, ports_of
 from argosy.measure import Meter
 from argosy.picture import Picture
 from argosy.processes import Setup, real_robots
+from argosy.recording.of_a_run import NoRecording, RunRecording, recording_of
 from argosy.report import write_report
 from argosy.simulators import only_real
 from argosy.status import Status
@@ -50,7 +52,10 @@ def add_arguments(parser: ArgumentParser) -> None:
         action="store_true",
         help="start a daemon again that dies (as `restart: on-failure` in the mission)",
     )
-    parser.add_argument("--report", type=Path, metavar="DIR", help="write track.svg, mission.log and summary.txt there")
+    parser.add_argument(
+        "--report", type=Path, metavar="DIR", help="write track.svg, mission.log, summary.txt and recording.mcap there"
+    )
+    parser.add_argument("--record", type=Path, metavar="FILE", help="record all that is said there (an MCAP file)")
     parser.add_argument(
         "--router",
         type=endpoint,
@@ -88,12 +93,13 @@ def run(args: Namespace) -> int:
         try:
             setup = _setup(mission, args, Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="argosy-"))))
             log = _open_log(args.report, stack)
+            setup, unrecorded = _recording(setup, args)
             _check_ports(setup)
             _consent(setup, args)
         except Refused as refused:
             print(f"error: {refused}", file=sys.stderr)
             return refused.code
-        return _fly(setup, args, log)
+        return _fly(setup, args, log, unrecorded)
 
 
 def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
@@ -126,6 +132,17 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
         told = f"{', '.join(real_ones)} is real, and {', '.join(others)} on the same link {link} would be simulated"
         raise Refused(f"{told}: fly all of them with --real {','.join(mixed)}")
     return setup
+
+
+def _recording(setup: Setup, args: Namespace) -> tuple[Setup, str]:
+    """Return the setup with its recording, or why there is none."""
+    try:
+        recording = recording_of(args.record, args.report)
+    except NoRecording as error:
+        raise Refused(str(error)) from None
+    if isinstance(recording, RunRecording):
+        return replace(setup, recording=recording), ""
+    return setup, recording
 
 
 def _check_ports(setup: Setup) -> None:
@@ -181,11 +198,11 @@ def _deeds(setup: Setup) -> str:
     return " and ".join(said)
 
 
-def _fly(setup: Setup, args: Namespace, log: TextIO | None) -> int:
+def _fly(setup: Setup, args: Namespace, log: TextIO | None, unrecorded: str) -> int:
     clock = Clock(setup.speed)
     journal = Journal(clock.now, log)
     picture = Picture(setup.mission, journal, clock.now)
-    status = Status(setup, picture, journal, Meter(), [], clock.now)
+    status = Status(setup, picture, journal, Meter(), [], clock.now, recorded=unrecorded)
     _bus_log_to(journal)
     flight = Flight(status)
     with _view(status, args.plain) as view:

@@ -11,6 +11,7 @@ from argosy.lines import Left
 from argosy.measure import Meter
 from argosy.picture import Picture
 from argosy.processes import Setup
+from argosy.recording.of_a_run import STARTED
 from argosy.supervise import Child
 
 
@@ -40,12 +41,17 @@ class Status:
     frozen: set[str] = field(default_factory=set)
     """Robots of which nothing new was heard any more when the run ended."""
 
+    recorded: str = ""
+    """What became of the recording, in words; empty = there is none and nobody wanted one."""
+
     restarts: Counter[str] = field(default_factory=Counter)
     """How often each process was started again, by its name."""
 
     def serves(self, child: Child) -> bool:
         """Whether a process has come so far that it does its work."""
         subjects, kind = child.process.subject.split(), child.process.kind.name
+        if kind == "recorder":
+            return any(line.startswith(STARTED) for line in child.lines)
         if kind == "simulator":  # a robot that is never told to be connected is there when its simulator runs
             telling = self.setup.telling
             return all(self.picture.robots[robot].connected for robot in subjects if robot in telling)

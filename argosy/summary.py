@@ -23,6 +23,8 @@ def summary(status: Status, ending: Ending, phases: list[tuple[str, float]]) -> 
     lines += last_words(status, ending) if ending.code != EXIT_DONE else []
     for robot in status.picture.robots.values():
         lines.append(_field(robot.name, _left(status, robot)))
+    if status.recorded:
+        lines.append(_field("recording", status.recorded))
     if status.restarts:
         lines.append(_field("restarts", ", ".join(f"{name} {count}" for name, count in status.restarts.items())))
     lines += _daemons(status)

@@ -112,8 +112,9 @@ class Supervisor:
         return child
 
     def dead(self) -> list[Child]:
-        """Return the processes that ended although nobody told them to, the first one first."""
-        return sorted((child for child in self.children if child.dead), key=lambda child: child.died or 0.0)
+        """Return the processes that ended although nobody told them to and are needed, the first one first."""
+        dead = (child for child in self.children if child.dead and child.process.kind.needed)
+        return sorted(dead, key=lambda child: child.died or 0.0)
 
     def of_kind(self, *names: str) -> list[Child]:
         """Return the processes of these kinds, in the order of the start."""

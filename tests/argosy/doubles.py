@@ -156,7 +156,7 @@ def run(arguments: list[str]) -> int:
 
     def command(kind: str) -> processes.Kind:
         original = next(one for one in processes.KINDS if one.name == kind)
-        if kind == "commd":
+        if kind in ("commd", "recorder"):
             return original
         return replace(
             original,
