@@ -8,11 +8,11 @@ from argosy.why.causes import cause_lines
 from argosy.why.deciding import WITHOUT_PLAN, aftermath, decision_paragraph, groups
 from argosy.why.mails import MailFacts, question_paragraph
 from argosy.why.memory import Memory
-from argosy.why.present import dropped, failure_paragraph, intention_lines
+from argosy.why.present import doing, dropped, failure_paragraph
 from argosy.why.story import Line, Paragraph
 from argosy.why.subject import Subject, taken_apart
 from argosy.why.words import ago, event_words, failure_words, joined, many, plan_words, shown, sign_of
-from schemas.minds import BeliefView, Deed, FailureView, MindView, PlanView
+from schemas.minds import BeliefView, Deed, FailureView, IntentionView, MindView, PlanView
 from schemas.positions import did_you_mean
 
 MOST_BELIEFS = 5
@@ -109,10 +109,12 @@ def _state(state: str) -> str:
 
 
 def _intended(memory: Memory, subject: Subject) -> Iterator[Paragraph]:
-    for intention in memory.view.intentions:
-        waits_for_it = intention.reason == f"action {subject.name}"
-        if waits_for_it or any(subject.is_of(event) for event in intention.stack):
-            yield Paragraph("now", tuple(intention_lines(memory, intention)))
+    def about_it(intention: IntentionView) -> bool:
+        performs = subject.is_named(f"{intention.reason.removeprefix('action ')}/{subject.arity or 0}")
+        return performs or any(subject.is_of(event) for event in intention.stack)
+
+    if any(map(about_it, memory.view.intentions)):
+        yield from doing(memory, about_it)
 
 
 def _believed(memory: Memory, subject: Subject) -> Iterator[Paragraph]:

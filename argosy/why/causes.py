@@ -7,7 +7,17 @@ from itertools import islice
 
 from argosy.why.memory import Cause, Memory
 from argosy.why.story import Line
-from argosy.why.words import event_words, failure_words, first_up, many, shown, sign_of, without_annotations
+from argosy.why.words import (
+    ANSWERING,
+    event_words,
+    failure_words,
+    first_up,
+    many,
+    plan_words,
+    shown,
+    sign_of,
+    without_annotations,
+)
 from schemas.minds import DecisionView
 
 MOST_LINKS = 8
@@ -39,7 +49,7 @@ def cause_lines(memory: Memory, decision: DecisionView, called: str = "it", inde
     if rounds:
         lines.append(Line(f"So it went round {many(rounds, 'time')} before, as far as is remembered.", indent))
     if last is not None and last[1].by is None and last[1].failure is None:
-        lines += _origin(last[0], event_words(last[0].event) if lines else called, indent)
+        lines += _origin(memory, last[0], event_words(last[0].event) if lines else called, indent)
     return lines
 
 
@@ -74,12 +84,15 @@ def raiser_words(event: str) -> str:
     return f"{sign[1:]}{shown(rest)}" if sign in ("+!", "+?") else event_words(event)
 
 
-def _origin(made: DecisionView, subject: str, indent: int) -> Iterator[Line]:
-    yield Line(f"{first_up(subject)} {origin_words(made)}.", indent, made.asked_at)
+def _origin(memory: Memory, made: DecisionView, subject: str, indent: int) -> Iterator[Line]:
+    place = "" if made.goal == ANSWERING else made.asked_at
+    yield Line(f"{first_up(subject)} {origin_words(memory, made)}.", indent, place)
 
 
-def origin_words(made: DecisionView) -> str:
+def origin_words(memory: Memory, made: DecisionView) -> str:
     """Where an event comes from that nothing remembered has led to, as what it does: `comes from a percept`."""
+    if made.goal == ANSWERING:
+        return f"was asked by {made.source} in a message" if made.source else "was asked by another agent"
     cause, at = made.cause, f" at {made.asked_at}" if made.asked_at else ""
     if cause == "the program":
         return "stands in the program, which begins with it"
@@ -93,9 +106,9 @@ def origin_words(made: DecisionView) -> str:
     if cause.startswith("told by "):
         return f"was told by {cause.removeprefix('told by ')}"
     if made.goal:
-        return (
-            f"comes from {raiser_words(made.goal)}, whose plan {_verb(made)} it{at}; what was before is not remembered"
-        )
+        return f"comes from {raiser_words(made.goal)}, whose plan {_verb(made)} it{at}; what was before is not remembered any more"
     if cause.startswith("intention "):
-        return f"was raised{at} by a plan of which no more is remembered"
+        plan = memory.plan_at(made.asked_at)
+        which = "a plan" if plan is None else f"the plan {plan_words(plan)}"
+        return f"was raised{at} by {which}; why that ran is not remembered any more"
     return "comes from the agent itself" if not cause else f"comes from {shown(cause)}"

@@ -8,6 +8,7 @@ from argosy.why.causes import cause_lines, raiser_words
 from argosy.why.memory import Memory
 from argosy.why.story import Kind, Line, Paragraph
 from argosy.why.words import (
+    ANSWERING,
     ago,
     event_words,
     failure_words,
@@ -155,7 +156,13 @@ def aftermath(memory: Memory, failure: FailureView) -> Iterator[Line]:
     """What became of the goals of a failure."""
     own = (failure.formula,) if failure.error in WITHOUT_PLAN else ()
     goals = tuple(dict.fromkeys((*map(without_annotations, own), *failure.given_up)))
+    asked = ANSWERING in goals
+    goals = tuple(goal for goal in goals if goal != ANSWERING)
     given_up = f"{goals_words(goals)} failed" if goals else "the goal failed"
+    if asked and not failure.handled_by:
+        answer = "the answer was `false`" if failure.error == "test_goal_failed" else "no answer was given"
+        yield Line(f"So {given_up}, and {answer}.", 1)
+        return
     if not failure.handled_by:
         yield Line(f"So {given_up}, and the intention ended: no plan handles such a failure.", 1)
         return

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from itertools import islice
 
 from argosy.why.causes import origin_words, raiser_words
 from argosy.why.deciding import aftermath, waited_for
 from argosy.why.memory import Memory
 from argosy.why.story import Line, Paragraph
-from argosy.why.words import ago, failure_words, first_up, many, shown, span, without_annotations
+from argosy.why.subject import taken_apart
+from argosy.why.words import (
+    ANSWERING,
+    ago,
+    failure_words,
+    first_up,
+    many,
+    plan_words,
+    shown,
+    sign_of,
+    span,
+    without_annotations,
+)
 from schemas.minds import DropView, FailureView, IntentionView, MindView
 
 MOST_INTENTIONS = 10
@@ -42,19 +55,36 @@ def standing(memory: Memory) -> Paragraph:
     return Paragraph("now", tuple(lines))
 
 
-def doing(memory: Memory) -> Iterator[Paragraph]:
-    """Each intention: the goal, what it waits for and since when."""
+def doing(memory: Memory, wanted: Callable[[IntentionView], bool] = lambda _: True) -> Iterator[Paragraph]:
+    """Each intention that is wanted: the goal, what it waits for and since when; those that are alike are counted."""
     view = memory.view
-    for intention in view.intentions[:MOST_INTENTIONS]:
-        yield Paragraph("now", tuple(intention_lines(memory, intention)))
-    left = len(view.intentions) + view.intentions_left_out - MOST_INTENTIONS
+    alike: dict[tuple[object, ...], list[IntentionView]] = {}
+    for intention in filter(wanted, view.intentions):
+        alike.setdefault(_shape(intention), []).append(intention)
+    for same in islice(alike.values(), MOST_INTENTIONS):
+        lines = list(intention_lines(memory, same[0]))
+        if len(same) > 1:
+            lines.append(Line(f"And {many(len(same) - 1, 'more intention')} like it.", 1))
+        yield Paragraph("now", tuple(lines), times=len(same))
+    left = view.intentions_left_out + sum(map(len, islice(alike.values(), MOST_INTENTIONS, None)))
     if left > 0:
         yield Paragraph("now", (Line(f"And {many(left, 'more intention')}."),))
 
 
+def _shape(intention: IntentionView) -> tuple[object, ...]:
+    stack = tuple(_name(event) for event in intention.stack)
+    return (*stack, intention.state, intention.reason, intention.at)
+
+
+def _name(event: str) -> str:
+    sign, rest = sign_of(without_annotations(event))
+    return sign + taken_apart(rest)[0]
+
+
 def intention_lines(memory: Memory, intention: IntentionView) -> Iterator[Line]:
     """An intention: what it is at, what for, and where it comes from."""
-    goals = [_goal(event) for event in intention.stack]
+    stack = [event for event in intention.stack if event != ANSWERING]
+    goals = [_goal(event) for event in stack]
     at = f" at {intention.at}" if intention.at else ""
     since = f" for {span(memory.now - intention.since)}" if intention.since is not None else ""
     match intention.state:
@@ -71,10 +101,10 @@ def intention_lines(memory: Memory, intention: IntentionView) -> Iterator[Line]:
         above = goals[1 : MOST_GOALS + 1]
         more = f", and {many(len(goals) - 1 - MOST_GOALS, 'more goal')} above" if len(goals) - 1 > MOST_GOALS else ""
         yield Line(f"It is for {', for '.join(above)}{more}.", 1)
-    root = intention.stack[-1] if intention.stack else ""
     for made in memory.decisions:
-        if made.intention == intention.id and without_annotations(made.event) == root and not made.goal:
-            yield Line(f"{first_up(goals[-1])} {origin_words(made)}.", 1, made.asked_at)
+        begins = not made.goal or made.goal == ANSWERING
+        if begins and made.intention == intention.id and [without_annotations(made.event)] == stack[-1:]:
+            yield Line(f"{first_up(goals[-1])} {origin_words(memory, made)}.", 1, made.asked_at)
             return
 
 
@@ -98,7 +128,18 @@ def dropped(memory: Memory, drops: tuple[DropView, ...]) -> Iterator[Paragraph]:
             lines.append(Line(f"Why: {shown(drop.reason)}.", 1))
         if drop.what == "events":
             lines.append(Line("No plan was looked for: the agent raises events faster than it can deal with them.", 1))
+            lines += sites(memory, drop.name)
         yield Paragraph("dropped", tuple(lines), drop.last, drop.count)
+
+
+def sites(memory: Memory, event: str) -> Iterator[Line]:
+    """Where in the program an event such as `+!tick/1` is raised."""
+    sign, name = sign_of(event)
+    uses = {f"{goal}{name}" for goal in ("!", "!!")} if sign == "+!" else {event}
+    for plan in memory.view.plans:
+        for use, place in plan.uses.items():
+            if use in uses:
+                yield Line(f"{use} stands at {place}, in the plan {plan_words(plan)}.", 1, place)
 
 
 def _was(count: int) -> str:

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from argosy.journal import printable
 from schemas.minds import FailureView, PlanView, RejectedView
 
+ANSWERING = "+!answer_question"
+"""The event of the intention that answers a question of another agent, which no program has written."""
 LONGEST = 160
 """Characters of a formula that are shown."""
 
