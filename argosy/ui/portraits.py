@@ -11,8 +11,8 @@ from schemas.mission import Robot
 
 INTENTIONS = 4
 """Intentions of an agent that stand in the list."""
-HEARD_STEP = 5.0
-"""Seconds: finer steps of when somebody was heard would make every part new in every message."""
+STALE = 6.0
+"""Seconds after which what a mind has shown is old: those that nobody looks at are asked every 2 s."""
 
 
 def agent_view(model: TeamModel, agent: TeamAgent, said: str) -> AgentView:
@@ -43,7 +43,7 @@ def agent_view(model: TeamModel, agent: TeamAgent, said: str) -> AgentView:
         standing=agent.standing,
         since=agent.since,
         notes=agent.notes,
-        heard=_stepped(agent.heard),
+        stale=agent.heard if (agent.age(model.now()) or 0.0) > STALE else None,
         silent=agent.silent,
         why_silent=agent.why_silent,
         actions=tuple(map(_running, model.open_actions(agent.name)[-INTENTIONS:])),
@@ -73,7 +73,7 @@ def robot_view(model: TeamModel, robot: TeamRobot, named: Robot | None) -> Robot
         standing=robot.standing,
         since=robot.since,
         notes=robot.notes,
-        heard=None if age is None else _stepped(model.now() - age),
+        stale=round(model.now() - age, 1) if age is not None and robot.stale(model.now()) else None,
         lost=seen.lost,
         mode=seen.mode,
         armed=seen.armed,
@@ -101,10 +101,6 @@ def board_view(board: TeamBoard) -> BoardView:
         waiting=board.waiting(),
         problem=board.problem,
     )
-
-
-def _stepped(at: float | None) -> float | None:
-    return None if at is None else math.floor(at / HEARD_STEP) * HEARD_STEP
 
 
 def _rounded(value: float | None, digits: int) -> float | None:

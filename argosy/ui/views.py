@@ -94,8 +94,8 @@ class AgentView(View, frozen=True, kw_only=True):
     notes: tuple[str, ...] = ()
     state: str = ""
     """Of its mind: reasoning, waiting or paused; empty = it was not heard."""
-    heard: float | None = None
-    """When its mind was last heard, in steps of some seconds while it answers."""
+    stale: float | None = None
+    """When its mind was last heard, if that is long ago; None = it answers, or was never heard."""
     silent: float | None = None
     """Since when its mind does not answer."""
     why_silent: str = ""
@@ -122,8 +122,8 @@ class RobotView(View, frozen=True, kw_only=True):
     standing: str = "missing"
     since: float | None = None
     notes: tuple[str, ...] = ()
-    heard: float | None = None
-    """When it last told something of itself."""
+    stale: float | None = None
+    """When it last told something of itself, if that is long ago; None = what is shown is as it is now."""
     lost: bool = False
     """Its vehicle is not heard any more: all else is as it was."""
     mode: str = ""

@@ -1,0 +1,133 @@
+// The list of agents with their robots: how each is, what it intends and does, and its stop buttons.
+
+import { el, keyed, put, say, shortened, span } from "./dom.js";
+import { allow, orderButtons } from "./head.js";
+import { byName, nameTones, stateOf, toneOf } from "./tones.js";
+
+const SORTS = { name: "by name", trouble: "trouble first" };
+
+export class Agents {
+  constructor(element, actions) {
+    this._actions = actions;
+    this.search = el("input", { type: "search", id: "search", placeholder: "find: name, state, goal, mode …", "aria-label": "find agents and robots", on: { input: () => this.render(this._wire, this._selected) } });
+    this.sort = el("select", { "aria-label": "order of the list", on: { change: () => this.render(this._wire, this._selected) } }, Object.entries(SORTS).map(([key, text]) => el("option", { value: key }, text)));
+    this.list = el("ul", { class: "rows", role: "listbox", "aria-label": "agents" });
+    this.none = el("p", { class: "empty" });
+    element.append(el("div", { class: "bar" }, this.search, this.sort), el("div", { class: "scroll" }, this.list, this.none));
+    this.list.addEventListener("keydown", (event) => this._move(event));
+  }
+
+  render(wire, selected) {
+    if (!wire) return;
+    this._wire = wire;
+    this._selected = selected;
+    const rows = rowsOf(wire);
+    const words = this.search.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const shown = rows.filter((row) => words.every((word) => row.words.includes(word)));
+    if (this.sort.value === "trouble") shown.sort((one, other) => other.trouble - one.trouble);
+    keyed(this.list, shown, (row) => row.key, (row) => this._make(row), (node, row) => this._update(node, row, wire));
+    say(this.none, rows.length === 0 ? "no agent and no robot yet" : shown.length === 0 ? "nobody is like that" : "");
+  }
+
+  _make(row) {
+    const node = el("li", { class: "row", role: "option", tabindex: "0", "data-agent": row.agent?.name, "data-robot": row.robot?.name });
+    const part = (name, ...more) => (node[name] = el("span", { class: name }, ...more));
+    node.buttons = row.robot ? orderButtons(this._actions, row.robot.name) : [];
+    node.append(
+      el("div", { class: "line" }, part("sign"), part("who"), part("state"), part("counts")),
+      (node.goal = el("div", { class: "goal data" })),
+      (node.doing = el("div", { class: "doing data" })),
+      (node.vehicle = el("div", { class: "line vehicle" }, part("dot"), part("craft"), part("how"), el("span", { class: "grow" }), el("span", { class: "stops", role: "group", "aria-label": `orders to ${row.robot?.name}` }, ...node.buttons))),
+      (node.notes = el("div", { class: "notes data" })),
+    );
+    const select = () => this._actions.select(node.dataset.agent ?? null, node.dataset.robot ?? null);
+    node.addEventListener("click", select);
+    node.addEventListener("keydown", (event) => {
+      if (event.target === node && (event.key === "Enter" || event.key === " ")) {
+        event.preventDefault();
+        select();
+      }
+    });
+    return node;
+  }
+
+  _update(node, { agent, robot }, wire) {
+    const now = wire.now();
+    put(node, "aria-selected", agent && agent.name === this._selected ? "true" : "false");
+    const [sign, kind, word] = agent ? stateOf(agent) : ["◇", robot.standing === "missing" ? "gone" : "calm", "no agent seen"];
+    say(node.sign, sign);
+    put(node.sign, "class", `sign ${kind}`);
+    say(node.who, agent?.name ?? robot.name);
+    say(node.state, word + (agent?.silent ? ` ${span(now - agent.silent)}` : agent?.stale ? `, seen ${span(now - agent.stale)} ago` : ""));
+    put(node.state, "class", `state ${kind}`);
+    say(node.counts, agent && agent.state ? counts(agent) : "");
+    put(node.counts, "title", agent ? `${agent.belief_count ?? 0} beliefs, ${agent.event_count ?? 0} events wait, ${agent.mailbox ?? 0} messages wait` : null);
+    const top = agent?.intentions?.[0];
+    say(node.goal, top ? `${top.goal}${(agent.intention_count ?? 0) > 1 ? `  +${agent.intention_count - 1}` : ""}` : "");
+    put(node.goal, "title", (agent?.intentions ?? []).map((one) => `${one.goal}  ${one.state} ${one.reason ?? ""} ${one.at ?? ""}`).join("\n") || null);
+    const action = agent?.actions?.at(-1);
+    say(node.doing, action ? `▸ ${shortened(action.text, 60)}  ${span(now - action.began)}` : "");
+    put(node.doing, "title", action ? `${action.text} ${action.state}` : null);
+    put(node.vehicle, "hidden", !robot);
+    if (robot) this._vehicle(node, robot, now, wire.get("head")?.observer);
+    const notes = [...(agent?.notes ?? []), ...(robot?.notes ?? [])];
+    say(node.notes, notes.join(" · "));
+    put(node, "class", `row${agent?.stale || robot?.stale ? " stale" : ""}${kind === "gone" ? " gone" : ""}`);
+  }
+
+  _vehicle(node, robot, now, observer) {
+    node.dot.style.setProperty("--tone", toneOf(robot.name));
+    say(node.craft, robot.name);
+    say(node.how, how(robot, now));
+    put(node.how, "class", `how data ${robot.lost || robot.standing === "missing" ? "bad" : robot.operator || robot.stale ? "warn" : ""}`);
+    put(node.how, "title", how(robot, now));
+    for (const button of node.buttons) allow(button, observer);
+  }
+
+  _move(event) {
+    const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+    if (!step || !event.target.classList.contains("row")) return;
+    event.preventDefault();
+    (step > 0 ? event.target.nextElementSibling : event.target.previousElementSibling)?.focus();
+  }
+}
+
+function counts(agent) {
+  const told = [];
+  if (agent.event_count) told.push(`${agent.event_count} ev`);
+  if (agent.mailbox) told.push(`${agent.mailbox} mail`);
+  if (agent.question_count) told.push(`${agent.question_count} asked`);
+  if (agent.dropped) told.push(`${agent.dropped} dropped`);
+  return told.join(" ");
+}
+
+// "GUIDED armed 20.1 m 87 %"
+export function how(robot, now) {
+  if (robot.standing === "missing") return robot.since ? `bridge gone ${span(now - robot.since)}` : "no bridge yet";
+  const told = [];
+  if (robot.operator) told.push(`OPERATOR: ${robot.operator}`);
+  if (robot.lost) told.push("LOST");
+  if (robot.stale) told.push(`${span(now - robot.stale)} ago:`);
+  if (robot.mode) told.push(robot.mode, robot.armed ? "armed" : "disarmed");
+  if (robot.altitude !== undefined) told.push(`${robot.altitude.toFixed(1)} m`);
+  if (robot.battery !== undefined) told.push(`${robot.battery} %`);
+  if (!robot.mode) told.push(...Object.values(robot.told ?? {}).slice(0, 3));
+  return told.join(" ") || "nothing told yet";
+}
+
+function rowsOf(wire) {
+  const robots = new Map(wire.of("robot").map((robot) => [robot.name, robot]));
+  nameTones(robots.keys());
+  const rows = wire.of("agent").map((agent) => {
+    const robot = robots.get(agent.robot) ?? null;
+    return { key: `agent ${agent.name}`, agent, robot };
+  });
+  const taken = new Set(rows.map((row) => row.robot?.name));
+  for (const robot of robots.values()) if (!taken.has(robot.name)) rows.push({ key: `robot ${robot.name}`, agent: null, robot });
+  for (const row of rows) {
+    const state = row.agent ? stateOf(row.agent) : ["", "", ""];
+    row.trouble = ["bad", "gone"].includes(state[1]) ? 3 : row.robot?.lost || row.robot?.operator ? 2 : row.agent?.dropped || state[1] === "warn" ? 1 : 0;
+    row.words = JSON.stringify([row.agent?.name, row.robot?.name, state[2], row.robot?.mode, row.robot?.armed ? "armed" : "disarmed", row.agent?.intentions?.map((one) => one.goal), row.agent?.board, row.robot?.operator]).toLowerCase();
+  }
+  return rows.sort((one, other) => byName(one.agent?.name ?? one.robot.name, other.agent?.name ?? other.robot.name));
+}
