@@ -12,7 +12,8 @@ from agentd.language.printer import source_text
 from agentd.language.terms import Literal
 from agentd.look import EVERYTHING, MOST_BELIEFS, Look
 from agentd.mind import Mind
-from agentd.mind.decision_views import DecisionView, FailureView, plan_view, written
+from agentd.mind.decision_views import DecisionView, Views, is_about, plan_view, written
+from agentd.mind.decisions import record_of
 from agentd.mind.plan_uses import plan_context, plan_uses
 from agentd.mind.snapshot import belief_text, believed, lasting, sources_of
 from schemas import minds
@@ -138,12 +139,40 @@ def _plan(plan: Any) -> minds.PlanView:
 def decisions_of(
     mind: Mind, look: Look = EVERYTHING
 ) -> tuple[tuple[minds.DecisionView, ...], tuple[minds.FailureView, ...]]:
-    """The last decisions and the failures among them."""
-    if not look.last:
+    """The last decisions and the failures among them. One whose outcome is known is made a record once."""
+    recorder, most = mind.recorder, look.last
+    if recorder is None or not most:
         return (), ()
-    views = mind.decision_views(look.last, look.about)
-    decisions = tuple(decision_record(view) for view in views if isinstance(view, DecisionView))
-    return decisions, _records((view for view in views if isinstance(view, FailureView)), minds.FailureView)
+    entries, known = recorder.entries(), recorder.shown
+    wanted = [entry for entry in entries if is_about(record_of(entry), look.about)] if look.about else entries
+    views: Views | None = None
+    made: list[minds.DecisionView | minds.FailureView] = []
+    for entry in wanted[-most:]:
+        record = known[id(entry)][1] if id(entry) in known else None
+        if record is None or (isinstance(record, minds.DecisionView) and record.outcome == "running"):
+            if views is None:
+                views = Views.among(mind, list(map(record_of, entries)))
+            record = _seen_again(views, record_of(entry), record)
+            known[id(entry)] = (entry, record)
+        made.append(record)
+    if len(known) > len(entries):
+        here = set(map(id, entries))
+        for gone in [identity for identity in known if identity not in here]:
+            del known[gone]
+    decisions = tuple(record for record in made if isinstance(record, minds.DecisionView))
+    return decisions, tuple(record for record in made if isinstance(record, minds.FailureView))
+
+
+def _seen_again(views: Views, record: Any, before: Any) -> minds.DecisionView | minds.FailureView:
+    """A record as it is now; what it was at the last look, if it goes on as it did."""
+    if before is not None and views.outcome(record) == before.outcome:
+        known: minds.DecisionView = before
+        return known
+    view = views.of(record)
+    if isinstance(view, DecisionView):
+        return decision_record(view)
+    failure: minds.FailureView = _record(view, minds.FailureView)
+    return failure
 
 
 def decision_record(view: DecisionView) -> minds.DecisionView:

@@ -84,7 +84,7 @@ class Observer:
         """Ask one agent for its mind. Returns whether it answered."""
         answered = False
         with suppress(BusClosed):
-            key = keys.mind(self.bus.fleet, agent)
+            key = f"{keys.mind(self.bus.fleet, agent)}?last=0"  # a run shows no decisions: they need not be told
             async with aclosing(self.bus.query(key, None, MindView, ANSWER_TIMEOUT)) as replies:
                 async for reply in replies:
                     if reply.record is not None:

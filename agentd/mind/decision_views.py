@@ -78,7 +78,8 @@ class DecisionView:
     event of the plan that raised it and waits for it, if any. ``cause`` tells in words where the event comes from;
     ``asked_at`` is the ``file:line`` of the formula that raised it. ``rejected`` are the plans tried before the chosen
     one, ``untried`` those after it. ``outcome`` says what became of the chosen plan so far: ``running``, ``ended``,
-    ``failed``, ``dropped``, or ``none`` where no plan was chosen; ``failure`` what failed in it.
+    ``failed``, ``dropped``, or ``none`` where no plan was chosen; ``failure`` what failed in it; ``dropped_by`` the
+    formula that dropped it and its ``file:line``.
     """
 
     cycle: int
@@ -96,22 +97,21 @@ class DecisionView:
     untried: tuple[PlanView, ...]
     outcome: str
     failure: FailureView | None
+    dropped_by: str = ""
 
 
 def views_of(
     mind: Any, records: Sequence[Decision | Failure], last: int | None, about: str = ""
 ) -> list[DecisionView | FailureView]:
     """Views of records; of a long list only the last so many, of those ``about`` a functor if one is given."""
-    failures = {id(frame): record for record in records if type(record) is Failure for frame in record.frames}
-    args = {id(r.frame): r.shown_args for r in records if isinstance(r, Decision) and r.frame is not None}
-    alive = {id(frame) for intention in mind.all_intentions() for frame in intention.stack}
-    views = _Views(mind, failures, args, alive)
+    views = Views.among(mind, records)
     if about:
-        records = [record for record in records if _is_about(record, about)]
+        records = [record for record in records if is_about(record, about)]
     return [views.of(record) for record in (records if last is None else records[max(0, len(records) - last) :])]
 
 
-def _is_about(record: Decision | Failure, functor: str) -> bool:
+def is_about(record: Decision | Failure, functor: str) -> bool:
+    """Whether a record is about events or goals of this name."""
     if type(record) is Decision:
         return bool(record.relevant.sig.functor == functor)
     goal = record.failed.goal  # type: ignore[union-attr]
@@ -122,18 +122,31 @@ def _is_about(record: Decision | Failure, functor: str) -> bool:
 def view_of(mind: Any, record: Decision | Failure) -> DecisionView | FailureView:
     """The view of a record that has just been made."""
     alive = {id(record.frame)} if isinstance(record, Decision) else set()
-    return _Views(mind, {}, {}, alive).of(record)
+    return Views(mind, {}, {}, alive).of(record)
 
 
-class _Views:
+class Views:
     """Makes views; knows what became of frames."""
+
+    @classmethod
+    def among(cls, mind: Any, records: Sequence[Decision | Failure]) -> Views:
+        """What makes views of records, all that are remembered being these."""
+        failures = {id(frame): record for record in records if type(record) is Failure for frame in record.frames}
+        args = {id(r.frame): r.shown_args for r in records if isinstance(r, Decision) and r.frame is not None}
+        alive = {id(frame) for intention in mind.all_intentions() for frame in intention.stack}
+        return cls(mind, failures, args, alive)
 
     def __init__(
         self, mind: Any, failures: dict[int, Failure], args: dict[int, tuple[Any, ...]], alive: set[int]
     ) -> None:
         self._mind, self._failures, self._args, self._alive = mind, failures, args, alive
 
+    def outcome(self, made: Decision) -> str:
+        """What became of the chosen plan so far."""
+        return self._outcome(made.frame)[0]
+
     def of(self, record: Decision | Failure) -> DecisionView | FailureView:
+        """The view of a record."""
         return self._decision(record) if isinstance(record, Decision) else self._failure(record)
 
     def _decision(self, made: Decision) -> DecisionView:
@@ -158,6 +171,7 @@ class _Views:
             untried=tuple(plan_view(plan) for plan in after),
             outcome=outcome,
             failure=None if failure is None else self._failure(failure),
+            dropped_by="" if outcome != "dropped" or frame is None else self._dropped_by(frame),
         )
 
     def _outcome(self, frame: Frame | None) -> tuple[str, Failure | None]:
@@ -170,6 +184,10 @@ class _Views:
             return "running", None
         dropped = frame[STEP] is not None or self._mind.recorder.was_dropped(frame)
         return ("dropped" if dropped else "ended"), None
+
+    def _dropped_by(self, frame: Frame) -> str:
+        step = self._mind.recorder.dropped_by(frame)
+        return "" if step is None else f"{source_text(step.syntax)} ({_place(step)})"
 
     def _goal(self, frame: Frame) -> str:
         """The event that a frame is for, as it was when its plan was chosen."""
@@ -271,10 +289,15 @@ def _unbracketed(text: str) -> str:
 
 
 def plan_view(plan: Any, bindings: dict[str, str] | None = None) -> PlanView:
-    node = plan.syntax
-    label = source_text(node.label) if node.label is not None else ""
-    trigger = source_text(node.trigger)
-    return PlanView(label, trigger, f"{node.position.file}:{node.position.line}", bindings or {})
+    """A plan for people. Its texts are made once: they never change."""
+    texts: tuple[str, str, str] | None = plan.shown
+    if texts is None:
+        node = plan.syntax
+        written_label = source_text(node.label) if node.label is not None else ""
+        texts = (written_label, source_text(node.trigger), f"{node.position.file}:{node.position.line}")
+        plan.shown = texts
+    label, trigger, position = texts
+    return PlanView(label, trigger, position, bindings or {})
 
 
 def _values(frame: Frame, values: tuple[Any, ...] | None) -> dict[str, str]:

@@ -98,6 +98,11 @@ MOST_FRAMES: Final = 20
 _KQML: Final = signature("kqml_received", 4)
 
 
+def record_of(entry: Any) -> Decision | Failure:
+    """The record of what `Decisions.note` was given."""
+    return entry if type(entry) is Failure else Decision(*entry)
+
+
 class Decisions:
     """The last decisions and failures of a mind, at most ``most`` of both together.
 
@@ -107,10 +112,18 @@ class Decisions:
     def __init__(self, mind: Any, most: int, tell: Callable[[Decision | Failure], None] | None = None) -> None:
         self._mind, self._tell = mind, tell
         self._last: deque[Any] = deque(maxlen=most)
-        self.note: Callable[[Any], None] = self._last.append if tell is None else self._append
+        self._new: list[Any] = []
+        """While they are counted: those that `_settle` has not counted yet."""
+        self.count = 0
+        """How many there have been since `count_all`."""
+        self._taken = 0
+        self._plain: Callable[[Any], None] = self._last.append if tell is None else self._append
+        self.note: Callable[[Any], None] = self._plain
         """Takes the fields of a `Decision` as a tuple (the last ones may be left out), or a `Failure`."""
-        self._post, self._on_input = mind.post, mind.on_input
-        self._dropped: deque[Frame] = deque(maxlen=most)
+        self._post, self.pass_on = mind.post, mind.on_input
+        self._dropped: deque[tuple[Frame, Step | None]] = deque(maxlen=most)
+        self.shown: dict[int, tuple[Any, Any]] = {}
+        """What onlookers have made of entries, by the identity of these; `let_go` lets go of it too."""
         self.large_lists = LargeLists.made
         """How many large lists had been made when `let_go` looked last."""
         self._origins: dict[int, tuple[Any, Origin]] = {}
@@ -127,7 +140,56 @@ class Decisions:
 
     def records(self) -> list[Decision | Failure]:
         """What is remembered, oldest first."""
-        return [entry if type(entry) is Failure else Decision(*entry) for entry in self._last]
+        return list(map(record_of, self.entries()))
+
+    def entries(self) -> list[Any]:
+        """The same as they are held: `record_of` makes records of them."""
+        self._settle()
+        return list(self._last)
+
+    def count_all(self, line: Callable[[Any], None] | None = None) -> None:
+        """Count the records from now on, for `take_new`, and show each to ``line``. At the cost of next to nothing
+        without that, as long as somebody calls `settle` now and then.
+        """
+        self._settle()
+        self._taken = self.count
+        if line is None and self._tell is None:
+            self.note = self._new.append
+            return
+        plain = self._plain
+
+        def note(entry: Any) -> None:
+            self.count += 1
+            plain(entry)
+            if line is not None:
+                line(entry)
+
+        self.note = note
+
+    def count_none(self) -> None:
+        """Count the records no longer."""
+        self._settle()
+        self.note = self._plain
+
+    def settle(self) -> None:
+        """Put the new records to the others; so many of them must not wait."""
+        if self._new:
+            self._settle()
+
+    def _settle(self) -> None:
+        new = self._new
+        self.count += len(new)
+        self._last.extend(new)
+        new.clear()
+
+    def take_new(self, most: int) -> tuple[int, int]:
+        """Return how many of the last records are new since this was asked last, at most so many, and how many more
+        there were.
+        """
+        self._settle()
+        new, self._taken = self.count - self._taken, self.count
+        shown = min(new, most, len(self._last))
+        return shown, new - shown
 
     def let_go(self) -> None:
         """Keep of large terms only what is shown of them, so that records are small however large lists become.
@@ -135,6 +197,8 @@ class Decisions:
         Records hold the frames of plans; where a plan has ended nobody else needs what is in its frame.
         """
         self.large_lists = LargeLists.made
+        self.shown.clear()
+        self._settle()
         alive = {id(frame) for intention in self._mind.all_intentions() for frame in intention.stack}
         for place, entry in enumerate(self._last):
             frames = entry.frames if type(entry) is Failure else (Decision(*entry).below, Decision(*entry).frame)
@@ -147,6 +211,7 @@ class Decisions:
 
     def last_rejected(self) -> Sequence[tuple[Any, Any]]:
         """The plans that were tried in vain for the last event, as `Decision.rejected` holds them."""
+        self._settle()
         last = self._last[-1] if self._last else None
         return () if type(last) is not tuple else Decision(*last).rejected or ()
 
@@ -230,12 +295,21 @@ class Decisions:
         self.note(record)
 
     def dropped(self, frames: Sequence[Frame]) -> None:
-        """Note the frames of plans that were dropped, the innermost last."""
-        self._dropped.extend(frames[-MOST_FRAMES:])
+        """Note the frames of plans that were dropped, the innermost last, and the formula that has done it."""
+        current = self._mind.current
+        by = None if current is None else current.last
+        name = getattr(getattr(by, "syntax", None), "term", None)
+        if not getattr(name, "name", "").startswith(_DROPPING):
+            by = None  # a goal condition, or an operator
+        self._dropped.extend((frame, by) for frame in frames[-MOST_FRAMES:])
 
     def was_dropped(self, frame: Frame) -> bool:
         """Whether a plan was dropped, as far as is remembered."""
-        return any(frame is dropped for dropped in self._dropped)
+        return any(frame is dropped for dropped, _ in self._dropped)
+
+    def dropped_by(self, frame: Frame) -> Step | None:
+        """The formula that has dropped a plan, as far as is remembered."""
+        return next((by for dropped, by in self._dropped if dropped is frame), None)
 
     def _append(self, entry: Any) -> None:
         """Note a record and tell it."""
@@ -290,10 +364,12 @@ class Decisions:
                 self._given.clear()
                 self._given_in = cycle
             self._given.append(item)
-        if self._on_input is not None:
-            self._on_input(cycle, item)
+        if self.pass_on is not None:
+            self.pass_on(cycle, item)
 
 
+_DROPPING: Final = (".drop_", ".succeed_goal", ".fail_goal")
+"""How internal actions are called that drop plans."""
 _RAISING: Final = frozenset((Mail, GoalAdded, BeliefAdded, SignalRaised))
 
 

@@ -72,6 +72,7 @@ class Plan:
         "options",
         "outer",
         "select",
+        "shown",
         "slots",
         "sources",
         "special",
@@ -106,6 +107,8 @@ class Plan:
         """The variables that have a place filled when the plan is selected."""
         self.steps: list[Step | None] = []
         """The formulas of its body, once loaded."""
+        self.shown: tuple[str, str, str] | None = None
+        """Its label, trigger and position as text, once somebody has looked."""
         self._size = FRAME_HEADER
         self.unload()
 

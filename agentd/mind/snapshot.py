@@ -142,7 +142,12 @@ def views_of_questions(mind: Any) -> list[QuestionView]:
 
 def sources_of(fact: Literal) -> tuple[str, ...]:
     """Who told a belief, as names."""
-    return tuple(short_text(annot.args[0]) for annot in fact.annots if is_source(annot))
+    return tuple(_name(annot.args[0]) for annot in fact.annots if is_source(annot))
+
+
+def _name(source: Any) -> str:
+    plain = type(source) is Literal and not source.args and not source.annots
+    return str(source.sig.name) if plain else short_text(source)
 
 
 def believed(mind: Any, most: int, about: str = "") -> tuple[list[Literal], int]:

@@ -175,8 +175,33 @@ def test_decisions_can_be_asked_for_by_name() -> None:
     decisions, failures = decisions_of(world.mind, Look(about="c"))
     assert [decision.event for decision in decisions] == ["+!c"]
     assert [failure.formula for failure in failures] == [".fail"]
-    assert len(decisions_of(world.mind, Look(last=1))[0]) + len(decisions_of(world.mind, Look(last=1))[1]) == 1
+    decisions, failures = decisions_of(world.mind, Look(last=1))
+    assert len(decisions) + len(failures) == 1
     assert decisions_of(world.mind, Look(last=0)) == ((), ())
+
+
+def test_a_decision_whose_outcome_is_known_is_not_made_anew_and_others_are_told_as_they_go_on() -> None:
+    world = World(mind_of("!a. +!a <- !b; .wait(1000); .fail. +!b <- true.", decisions=50)).settle()
+    (a, b), _ = decisions_of(world.mind)
+    assert (a.outcome, b.outcome) == ("running", "ended")
+    assert decisions_of(world.mind)[0] == (a, b)
+    assert decisions_of(world.mind)[0][1] is b
+    world.at(2.0)
+    (again, same), (failure,) = decisions_of(world.mind)
+    assert same is b
+    assert (again.event, again.outcome, again.failure) == (a.event, "failed", failure)
+
+
+def test_what_onlookers_were_shown_is_not_held_for_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(mind_of("+!a(X) <- true.", decisions=10))
+    for number in range(100):
+        world.feed(GoalAdded(term(f"a({number})")))
+        assert decisions_of(world.mind)[0][-1].event == f"+!a({number})"
+    assert world.mind.recorder is not None
+    assert len(world.mind.recorder.shown) == 10
+    world.mind.recorder.let_go()
+    assert world.mind.recorder.shown == {}
+    assert len(decisions_of(world.mind)[0]) == 10
 
 
 @pytest.mark.parametrize(
