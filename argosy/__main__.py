@@ -111,6 +111,9 @@ COMMANDS = {
     "referee": "judge a search and rescue by what the simulators saw: each victim one buoy",
     "wheelhouse": "download all that boards without internet install, Argosy's own wheel among it",
     "units": "write the systemd units, router configuration and files that one board of a mission needs",
+    "echo": "show what is said on the bus, one line each",
+    "hz": "measure how often something is said on each key, and how much it is",
+    "list": "list who is on the bus, what each serves and what is said",
     "act": "let the robot of an agent act by hand, where the mission allows it",
     "ui": "serve a web page for this machine: map, minds, timeline, mail and stop buttons of a running fleet",
     "stop": "order robots to hold, land or return to launch, above every agent",
@@ -175,6 +178,18 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy import units
 
             return units.add_arguments, units.run
+        case "echo":
+            from argosy.tools import echo
+
+            return echo.add_arguments, echo.run
+        case "hz":
+            from argosy.tools import hz
+
+            return hz.add_arguments, hz.run
+        case "list":
+            from argosy.tools import listing
+
+            return listing.add_arguments, listing.run
         case "act":
             from argosy.tools import act
 

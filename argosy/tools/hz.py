@@ -1,0 +1,138 @@
+"""`argosy hz`: how often something is said on each key, how evenly, and how much it is."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import sys
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections import deque
+from collections.abc import Iterable
+from itertools import pairwise
+
+from argosy.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus
+from argosy.tools.echo import put_out
+from argosy.tools.hearing import QUIET, Ears, add_key_argument, key_expressions, tell_who_is_there
+from commd.bus import Bus
+from commd.process import EXIT_DONE, EXIT_FAILED
+from schemas.durations import Duration
+from schemas.keys import ROOT
+
+WINDOW = 5.0
+"""Wall seconds that the figures are of, if nobody says otherwise."""
+MOST_KEYS = 5_000
+"""Keys of which there are figures; further ones are counted together."""
+MOST_SAMPLES = 10_000
+"""Samples of one key in a window; of more the oldest are left out, and the figures are of the rest."""
+TABLE_EVERY = 1.0
+"""Wall seconds between two tables on a terminal."""
+HEAD = ("key", "Hz", "min ms", "max ms", "jitter ms", "B/s", "n")
+
+
+class Rates:
+    """What was heard in the last seconds, key by key."""
+
+    def __init__(self, window: float) -> None:
+        self.left_out = 0
+        """Samples on more keys than are kept."""
+        self._window = window
+        self._keys: dict[str, deque[tuple[float, int]]] = {}
+
+    def add(self, key: str, at: float, size: int) -> None:
+        """Take in a sample of so many bytes."""
+        known = self._keys.get(key)
+        if known is None:
+            if len(self._keys) >= MOST_KEYS:
+                self.left_out += 1
+                return
+            known = self._keys[key] = deque(maxlen=MOST_SAMPLES)
+        known.append((at, size))
+
+    def rows(self, now: float, since: float) -> list[tuple[str, ...]]:
+        """Return a row for each key that was heard in the window that ends now; listening began at `since`."""
+        span = min(self._window, max(now - since, 1e-9))
+        rows = []
+        for key, known in sorted(self._keys.items()):
+            while known and known[0][0] < now - self._window:
+                known.popleft()
+            if known:
+                rows.append((key, *figures([at for at, _ in known], sum(size for _, size in known), span)))
+        return rows
+
+
+def figures(times: list[float], size: int, span: float) -> tuple[str, ...]:
+    """Return rate, shortest and longest interval, its standard deviation, bytes a second, and how many there were."""
+    gaps = [later - earlier for earlier, later in pairwise(times)]
+    many = f"{size / span:.0f}", str(len(times))
+    if not gaps:
+        return f"{len(times) / span:.2f}", "-", "-", "-", *many
+    mean = sum(gaps) / len(gaps)
+    jitter = math.sqrt(sum((gap - mean) ** 2 for gap in gaps) / len(gaps))
+    rate = 1 / mean if mean > 0 else math.inf
+    return f"{rate:.2f}", *(f"{1000 * one:.1f}" for one in (min(gaps), max(gaps), jitter)), *many
+
+
+def table(rows: Iterable[tuple[str, ...]]) -> list[str]:
+    """Return rows in columns, figures flush right."""
+    lines = [HEAD, *rows]
+    widths = [max(len(line[place]) for line in lines) for place in range(len(HEAD))]
+    return [
+        "  ".join(
+            [line[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(line[1:], widths[1:], strict=True))]
+        )
+        for line in lines
+    ]
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy hz`."""
+    add_key_argument(parser)
+    help_ = f"figures of the last so many wall seconds (default {WINDOW:g}s)"
+    parser.add_argument("--window", type=_window, default=WINDOW, metavar="DURATION", help=help_)
+    parser.add_argument("--once", action="store_true", help="print them after one window, and end")
+    add_fleet_arguments(parser, "only this fleet (default: every fleet on the router)")
+
+
+def _window(text: str) -> float:
+    try:
+        seconds = float(Duration.read(text))
+    except ValueError as error:
+        raise ArgumentTypeError(str(error)) from None
+    if not 0.1 <= seconds <= 3600:
+        raise ArgumentTypeError(f"expected 100ms to 1h, got {text}")
+    return seconds
+
+
+def run(args: Namespace) -> int:
+    """Print figures until ctrl-C; with `--once` returns 1 if nothing was heard."""
+
+    async def measure(bus: Bus, where: Where) -> int:
+        expressions = key_expressions(args.key, where.fleet)
+        ears, rates, loop = Ears(bus, expressions), Rates(args.window), asyncio.get_running_loop()
+        redraw = sys.stdout.isatty() and not args.once
+        every = TABLE_EVERY if redraw else args.window
+        began, heard, noticed = loop.time(), False, False
+        while True:
+            until = loop.time() + every
+            async for sample in ears.samples(until):
+                rates.add(_short(sample.key, where.fleet), sample.arrived, len(sample.payload))
+            rows = rates.rows(loop.time(), began)
+            heard = heard or bool(rows)
+            if not heard and not noticed and (args.once or loop.time() - began >= QUIET):
+                noticed = True
+                await tell_who_is_there(bus, where, expressions)
+            lines = table(rows) if rows else []
+            if ears.dropped or rates.left_out:
+                lines.append(f"{ears.dropped + rates.left_out} records were left out: more is said than is counted")
+            if lines and not put_out(
+                "\n".join((["\x1b[H\x1b[J"] if redraw else []) + lines + ([] if args.once else [""]))
+            ):
+                return EXIT_DONE
+            if args.once:
+                return EXIT_DONE if heard else EXIT_FAILED
+
+    return on_the_bus(args, measure)
+
+
+def _short(key: str, fleet: str) -> str:
+    return key.removeprefix(f"{ROOT}/" if fleet == ANY else f"{ROOT}/{fleet}/")
