@@ -106,6 +106,7 @@ COMMANDS = {
     "replay": "say a recording once more on the bus, tell what it holds, or live a mind of it again",
     "metrics": "serve the health of a fleet to Prometheus, on loopback",
     "why": "tell why an agent did, or did not do, something, back to what caused it",
+    "watch": "look at a running fleet in the terminal: agents, minds, vehicles, mail, what happens",
     "mail": "show what waits in the mailboxes of a fleet, and what was given up",
     "plot": "draw a recording for a paper: tracks, altitude, modes, actions and messages on one axis of time",
     "referee": "judge a search and rescue by what the simulators saw: each victim one buoy",
@@ -166,6 +167,10 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
             from argosy import plot
 
             return plot.add_arguments, plot.run
+        case "watch":
+            from argosy.watch import command
+
+            return command.add_arguments, command.run
         case "referee":
             from argosy import referee
 
