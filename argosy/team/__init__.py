@@ -4,6 +4,7 @@ from argosy.team.letters import Letter, Letters
 from argosy.team.members import Member, TeamAgent, TeamBoard, TeamRobot
 from argosy.team.model import TeamModel
 from argosy.team.places import Place, Places
+from argosy.team.still import still
 from argosy.team.timeline import Entry, Timeline
 from argosy.team.watcher import TeamWatcher, steady_clock
 
@@ -21,4 +22,5 @@ __all__ = [
     "TeamWatcher",
     "Timeline",
     "steady_clock",
+    "still",
 ]

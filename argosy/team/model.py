@@ -7,6 +7,7 @@ heard.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from functools import partial
 from typing import Literal, TypeVar
 
@@ -84,6 +85,12 @@ class TeamModel:
     def open_actions(self, agent: str | None = None) -> list[ActionSeen]:
         """Return the actions that have no final state yet, of one agent or of all, the oldest first."""
         return [action for action in self._actions.open() if agent is None or action.agent == agent]
+
+    def hold_actions(self) -> None:
+        """Let what becomes of the actions from now on change nothing here: this model is a copy of one that goes on."""
+        held = ActionsSeen()
+        held.by_id = {id: copy(action) for id, action in self._actions.by_id.items()}
+        self._actions = held
 
     def mail_for(self, agent: str) -> int:
         """Return how many messages wait for an agent at the boards, besides those in its mind's mailbox."""

@@ -1,0 +1,1 @@
+"""`argosy watch`: a running fleet in a terminal. It listens and asks, and orders nothing."""

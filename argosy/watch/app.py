@@ -1,0 +1,64 @@
+"""The application: which model is shown, and what every page understands."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from textual.app import App
+from textual.binding import Binding, BindingType
+
+from argosy.team import TeamModel, still
+from argosy.watch.glyphs import UNICODE, Glyphs
+from argosy.watch.link import Link
+from argosy.watch.page import Page
+from argosy.watch.pages import Help, Overview
+
+PERIOD = 0.5
+"""Wall seconds between two drawings."""
+
+
+class WatchApp(App[None]):
+    """Shows a fleet. It has no way to give an order."""
+
+    ENABLE_COMMAND_PALETTE = False
+    CSS = """
+    .behind { display: none; }
+    Lines:focus { background-tint: transparent; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("q,ctrl+c,ctrl+q", "quit", show=False, priority=False),
+        Binding("ctrl+c", "quit", show=False, priority=True),
+        Binding("space", "pause", show=False),
+        Binding("question_mark,f1,h", "help", show=False),
+    ]
+
+    def __init__(self, link: Link, *, glyphs: Glyphs = UNICODE, filter: str = "", period: float = PERIOD) -> None:
+        super().__init__()
+        self.link, self.glyphs, self.filter, self.period = link, glyphs, filter, period
+        self._still: TeamModel | None = None
+        self.theme = "ansi-dark"  # the terminal's own colours, light or dark
+
+    @property
+    def paused(self) -> bool:
+        """Whether the view stands still."""
+        return self._still is not None
+
+    @property
+    def shown(self) -> TeamModel:
+        """The model that is shown: the fleet's, or as it was when the view was paused."""
+        return self._still or self.link.model
+
+    def on_mount(self) -> None:
+        """Show the fleet."""
+        self.push_screen(Overview())
+
+    def action_pause(self) -> None:
+        """Let the view stand still, or go on."""
+        self._still = None if self._still is not None else still(self.link.model)
+        if isinstance(self.screen, Page):
+            self.screen.redraw()
+
+    def action_help(self) -> None:
+        """Show what the keys do."""
+        if not isinstance(self.screen, Help):
+            self.push_screen(Help())

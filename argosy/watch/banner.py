@@ -1,0 +1,64 @@
+"""What must be said above everything else: no router, nobody there, the view is paused."""
+
+from __future__ import annotations
+
+from rich.text import Text
+
+from argosy.team import TeamModel
+from argosy.watch.link import Link
+from argosy.watch.rows import BAD, WARN, joined, said
+from argosy.watch.words import clock, count, span
+
+HINT_AFTER = 10.0
+"""Seconds of waiting after which it is said what the reason may be."""
+
+
+def title(model: TeamModel, router: str) -> Text:
+    """Return which fleet it is and how many of it are there."""
+    there = [
+        f"{sum(one.there for one in members.values())} of {count(len(members), what)}"
+        for members, what in ((model.agents, "agent"), (model.robots, "robot"), (model.boards, "board"))
+        if members
+    ]
+    others = f"also at this router: {', '.join(sorted(model.other_fleets))}" if model.other_fleets else ""
+    return joined(
+        (f"argosy watch {model.fleet or 'any fleet'}", "bold"),
+        *there,
+        (others, WARN),
+        (clock(model.now()), "dim"),
+        (router, "dim"),
+    )
+
+
+def banner(link: Link, model: TeamModel, paused: bool) -> Text:
+    """Return what is wrong with what is shown, a line for each; empty if nothing is."""
+    now, lines = link.model.now(), list[Text]()
+    live = link.model
+    if link.failure:
+        lines.append(said(link.failure, BAD))
+    elif not link.reached:
+        why = link.problem or f"dialling {link.place.router}"
+        lines.append(said(f"no router yet, waiting for {span(now - link.since)}: {why}", BAD))
+        if now - link.since > HINT_AFTER:
+            lines.append(
+                said("is the fleet running? is it another router: --router ENDPOINT, or --mission FILE?", WARN)
+            )
+    elif not live.router_up:
+        lost = now - (live.router_since or now)
+        lines.append(
+            said(f"ROUTER LOST for {span(lost)}: all below is as it was; it comes back by itself", "reverse bold red")
+        )
+    elif not any(one.there for members in (live.agents, live.robots, live.boards) for one in members.values()):
+        who = f"nobody of fleet {live.fleet}" if live.fleet else "nobody"
+        lines.append(said(f"{who} is there yet, waiting for {span(now - link.since)}", WARN))
+        if now - link.since > HINT_AFTER:
+            others = (
+                f"at this router there is {', '.join(sorted(live.other_fleets))}: --fleet NAME; "
+                if live.other_fleets
+                else ""
+            )
+            lines.append(said(f"{others}is it started (argosy run, or its units)? argosy doctor tells more", WARN))
+    if paused:
+        text = f"PAUSED as it was at {clock(model.now())}: the fleet goes on without you; space to go on"
+        lines.append(said(text, "reverse yellow"))
+    return Text("\n").join(lines)

@@ -1,0 +1,58 @@
+"""`argosy watch`: arguments, terminal, and the end."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import sys
+from argparse import ArgumentParser, Namespace
+
+from argosy.operator_bus import Where, add_fleet_arguments, where
+from argosy.watch.glyphs import glyphs_of
+from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from schemas.findings import Findings
+from schemas.mission import Mission, load_mission
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy watch`."""
+    add_fleet_arguments(parser, "this fleet (default: the first that shows itself at the router)")
+    parser.add_argument("--filter", default="", metavar="TEXT", help="show only what has these words in the timeline")
+
+
+def run(args: Namespace) -> int:
+    """Show the fleet until the user leaves. Returns 2 for a bad mission or no terminal."""
+    try:
+        mission = load_mission(args.mission) if args.mission else None
+        place = where(args)
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return EXIT_BAD_INPUT
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        print(
+            "error: argosy watch needs a terminal; in a pipe use argosy status, argosy echo or argosy why",
+            file=sys.stderr,
+        )
+        return EXIT_BAD_INPUT
+    logging.getLogger().addHandler(logging.NullHandler())  # the view says itself what the bus would write over it
+    return asyncio.run(_show(place, mission, args.filter))
+
+
+async def _show(place: Where, mission: Mission | None, words: str) -> int:
+    from argosy.watch.app import WatchApp
+    from argosy.watch.link import Link
+
+    link = Link(place, mission)
+    app = WatchApp(link, glyphs=glyphs_of(os.environ, sys.stdout.encoding or ""), filter=words)
+    dialling = asyncio.create_task(link.run())
+    dialling.add_done_callback(lambda _: app.exit() if link.failure else None)
+    try:
+        await app.run_async(mouse=False)
+    finally:
+        dialling.cancel()
+        await asyncio.gather(dialling, return_exceptions=True)
+    if link.failure:
+        print(link.failure, file=sys.stderr)
+        return EXIT_BAD_INPUT
+    return EXIT_FAILED if app.return_code else EXIT_DONE

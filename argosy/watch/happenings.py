@@ -1,0 +1,41 @@
+"""The timeline as rows, made once for each entry: thousands are kept, and few are new."""
+
+from __future__ import annotations
+
+from rich.text import Text
+
+from argosy.live import STYLES
+from argosy.team import Entry, TeamModel
+from argosy.watch.rows import Row
+
+MOST = 2_000
+"""Rows that are shown."""
+
+
+class Happenings:
+    """The rows of a timeline; of one agent and its robot, if they are named."""
+
+    def __init__(self, *names: str) -> None:
+        self._names = frozenset(names)
+        self._number = 0
+        self._model: TeamModel | None = None
+        self.rows: list[Row] = []
+
+    def update(self, model: TeamModel) -> list[Row]:
+        """Return the rows for what the model has now."""
+        if model is not self._model:  # paused, or going on again
+            self._model, self._number, self.rows = model, 0, []
+        new = [_row(one) for one in model.timeline.since(self._number) if self._concerns(one)]
+        self._number = model.timeline.number
+        if new:
+            self.rows = [*self.rows, *new][-MOST:]
+        return self.rows
+
+    def _concerns(self, entry: Entry) -> bool:
+        return not self._names or entry.who in self._names
+
+
+def _row(entry: Entry) -> Row:
+    style = STYLES[entry.level] if entry.what not in ("sent", "received") else "magenta"
+    text = Text.assemble((f"{entry.clock} ", "dim"), (f"{entry.who}  ", "bold"), (entry.text, style))
+    return Row(text, indent=10, found_by=entry.what)

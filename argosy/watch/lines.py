@@ -1,0 +1,200 @@
+"""Panes of rows: only what is seen is drawn, so that a pane of thousands of rows costs as much as one of twenty."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from rich.segment import Segment
+from rich.style import Style
+from rich.text import Text
+from textual.binding import Binding, BindingType
+from textual.events import Resize
+from textual.geometry import Size
+from textual.message import Message
+from textual.scroll_view import ScrollView
+from textual.strip import Strip
+
+from argosy.watch.rows import Row
+
+
+class Lines(ScrollView, can_focus=True):
+    """Rows that are scrolled through."""
+
+    DEFAULT_CSS = """
+    Lines { height: 1fr; overflow-x: hidden; overflow-y: auto; scrollbar-size: 0 0; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up,k", "step(-1)", show=False),
+        Binding("down,j", "step(1)", show=False),
+        Binding("pageup", "page(-1)", show=False),
+        Binding("pagedown", "page(1)", show=False),
+        Binding("home,g", "ends(-1)", show=False),
+        Binding("end,G", "ends(1)", show=False),
+    ]
+
+    def __init__(self, *, id: str, wrap: bool = False, follow: bool = False) -> None:
+        """`wrap`: what is too long goes on in the next line; `follow`: whoever is at the end stays there."""
+        super().__init__(id=id)
+        self.filter = ""
+        """Words that a row must have to be shown."""
+        self.hidden = 0
+        """Rows that the filter leaves out."""
+        self._wrap = wrap
+        self._follows, self._at_end = follow, follow
+        self._all: list[Row] = []
+        self._rows: list[Row] = []
+        self._lines: list[tuple[int, Text]] = []
+        """The lines on the screen, each with the number of its row."""
+
+    @property
+    def rows(self) -> list[Row]:
+        """The rows that are shown."""
+        return self._rows
+
+    def show_rows(self, rows: Sequence[Row]) -> None:
+        """Show these rows; nothing is drawn if they are as before."""
+        if list(rows) != self._all:
+            self._all = list(rows)
+            self._lay_out()
+
+    def set_filter(self, text: str) -> None:
+        """Show only what matches."""
+        self.filter = text.strip()
+        self._lay_out()
+
+    def action_step(self, by: int) -> None:
+        self._go_to(self.scroll_offset.y + by)
+
+    def action_page(self, by: int) -> None:
+        self._go_to(self.scroll_offset.y + by * max(1, self.size.height - 1))
+
+    def action_ends(self, which: int) -> None:
+        self._go_to(0 if which < 0 else len(self._lines))
+
+    def _go_to(self, line: int) -> None:
+        last = max(0, len(self._lines) - self.size.height)
+        self._at_end = self._follows and line >= last
+        self.scroll_to(y=max(0, min(line, last)), animate=False, immediate=True)
+
+    def on_resize(self, _: Resize) -> None:
+        self._lay_out()
+
+    def render_line(self, y: int) -> Strip:
+        """Draw one line of the screen."""
+        line, style, width = y + self.scroll_offset.y, self.rich_style, self.size.width
+        if line >= len(self._lines):
+            return Strip.blank(width, style)
+        number, text = self._lines[line]
+        segments = [*self._margin(number), *text.render(self.app.console)]
+        strip = Strip(segments).adjust_cell_length(width).apply_style(style)
+        over = self._over(number)
+        return strip if over is None else strip.apply_style(over)
+
+    def _margin(self, number: int) -> list[Segment]:
+        return [Segment(" ")]
+
+    def _over(self, number: int) -> Style | None:
+        """Return the style that a row is drawn over with."""
+        return None
+
+    def _lay_out(self) -> None:
+        words = self.filter.lower().split()
+        self._rows = [row for row in self._all if row.head or row.matches(words)]
+        self.hidden = len(self._all) - len(self._rows)
+        width = max(1, self.size.width - 1)
+        self._lines = [(number, line) for number, row in enumerate(self._rows) for line in self._folded(row, width)]
+        self.virtual_size = Size(self.size.width, len(self._lines))
+        if self._at_end:
+            self._go_to(len(self._lines))
+        self.refresh()
+
+    def _folded(self, row: Row, width: int) -> list[Text]:
+        if row.text.cell_len <= width:
+            return [row.text]
+        if not self._wrap:
+            text = row.text.copy()
+            text.truncate(width, overflow="ellipsis")
+            return [text]
+        first, *rest = row.text.wrap(self.app.console, width, overflow="fold")
+        if not rest or row.indent >= width // 2:
+            return [first, *rest]
+        left = row.text[len(first.plain) :]
+        left = left[len(left.plain) - len(left.plain.lstrip()) :]
+        more = left.wrap(self.app.console, width - row.indent, overflow="fold")
+        return [first, *(Text(" " * row.indent).append_text(one) for one in more)]
+
+
+class Choice(Lines):
+    """Rows of which one is chosen; those without a key cannot be."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "open", show=False)]
+
+    class Opened(Message):
+        """Enter was pressed on a row."""
+
+        def __init__(self, pane: Choice, key: str) -> None:
+            super().__init__()
+            self.pane, self.key = pane, key
+
+    def __init__(self, *, id: str, cursor: str, wrap: bool = False) -> None:
+        """`cursor` is the mark of the chosen row."""
+        super().__init__(id=id, wrap=wrap)
+        self.chosen = ""
+        """The key of the chosen row."""
+        self._mark = cursor
+
+    def action_step(self, by: int) -> None:
+        keys = self._keys()
+        if not keys:
+            super().action_step(by)
+            return
+        at = keys.index(self.chosen) + by if self.chosen in keys else 0
+        self._choose(keys[max(0, min(at, len(keys) - 1))])
+        if at < 0:
+            self._go_to(0)  # the headings above the first row
+
+    def action_page(self, by: int) -> None:
+        self.action_step(by * max(1, self.size.height - 2))
+
+    def action_ends(self, which: int) -> None:
+        keys = self._keys()
+        if keys:
+            self._choose(keys[0 if which < 0 else -1])
+        super().action_ends(which)
+
+    def action_open(self) -> None:
+        if self.chosen in self._keys():
+            self.post_message(self.Opened(self, self.chosen))
+
+    def choose(self, key: str) -> None:
+        """Choose a row by its key."""
+        self._choose(key)
+
+    def _keys(self) -> list[str]:
+        return [row.key for row in self._rows if row.key]
+
+    def _choose(self, key: str) -> None:
+        self.chosen = key
+        lines = [line for line, (number, _) in enumerate(self._lines) if self._rows[number].key == key]
+        if lines:
+            top, bottom = self.scroll_offset.y, self.scroll_offset.y + self.size.height - 1
+            if lines[0] < top or len(lines) > self.size.height:
+                self._go_to(lines[0])
+            elif lines[-1] > bottom:
+                self._go_to(lines[-1] - self.size.height + 1)
+        self.refresh()
+
+    def _lay_out(self) -> None:
+        super()._lay_out()
+        keys = self._keys()
+        if self.chosen not in keys:
+            self.chosen = keys[0] if keys else ""
+
+    def _margin(self, number: int) -> list[Segment]:
+        chosen = bool(self.chosen) and self._rows[number].key == self.chosen
+        return [Segment(self._mark if chosen else " ")]
+
+    def _over(self, number: int) -> Style | None:
+        chosen = bool(self.chosen) and self._rows[number].key == self.chosen
+        return Style(reverse=True) if chosen and self.has_focus else None

@@ -1,0 +1,183 @@
+"""The fleet at a glance: vehicles, agents, boards, each in a row with what matters of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.text import Text
+
+from argosy.seen import ActionSeen, RobotSeen
+from argosy.team import Member, TeamAgent, TeamModel, TeamRobot
+from argosy.track import distance
+from argosy.watch.glyphs import Glyphs
+from argosy.watch.rows import BAD, DIM, GOOD, WARN, Row, head, joined, said, table
+from argosy.watch.words import count, place, span
+
+LAGGING = 1.0
+"""Seconds of lag from which on an agent counts as behind."""
+MOST_NOTES = 3
+"""Notes of one daemon that are shown."""
+NARROW = 100
+"""Columns below which a vehicle's place and satellites are left out."""
+
+
+def overview(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
+    """Return the rows of the whole fleet for a screen of so many columns."""
+    rows: list[Row] = []
+    if model.robots:
+        rows += [head("vehicles"), *_vehicles(model, width, glyphs)]
+    if model.agents or model.clients:
+        rows += [head("agents"), *_agents(model, width, glyphs)]
+    if model.boards:
+        rows += [head("boards"), *_boards(model, width, glyphs)]
+    return rows
+
+
+def _vehicles(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
+    robots = list(model.robots.values())
+    rows = [[_mark(robot, glyphs), Text(robot.name, "bold"), *_robot(model, robot, width, glyphs)] for robot in robots]
+    lines = table(rows, width - 1, flex=5, right=(4,))
+    return _with_notes(robots, [Row(line, f"robot {one.name}") for line, one in zip(lines, robots, strict=True)])
+
+
+def _robot(model: TeamModel, robot: TeamRobot, width: int, glyphs: Glyphs) -> list[Text]:
+    """Return mode, arming, height and all else of a robot."""
+    seen, now = robot.seen, model.now()
+    actions = [action for agent in robot.agents for action in model.open_actions(agent)]
+    doing = joined(*(_action(action, now, glyphs) for action in actions))
+    if seen.told and not seen.mode:
+        return [Text(), Text(), Text(), joined(doing, ("  ".join(seen.told.values()), DIM))]
+    if not seen.mode:
+        word = "its vehicle is not heard yet" if robot.there else _absent(model, robot)
+        return [Text(), Text(), Text(), joined((word, WARN), doing)]
+    old = robot.age(now) or 0.0
+    why = joined(
+        (f"LOST, last heard {span(old)} ago" if seen.lost else "", BAD),
+        (f"as it was {span(old)} ago: {_absent(model, robot)}" if robot.stale(now) and not seen.lost else "", BAD),
+        (f"operator: {seen.operator}" if seen.operator else "", WARN),
+        (f"taken over: {seen.override}" if seen.override else "", WARN),
+        (f"held by {seen.holder}" if seen.holder else "", DIM),
+    )
+    style = DIM if robot.stale(now) else ""
+    return [
+        Text(seen.mode, style or "magenta"),
+        Text("armed", style or GOOD) if seen.armed else Text("disarmed", DIM),
+        Text("" if seen.altitude is None else f"{seen.altitude + 0.0:.1f} m", style),
+        joined(why, *_figures(seen, style, width), doing),
+    ]
+
+
+def _figures(seen: RobotSeen, style: str, width: int) -> list[Text]:
+    low = seen.battery is not None and seen.battery < 20
+    found = [Text("" if seen.battery is None else f"{seen.battery:.0f} %", WARN if low else style)]
+    if seen.position is not None and seen.home is not None:
+        found.append(Text(f"{distance(seen.position, seen.home):.0f} m off", style))
+    if width >= NARROW and seen.position is not None:
+        found.append(Text(f"{seen.position[0]:.6f} {seen.position[1]:.6f}", DIM))
+    return found
+
+
+def _action(action: ActionSeen, now: float, glyphs: Glyphs) -> Text:
+    figures = "  ".join(f"{name} {value:.1f}" for name, value in action.feedback.items())
+    return joined((f"{glyphs.runs} {action.text}", "blue"), f"{span(action.age(now))}", (figures, DIM))
+
+
+def _agents(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
+    agents = list(model.agents.values())
+    rows = [_agent(model, agent, glyphs) for agent in agents]
+    lines = table(rows, width - 1, flex=4, right=(3, 5, 6))
+    found = _with_notes(
+        agents,
+        [Row(line, f"agent {one.name}", found_by=one.robot) for line, one in zip(lines, agents, strict=True)],
+    )
+    clients = (joined(_mark(one, glyphs), (one.name, "bold"), (one.daemon, DIM)) for one in model.clients.values())
+    return [*found, *(Row(line, f"client {name}") for name, line in zip(model.clients, clients, strict=True))]
+
+
+def _agent(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Text]:
+    """Return mark, name, state, number of intentions, what it does, lag, mail."""
+    mind, now = agent.mind, model.now()
+    lag = Text(f"lag {span(agent.lag)}" if agent.lag >= LAGGING else "", BAD)
+    waiting = model.mail_for(agent.name) + (mind.mailbox if mind is not None else 0)
+    mail = Text(f"mail {waiting}" if waiting else "", WARN if waiting > 10 else "")
+    name = Text(agent.name, "bold")
+    if not agent.there or mind is None:
+        word = _absent(model, agent) if not agent.there else "its mind has not been seen yet"
+        if agent.silent is not None:
+            word = f"its mind does not answer for {span(now - agent.silent)} {agent.why_silent}".strip()
+        return [_mark(agent, glyphs), name, Text(), Text(), said(word, WARN), lag, mail]
+    state = Text(mind.state, {"reasoning": GOOD, "paused": WARN}.get(mind.state, ""))
+    intentions = len(mind.intentions) + mind.intentions_left_out
+    does = _does(
+        mind.intentions[0].stack if mind.intentions else (), mind.intentions[0].reason if mind.intentions else ""
+    )
+    if agent.silent is not None:
+        does = joined((f"SILENT for {span(now - agent.silent)}; was:", BAD), does)
+    elif agent.standing == "silent":
+        does = joined(("tells nothing;", BAD), does)
+    at = place(mind.intentions[0].at) if mind.intentions else ""
+    return [
+        _mark(agent, glyphs),
+        name,
+        state,
+        Text(str(intentions), "" if intentions else DIM),
+        joined(does, (at, DIM)),
+        lag,
+        mail,
+    ]
+
+
+def _does(stack: tuple[str, ...], reason: str) -> Text:
+    if not stack:
+        return Text("no intentions", DIM)
+    return joined(stack[0], (f"waits: {reason}" if reason else "", DIM))
+
+
+def _boards(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
+    boards = list(model.boards.values())
+    rows: list[Row] = []
+    for board in boards:
+        waiting, boxes = board.waiting(), board.mailboxes
+        dead = boxes.dead_count if boxes is not None else 0
+        old = model.now() - board.heard if board.heard is not None else 0.0
+        text = joined(
+            joined(_mark(board, glyphs), (board.name, "bold"), gap="  "),
+            ("" if board.there else _absent(model, board), WARN),
+            ("no mail waits" if boxes is not None and not waiting else "", DIM),
+            (f"{count(waiting, 'message')} waiting" if waiting else "", WARN if waiting > 100 else ""),
+            (f"{count(dead, 'dead letter')}" if dead else "", WARN),
+            (
+                f"mail as it was {span(old)} ago: {board.problem}"
+                if board.problem and boxes is not None
+                else board.problem,
+                BAD,
+            ),
+        )
+        rows.append(Row(text, f"board {board.name}"))
+    return _with_notes(boards, rows)
+
+
+def _with_notes(members: Sequence[Member], rows: Sequence[Row]) -> list[Row]:
+    """Put what is to be said of each below its row."""
+    found: list[Row] = []
+    for member, row in zip(members, rows, strict=True):
+        found.append(row)
+        notes = member.notes if member.there else ()
+        found += [Row(said(f"    ! {note}", WARN), found_by=row.text.plain) for note in notes[:MOST_NOTES]]
+        if len(notes) > MOST_NOTES:
+            found.append(Row(said(f"    ! {len(notes) - MOST_NOTES} more notes", WARN), found_by=row.text.plain))
+    return found
+
+
+def _mark(member: Member, glyphs: Glyphs) -> Text:
+    if not member.there:
+        return Text(glyphs.away, BAD)
+    return Text(glyphs.well, GOOD if member.well else BAD)
+
+
+def _absent(model: TeamModel, member: Member) -> str:
+    """Return why a member is not there, or not as it should be, in words."""
+    if member.there:
+        return f"its {member.daemon} is {member.standing}"
+    gone = f"gone for {span(model.now() - member.since)}" if member.since is not None else "was never there"
+    return f"its {member.daemon} is not there ({gone})"

@@ -1,0 +1,218 @@
+"""The pages: the fleet at a glance, an agent drilled down, the help."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import ClassVar
+
+from rich.text import Text
+from textual import events
+from textual.binding import Binding, BindingType
+from textual.widget import Widget
+
+from argosy.team import TeamModel
+from argosy.watch import mind
+from argosy.watch.banner import title
+from argosy.watch.glyphs import Glyphs
+from argosy.watch.happenings import Happenings
+from argosy.watch.lines import Choice, Lines
+from argosy.watch.overview import overview
+from argosy.watch.page import Page, Pane
+from argosy.watch.rows import Row, head
+
+WIDE, HIGH = 120, 30
+"""Columns and lines of a terminal from which on all panes of an agent are seen at once."""
+HELP = """\
+argosy watch looks at a running fleet. It listens and asks, and orders nothing: `argosy stop` does that.
+
+  arrows, page up and down, home, end   move                  tab, shift-tab   next pane
+  enter    look into the agent; tell why a decision was made  escape           back
+  /        show only what has these words; -word hides        space            pause the view, not the fleet
+  1 2 3 4  an agent's mind, beliefs, decisions, timeline      q, ctrl-c        leave
+  left, right   the agent before and after                    ?                this page
+
+Marks: {well} there and well, in red: not well   {away} not there   {runs} an action that runs
+{under} waits for the goal above it   ! a warning of a daemon
+
+What is old says how old it is: a vehicle in dim letters was not heard for 3 s, a mind is SILENT that has not
+answered for 5 s. The mind of the agent that is looked at is asked twice a second, each other one every 2 s,
+the mailboxes every 2 s. Ages of beliefs and intentions are seconds of the mission's clock.
+"""
+
+
+class Overview(Page):
+    """The fleet above, what happens below."""
+
+    DEFAULT_CSS = """
+    Overview #team { height: auto; max-height: 65%; }
+    Overview #team Choice { height: auto; max-height: 100%; }
+    """
+    KEYS = "enter look in  tab pane  / filter  space pause  ? help  q quit"
+    LONG_KEYS = f"arrows choose  {KEYS}"
+
+    def panes(self) -> Iterable[Widget]:
+        """Return the fleet and its timeline."""
+        self._team = Choice(id="members", cursor=self.watch_app.glyphs.cursor)
+        self._events = Lines(id="events", follow=True)
+        self._events.filter = self.watch_app.filter
+        self._happenings = Happenings()
+        yield Pane("fleet", self._team, id="team")
+        yield Pane("timeline", self._events, id="timeline")
+
+    def on_mount(self) -> None:
+        """Begin with the fleet."""
+        super().on_mount()
+        self._team.focus()
+
+    def top(self, model: TeamModel) -> Text:
+        """Return the fleet's name and how many of it are there."""
+        return title(model, self.watch_app.link.place.router)
+
+    def draw(self, model: TeamModel) -> None:
+        """Show the fleet and what happens."""
+        self._team.show_rows(overview(model, self.size.width, self.watch_app.glyphs))
+        self._events.show_rows(self._happenings.update(model))
+
+    def on_choice_opened(self, event: Choice.Opened) -> None:
+        """Look into the agent, or into that of the robot."""
+        kind, _, name = event.key.partition(" ")
+        model = self.watch_app.shown
+        if kind == "robot":
+            name = next((one for one in model.robots[name].agents if one in model.agents), "")
+        if kind in ("robot", "agent") and name in model.agents:
+            self.app.push_screen(AgentPage(name))
+
+
+class AgentPage(Page):
+    """One agent: all its panes where there is room, else one of them."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        *(Binding(str(number), f"pane({number - 1})", show=False) for number in range(1, 5)),
+        Binding("left", "neighbour(-1)", show=False),
+        Binding("right", "neighbour(1)", show=False),
+    ]
+    DEFAULT_CSS = """
+    AgentPage #body.wide { layout: grid; grid-size: 2 2; grid-columns: 3fr 2fr; grid-rows: 3fr 2fr; grid-gutter: 0 1; }
+    """
+    KEYS = "1 mind  2 beliefs  3 decisions  4 timeline  / filter  space pause  esc back"
+    LONG_KEYS = f"{KEYS}  tab pane  left right other agents  ? help  q quit"
+    ORDER = ("mind", "beliefs", "decisions", "happened")
+
+    def __init__(self, agent: str) -> None:
+        super().__init__()
+        self.agent = agent
+        self._opened: set[str] = set()
+        """Decisions that are told with their reasons."""
+        self._shown = "mind"
+
+    def panes(self) -> Iterable[Widget]:
+        """Return mind, beliefs, decisions and timeline."""
+        cursor = self.watch_app.glyphs.cursor
+        self._mind, self._beliefs = Lines(id="rows-mind", wrap=True), Lines(id="rows-beliefs", wrap=True)
+        self._decisions = Choice(id="rows-decisions", cursor=cursor, wrap=True)
+        self._events = Lines(id="rows-happened", wrap=True, follow=True)
+        self._happenings = self._of_agent()
+        yield Pane("1 mind", self._mind, id="mind")
+        yield Pane("2 beliefs", self._beliefs, id="beliefs")
+        yield Pane("3 decisions (enter: why)", self._decisions, id="decisions")
+        yield Pane("4 timeline", self._events, id="happened")
+
+    def _of_agent(self) -> Happenings:
+        agent = self.watch_app.link.model.agents.get(self.agent)
+        return Happenings(self.agent, *filter(None, (agent.robot if agent is not None else "",)))
+
+    def on_mount(self) -> None:
+        """Ask for the mind with its details from now on."""
+        self.watch_app.link.look_at(self.agent)
+        super().on_mount()
+        self._arrange()
+        self._mind.focus()
+
+    def on_unmount(self) -> None:
+        """Ask as for all others again."""
+        self.watch_app.link.look_away(self.agent)
+
+    def on_resize(self, _: events.Resize) -> None:
+        """Show all panes, or one."""
+        self._arrange()
+
+    def on_descendant_focus(self, event: events.DescendantFocus) -> None:
+        """Show the pane that has the keys now."""
+        if isinstance(event.widget, Lines) and isinstance(event.widget.parent, Pane):
+            self._shown = str(event.widget.parent.id)
+            self._arrange()
+        self.redraw()
+
+    def _arrange(self) -> None:
+        wide = self.size.width >= WIDE and self.size.height >= HIGH
+        self.query_one("#body").set_class(wide, "wide")
+        for pane in self.query(Pane):
+            pane.set_class(not wide and pane.id != self._shown, "behind")
+
+    def top(self, model: TeamModel) -> Text:
+        """Return who it is and how it is."""
+        agent = model.agents.get(self.agent)
+        return Text(f"{self.agent} is forgotten") if agent is None else mind.title(model, agent)
+
+    def draw(self, model: TeamModel) -> None:
+        """Show the mind."""
+        agent = model.agents.get(self.agent)
+        if agent is None:
+            return
+        self._mind.show_rows(mind.mind(model, agent, self.watch_app.glyphs))
+        self._beliefs.show_rows(mind.beliefs(agent))
+        self._decisions.show_rows(mind.decisions(agent, self._opened))
+        self._events.show_rows(self._happenings.update(model))
+
+    def on_choice_opened(self, event: Choice.Opened) -> None:
+        """Tell why, or no longer."""
+        self._opened ^= {event.key}
+        self.redraw()
+
+    def action_pane(self, number: int) -> None:
+        """Go to a pane."""
+        self._shown = self.ORDER[number]
+        self._arrange()
+        self.query_one(f"#{self._shown}", Pane).lines.focus()
+
+    def action_neighbour(self, by: int) -> None:
+        """Go to the agent before or after."""
+        names = list(self.watch_app.shown.agents)
+        if self.agent in names and len(names) > 1:
+            link = self.watch_app.link
+            link.look_away(self.agent)
+            self.agent = names[(names.index(self.agent) + by) % len(names)]
+            link.look_at(self.agent)
+            self._opened.clear()
+            self._happenings = self._of_agent()
+            self.redraw()
+
+
+class Help(Page):
+    """What the keys do."""
+
+    KEYS = LONG_KEYS = "escape back"
+
+    def panes(self) -> Iterable[Widget]:
+        """Return the text."""
+        self._text = Lines(id="text", wrap=True)
+        yield Pane("help", self._text, id="help")
+
+    def on_mount(self) -> None:
+        """Show it."""
+        super().on_mount()
+        self._text.focus()
+
+    def top(self, model: TeamModel) -> Text:
+        """Return the fleet's name."""
+        return title(model, self.watch_app.link.place.router)
+
+    def draw(self, model: TeamModel) -> None:
+        """Show the text."""
+        self._text.show_rows(help_rows(self.watch_app.glyphs))
+
+
+def help_rows(glyphs: Glyphs) -> list[Row]:
+    """Return the help with the marks of this terminal."""
+    marks = {"well": glyphs.well, "away": glyphs.away, "runs": glyphs.runs, "under": glyphs.under}
+    return [Row(Text(line), indent=4) if line else head("") for line in HELP.format(**marks).splitlines()]

@@ -1,0 +1,66 @@
+"""The view in a terminal of some size, without a bus: a fleet on paper is shown."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Any
+
+from textual.pilot import Pilot
+
+from argosy.operator_bus import Where
+from argosy.watch.app import WatchApp
+from argosy.watch.glyphs import UNICODE, Glyphs
+from argosy.watch.link import Link
+from tests.argosy.team.fleet import FLEET, Fleet
+
+Shown = tuple[WatchApp, Pilot[None]]
+
+
+def link_to(fleet: Fleet) -> Link:
+    """A link that has reached the fleet and dials nowhere."""
+    link = Link(Where(FLEET, "tcp/127.0.0.1:7447"), None)
+    link.model, link.reached, link.since = fleet.model, True, fleet.at
+    return link
+
+
+def lines_of(app: WatchApp) -> list[str]:
+    """Return what stands on the screen, line by line."""
+    strips = app.screen._compositor.render_strips()
+    return ["".join(segment.text for segment in strip).rstrip() for strip in strips]
+
+
+def text_of(app: WatchApp) -> str:
+    return "\n".join(lines_of(app))
+
+
+async def until(app: WatchApp, pilot: Pilot[None], words: str) -> None:
+    """Wait until the screen has these words."""
+    for _ in range(200):
+        await pilot.pause(0.02)
+        if words in text_of(app):
+            return
+    raise AssertionError(f"the screen never shows {words!r}:\n{text_of(app)}")
+
+
+def show(
+    fleet: Fleet,
+    body: Callable[[WatchApp, Pilot[None]], Coroutine[Any, Any, None]],
+    size: tuple[int, int] = (80, 24),
+    *,
+    glyphs: Glyphs = UNICODE,
+    filter: str = "",
+    link: Link | None = None,
+) -> None:
+    """Run the view and do something with it."""
+
+    async def everything() -> None:
+        app = WatchApp(link or link_to(fleet), glyphs=glyphs, filter=filter, period=0.02)
+        async with asyncio.timeout(60), app.run_test(size=size) as pilot:
+            await pilot.pause(0.1)
+            await body(app, pilot)
+
+    asyncio.run(everything())
+
+
+__all__ = ["Awaitable", "lines_of", "link_to", "show", "text_of", "until"]
