@@ -224,6 +224,7 @@ def _happened(entry: Entry) -> HappenedView:
     return HappenedView(
         n=entry.number,
         at=round(entry.at, 2),
+        mission=None if entry.mission is None else round(entry.mission, 1),
         who=entry.who,
         what=entry.what,
         text=entry.text,

@@ -30,6 +30,7 @@ class Link:
         """Unix seconds since when the router is as it is."""
         self.fleets: tuple[str, ...] = ()
         """Where several are on the router and none was named."""
+        self._seen_up = False
         self.was_up = False
         """Whether the router was reached ever."""
         self.unreached: tuple[str, ...] = ()
@@ -45,6 +46,7 @@ class Link:
             try:
                 async with operator_bus(self._place) as bus:
                     self.bus, self.was_up = bus, True
+                    self._seen_up = True
                     bus.on_router(self._router)
                     self._say("")
                     await self._follow(bus)
@@ -85,7 +87,9 @@ class Link:
         return True
 
     def _router(self, up: bool) -> None:
-        self.changed = time.time()
+        if up == self._seen_up:
+            return
+        self._seen_up, self.changed = up, time.time()
         print(f"argosy ui: the router {'is back' if up else 'is lost: it is tried for'}", file=sys.stderr, flush=True)
 
     def _say(self, problem: str) -> None:

@@ -212,6 +212,8 @@ class HappenedView(View, frozen=True, kw_only=True):
 
     n: int
     at: float
+    mission: float | None = None
+    """Mission seconds by the agent's own clock, if it has told."""
     who: str
     what: str
     text: str

@@ -37,7 +37,7 @@ export class Agents {
       el("div", { class: "line" }, part("sign"), part("who"), part("state"), part("counts")),
       (node.goal = el("div", { class: "goal data" })),
       (node.doing = el("div", { class: "doing data" })),
-      (node.vehicle = el("div", { class: "line vehicle" }, part("dot"), part("craft"), part("how"), el("span", { class: "grow" }), el("span", { class: "stops", role: "group", "aria-label": `orders to ${row.robot?.name}` }, ...node.buttons))),
+      (node.vehicle = el("div", { class: "line vehicle" }, part("dot"), part("robot"), part("how"), el("span", { class: "grow" }), el("span", { class: "stops", role: "group", "aria-label": `orders to ${row.robot?.name}` }, ...node.buttons))),
       (node.notes = el("div", { class: "notes data" })),
     );
     const select = () => this._actions.select(node.dataset.agent ?? null, node.dataset.robot ?? null);
@@ -71,13 +71,14 @@ export class Agents {
     put(node.vehicle, "hidden", !robot);
     if (robot) this._vehicle(node, robot, now, wire.get("head")?.observer);
     const notes = [...(agent?.notes ?? []), ...(robot?.notes ?? [])];
-    say(node.notes, notes.join(" · "));
+    say(node.notes, notes.length ? `⚠ ${notes.join(" · ")}` : "");
+    put(node.notes, "title", notes.join("\n"));
     put(node, "class", `row${agent?.stale || robot?.stale ? " stale" : ""}${kind === "gone" ? " gone" : ""}`);
   }
 
   _vehicle(node, robot, now, observer) {
     node.dot.style.setProperty("--tone", toneOf(robot.name));
-    say(node.craft, robot.name);
+    say(node.robot, robot.name);
     say(node.how, how(robot, now));
     put(node.how, "class", `how data ${robot.lost || robot.standing === "missing" ? "bad" : robot.operator || robot.stale ? "warn" : ""}`);
     put(node.how, "title", how(robot, now));

@@ -22,7 +22,7 @@ export class Head {
     this.members = el("span", { class: "dim members" });
     this.stops = orderButtons(actions, null);
     element.append(
-      el("span", { class: "logo", "aria-hidden": true }, "⛵"),
+      el("img", { class: "logo", src: "/static/icon.svg", alt: "" }),
       this.name,
       this.mission,
       this.router,

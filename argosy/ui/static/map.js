@@ -77,10 +77,11 @@ export class FleetMap {
     vehicle.way.setLatLngs(target && robot.position ? [robot.position, target.position] : []);
     const chosen = agents.includes(selected);
     const old = robot.lost || robot.stale || robot.standing === "missing";
-    put(vehicle.icon, "class", `craft${chosen ? " chosen" : ""}${old ? " old" : ""}${robot.armed ? " armed" : ""}`);
-    const turned = robot.heading !== undefined;
+    put(vehicle.icon, "class", `vessel${chosen ? " chosen" : ""}${old ? " old" : ""}${robot.armed ? " armed" : ""}`);
+    const heading = robot.heading ?? vehicle.course; // without a compass: where it went last
+    const turned = heading !== undefined && (robot.heading !== undefined || robot.armed);
     say(vehicle.body, turned ? "➤" : "●");
-    vehicle.body.style.transform = turned ? `rotate(${robot.heading - 90}deg)` : "";
+    vehicle.body.style.transform = turned ? `rotate(${heading - 90}deg)` : "";
     const height = robot.altitude === undefined ? "" : `${robot.altitude.toFixed(1)} m`;
     const age = robot.lost ? "LOST" : robot.stale ? `${span(now - robot.stale)} ago` : "";
     say(vehicle.title, robot.name);
@@ -95,7 +96,7 @@ export class FleetMap {
     vehicle.title = el("b", {});
     vehicle.more = el("span", {});
     vehicle.label = el("span", { class: "label data" }, vehicle.title, " ", vehicle.more);
-    vehicle.icon = el("div", { class: "craft", style: { "--tone": tone } }, vehicle.body, vehicle.label);
+    vehicle.icon = el("div", { class: "vessel", style: { "--tone": tone } }, vehicle.body, vehicle.label);
     vehicle.marker = L.marker([0, 0], { icon: L.divIcon({ html: vehicle.icon, className: "holder", iconSize: [0, 0] }), keyboard: false, zIndexOffset: 500 }).addTo(this.map);
     vehicle.marker.on("click", () => this._actions.select((robot.agents ?? [])[0] ?? null, robot.name));
     vehicle.track = L.polyline([], { color: tone, weight: 2, opacity: 0.6, interactive: false }).addTo(this.map);
@@ -109,6 +110,7 @@ export class FleetMap {
     const points = vehicle.track.getLatLngs();
     const last = points.at(-1);
     if (last && this.map.distance(last, position) < STEP) return;
+    if (last) vehicle.course = courseOf(last, position);
     if (points.length >= MOST_POINTS) vehicle.track.setLatLngs(points.filter((_, index) => index % 2 === 0));
     vehicle.track.addLatLng(position);
   }
@@ -230,4 +232,9 @@ export class FleetMap {
     const north = (at.lat - this._origin[0]) * METRES, east = (at.lng - this._origin[1]) * width;
     say(this.cursor, `${at.lat.toFixed(6)}, ${at.lng.toFixed(6)}   ${Math.abs(north).toFixed(0)} m ${north < 0 ? "S" : "N"} ${Math.abs(east).toFixed(0)} m ${east < 0 ? "W" : "E"}`);
   }
+}
+
+// Degrees from north, clockwise.
+function courseOf(from, [latitude, longitude]) {
+  return (Math.atan2((longitude - from.lng) * Math.cos((latitude * Math.PI) / 180), latitude - from.lat) * 180) / Math.PI;
 }

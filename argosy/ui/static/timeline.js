@@ -10,7 +10,7 @@ const KINDS = {
   logs: ["log"],
   fleet: ["came", "went", "told", "operator"],
 };
-const SIGNS = { action: "▸", outcome: "▪", print: "“", log: "≡", sent: "→", received: "←", undelivered: "✕", operator: "!", came: "+", went: "−", told: "·" };
+const SIGNS = { action: "▸", outcome: "▪", print: "“", log: "≡", sent: "", received: "", undelivered: "✕", operator: "!", came: "+", went: "−", told: "·" };
 const ROWS = 400;
 
 export class Timeline {
@@ -69,9 +69,9 @@ export class Timeline {
 
   _row(event) {
     const zero = this._wire.get("head")?.mission_zero, speed = this._wire.get("head")?.speed ?? 1;
-    const time = zero === undefined || zero === null ? clock(event.at) : Math.max(0, (event.at - zero) * speed).toFixed(1);
+    const time = event.mission !== undefined && event.mission !== null ? event.mission.toFixed(1) : zero === undefined || zero === null ? clock(event.at) : Math.max(0, (event.at - zero) * speed).toFixed(1);
     const robot = this._wire.get(`agent/${event.who}`)?.robot ?? event.who;
-    const row = el("li", { class: `event ${event.level ?? "info"} ${event.what}`, "data-n": event.n, title: clock(event.at) },
+    const row = el("li", { class: `event ${event.level ?? "info"} of-${event.what}`, "data-n": event.n, title: clock(event.at) },
       el("span", { class: "at" }, time),
       el("button", { class: "who", type: "button", style: { "--tone": toneOf(robot) }, on: { click: () => this._actions.select(event.who, null) } }, event.who),
       el("span", { class: "sign", "aria-hidden": true }, SIGNS[event.what] ?? "·"),
