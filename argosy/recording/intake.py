@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from threading import Event, Lock
 from typing import Literal, NamedTuple
 
@@ -47,34 +47,42 @@ class Intake:
         self.woken = Event()
         """Set when the writer is to come now."""
         self._most, self._most_bytes = most, most_bytes
-        self._waiting: deque[Heard] = deque()
+        self._waiting: deque[Heard | tuple[int, zenoh.Sample]] = deque()
         self._bytes = 0
         self._lock = Lock()
 
     def sample(self, sample: zenoh.Sample) -> None:
-        """Take in what was put, on a thread of Zenoh's."""
-        if len(sample.payload) > MAX_BYTES:
+        """Take in what was put, on a thread of Zenoh's; it is read later, by the one that writes."""
+        size = len(sample.payload)
+        if size > MAX_BYTES:
             with self._lock:
                 self.too_large += 1
             return
-        deleted = sample.kind == zenoh.SampleKind.DELETE
-        key, payload = str(sample.key_expr), sample.payload.to_bytes()
-        self.put(Heard(self.now(), key, payload, str(sample.encoding), "put", deleted))
+        self._take_in(size, (self.now(), sample))
 
     def put(self, heard: Heard) -> None:
         """Take in, or drop and count."""
+        self._take_in(len(heard.payload), heard)
+
+    def take(self) -> Iterator[Heard]:
+        """Yield all that waits now."""
         with self._lock:
-            if len(self._waiting) >= self._most or self._bytes + len(heard.payload) > self._most_bytes:
+            taken, self._waiting, self._bytes = self._waiting, deque(), 0
+        for one in taken:
+            yield one if isinstance(one, Heard) else _read(*one)
+
+    def _take_in(self, size: int, heard: Heard | tuple[int, zenoh.Sample]) -> None:
+        with self._lock:
+            if len(self._waiting) >= self._most or self._bytes + size > self._most_bytes:
                 self.dropped += 1
                 return
             self._waiting.append(heard)
-            self._bytes += len(heard.payload)
+            self._bytes += size
             enough = len(self._waiting) >= ENOUGH or self._bytes >= ENOUGH_BYTES
         if enough:
             self.woken.set()
 
-    def take(self) -> deque[Heard]:
-        """Return all that waits."""
-        with self._lock:
-            taken, self._waiting, self._bytes = self._waiting, deque(), 0
-        return taken
+
+def _read(at: int, sample: zenoh.Sample) -> Heard:
+    deleted = sample.kind == zenoh.SampleKind.DELETE
+    return Heard(at, str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding), "put", deleted)

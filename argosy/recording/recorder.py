@@ -123,7 +123,6 @@ class Recorder:
     def _run(self) -> None:
         try:
             self._record()
-            self._drain()
             self._close(self._why)
         except OSError as error:
             self.problem = f"cannot write {self._writer.path}: {error.strerror or error}"
@@ -135,18 +134,22 @@ class Recorder:
             self._on_end()
 
     def _record(self) -> None:
+        """Write until it is told to end, and then what still waits; or until a limit is reached."""
         while not self._stop.is_set():
             self.intake.woken.wait(PERIOD)
             self.intake.woken.clear()
-            if not self._drain():
+            if not self._drain() or self._late():
                 return
-            limit = self._limits.seconds
-            if (
-                limit is not None
-                and (self.intake.now() - self._began) >= limit * SECOND
-                and not self._full(f"{limit} are over")
-            ):
-                return
+        self._drain()
+
+    def _late(self) -> bool:
+        """Whether the file lasts as long as it may, and there is to be no other."""
+        limit = self._limits.seconds
+        return (
+            limit is not None
+            and self.intake.now() - self._began >= limit * SECOND
+            and not self._full(f"{limit} are over")
+        )
 
     def _drain(self) -> bool:
         """Write what waits. Returns whether there is room for more."""
