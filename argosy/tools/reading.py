@@ -34,9 +34,15 @@ def read_record(key: str, payload: bytes, encoding: str = "") -> Record | None:
     if fields is None:
         return None
     fitting = [(_knows(kind, fields), kind) for kind in candidates(key) if _required(kind) <= fields]
-    for knows_all, kind in sorted(fitting, key=lambda one: not one[0]):  # of a newer sender none may know all
-        if knows_all or len(fitting) == 1:
-            return codec(kind).decode(payload, media)
+    problem: BadRecord | None = None
+    for knows_all, kind in fitting:
+        if knows_all or len(fitting) == 1:  # of a newer sender none may know all
+            try:
+                return codec(kind).decode(payload, media)
+            except BadRecord as bad:
+                problem = problem or bad
+    if problem is not None:
+        raise problem
     return None
 
 

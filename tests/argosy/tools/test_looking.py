@@ -1,0 +1,238 @@
+"""`argosy echo`, `hz` and `list` as users type them, on a real bus: JSON and MessagePack, one router, several boards."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Coroutine, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+
+from argosy.__main__ import main
+from argosy.tools.hearing import ROOM, Ears, key_expressions
+from argosy.tools.hz import Rates, figures
+from commd.bus import Bus, open_bus
+from schemas import keys
+from schemas.codec import Wire
+from schemas.records import Health, Perception
+from tests.argosy.test_stop import beside
+from tests.argosy.tools.flying import Trial, trial
+from tests.attacks.world import NAME, TEXT, World
+from tests.support.buses import Connect, on_a_bus, subscribed, until
+from tests.support.processes import ROOT, running
+from tests.support.secured import Secured
+
+
+@pytest.fixture(scope="module")
+def flying(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Trial]:
+    with trial(tmp_path_factory.mktemp("trial"), wire="msgpack") as mission:
+        yield mission
+
+
+@contextlib.contextmanager
+def talking(endpoint: str, say: Callable[[Bus], Coroutine[Any, Any, None]], wire: Wire = "json") -> Iterator[None]:
+    """Let a router and an agent's bridge run in a thread; `say` talks again and again."""
+    ready, stop = threading.Event(), threading.Event()
+
+    async def serve() -> None:
+        async with (
+            open_bus(endpoint, fleet="sar", name="b", daemon="commd", stamp=time.time_ns, mode="router"),
+            open_bus(endpoint, fleet="sar", name="uav1", daemon="bridged", stamp=time.time_ns, wire=wire) as bus,
+        ):
+            await bus.claim("uav1")
+            ready.set()
+            while not stop.is_set():
+                await say(bus)
+
+    with beside(serve, ready, stop):
+        yield
+
+
+async def tell(bus: Bus) -> None:
+    """One percept, every tenth of a second."""
+    bus.put(
+        keys.percept("sar", "uav", "altitude"),
+        Perception(header=bus.header("percept"), name="altitude", parameters=(4.9,)),
+    )
+    await asyncio.sleep(0.1)
+
+
+def typed(*words: str) -> tuple[int, list[str], str]:
+    """Type a command; return its exit code, the lines that it printed, and what it said besides."""
+    done = subprocess.run(
+        [sys.executable, "-m", "argosy", *words], capture_output=True, text=True, timeout=60, cwd=ROOT
+    )
+    assert "Traceback" not in done.stderr
+    return done.returncode, done.stdout.splitlines(), done.stderr.strip()
+
+
+@pytest.mark.parametrize("wire", ["json", "msgpack"])
+def test_echo_shows_a_record_in_each_line(endpoint: str, wire: Wire) -> None:
+    with talking(endpoint, tell, wire):
+        code, lines, said = typed("echo", "--router", endpoint, "--count", "2")
+        assert (code, said, len(lines)) == (0, "", 2)
+        assert all(re.fullmatch(r"[\d:]{8}\.\d{3} sar/uav/percept/altitude  altitude\(4\.9\)", line) for line in lines)
+        code, lines, _ = typed("echo", "uav", "--router", endpoint, "--count", "1", "--fleet", "sar")
+        assert re.fullmatch(r"[\d:.]{12} uav/percept/altitude  altitude\(4\.9\)", lines[0])
+        code, lines, _ = typed("echo", "uav/percept/*", "--json", "--router", endpoint, "--count", "1")
+        one = json.loads(lines[0])
+        assert one["key"] == "argosy/sar/uav/percept/altitude"
+        assert one["encoding"] == f"application/{wire};argosy.Perception/1"
+        assert one["record"]["parameters"] == [4.9]
+        code, lines, _ = typed("echo", "argosy/sar/**", "--raw", "--router", endpoint, "--count", "1")
+        assert lines[0].startswith("argosy/sar/uav/percept/altitude ")
+        assert "altitude" in lines[0].partition(" ")[2]
+
+
+def test_a_reader_that_goes_ends_it_and_so_does_ctrl_c(endpoint: str) -> None:
+    with talking(endpoint, tell):
+        command = f"{sys.executable} -m argosy echo --router {endpoint} | head -n 1"
+        done = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=30, cwd=ROOT)
+        assert (done.returncode, done.stderr, done.stdout.count("\n")) == (0, "", 1)
+        with running("argosy", "echo", "--router", endpoint) as echo:
+            echo.says("altitude(4.9)")
+            echo.signal(signal.SIGINT)
+            assert echo.ends() == 130
+            assert "Traceback" not in echo.text
+
+
+def test_when_nothing_is_heard_it_is_said_who_is_there(endpoint: str) -> None:
+    with talking(endpoint, tell), running("argosy", "echo", "nobody", "--router", endpoint) as echo:
+        echo.says(
+            "note: nothing was said on argosy/*/nobody/** within 3 s; fleet sar has uav1",
+        )
+        assert echo.process.poll() is None, "it goes on listening"
+
+
+@pytest.mark.parametrize("command", ["echo", "hz", "list"])
+def test_without_a_router_it_fails_in_words(command: str, endpoint: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, "--router", endpoint]) == 1
+    assert f"error: no router at {endpoint}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["echo", "a//b"], "expected a key expression such as `uav/percept/*`, got `a//b`"),
+        (["echo", "--count", "0"], "expected a number of lines, 1 or more, got `0`"),
+        (["hz", "--window", "0"], "expected 100ms to 1h, got 0"),
+        (["hz", "--window", "soon"], "Expected a duration such as `5s`, `500ms` or `15min`, got `soon`"),
+    ],
+)
+def test_what_is_wrong_in_the_command_is_said(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+def test_hz_measures_each_key(endpoint: str) -> None:
+    with talking(endpoint, tell):
+        code, lines, said = typed("hz", "--router", endpoint, "--once", "--window", "2s", "--fleet", "sar")
+        assert (code, said) == (0, "")
+        assert lines[0].split() == ["key", "Hz", "min", "ms", "max", "ms", "jitter", "ms", "B/s", "n"]
+        key, rate, *_, size, number = lines[1].split()
+        assert key == "uav/percept/altitude"
+        assert 3 < float(rate) < 11
+        assert int(number) >= 6
+        assert int(size) > 100
+        code, lines, said = typed("hz", "nobody", "--router", endpoint, "--once", "--window", "500ms")
+        assert (code, lines) == (1, [])
+        assert "fleet sar has uav1" in said
+
+
+def test_figures_are_those_of_the_intervals_in_the_window() -> None:
+    assert figures([10.0, 10.1, 10.3], 300, 2.0) == ("6.67", "100.0", "200.0", "50.0", "150", "3")
+    assert figures([10.0], 100, 5.0) == ("0.20", "-", "-", "-", "20", "1")
+    rates = Rates(1.0)
+    for at in (0.0, 0.5, 1.0, 1.5):
+        rates.add("a", at, 10)
+    assert rates.rows(1.6, 0.0)[0][-1] == "2"
+    assert rates.rows(9.0, 0.0) == []
+
+
+def test_list_shows_who_serves_and_who_says_what(flying: Trial) -> None:
+    code, lines, said = typed("list", "--mission", str(flying.path), "--types")
+    assert (code, said) == (0, "")
+    assert lines[0] == "trial/base  agent"
+    uav = lines[lines.index("trial/uav  agent") : lines.index("trial/uav1  robot")]
+    assert "  query  action/takeoff  Action -> ActionStatus" in uav
+    assert "  query  percept/**  nothing -> Perception" in uav
+    assert "  query  mind  nothing -> MindView" in uav
+    assert any(re.fullmatch(r"  put    health/agentd  Health  [\d.]+ Hz, \d+ B", line) for line in uav)
+    base = lines[: lines.index("trial/local  board")]
+    assert not any("action" in line for line in base), "it has no robot"
+    assert "  query  stop  StopOrder -> Outcome" in lines
+    assert "  query  mailboxes  nothing -> Mailboxes" in lines
+
+
+def test_list_of_nobody_fails(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        code, lines, said = await asyncio.to_thread(typed, "list", "--router", endpoint, "--wait", "300ms")
+        assert (code, lines) == (1, [])
+        assert said == f"error: nobody of any fleet is on the bus at {endpoint}"
+
+    on_a_bus(endpoint, body)
+
+
+@pytest.mark.parametrize(
+    ("text", "expressions"),
+    [
+        (None, ["argosy/f/**"]),
+        ("**", ["argosy/f/**"]),
+        ("uav", ["argosy/f/uav/**"]),
+        ("uav/percept/*", ["argosy/f/uav/percept/*", "uav/percept/*"]),
+        ("argosy/*/uav/**", ["argosy/*/uav/**"]),
+        ("@/*/router", ["@/*/router"]),
+    ],
+)
+def test_a_name_or_a_key_expression_says_what_is_listened_to(text: str | None, expressions: list[str]) -> None:
+    assert key_expressions(text, "f") == expressions
+
+
+def test_what_comes_faster_than_it_is_shown_is_counted(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        speaker, listener = await connect("uav1"), await connect("x")
+        ears = Ears(listener, ["argosy/test/**"])
+        key = keys.health("test", "uav1", "bridged")
+        await subscribed(speaker, key)
+        for _ in range(ROOM + 500):
+            speaker._session.put(key, b"{}", congestion_control=zenoh.CongestionControl.BLOCK)
+        await until(lambda: ears.dropped == 500, "the excess is counted")
+        taken = [heard async for heard in ears.samples(asyncio.get_running_loop().time() + 5) if heard]
+        assert len(taken) == ROOM
+
+    on_a_bus(endpoint, body)
+
+
+def test_of_several_boards_each_record_is_heard_once(tmp_path: Path) -> None:
+    with Secured(TEXT) as fleet:
+        world = World(fleet)
+        fleet.routers()
+        options = ["--mission", str(fleet.path), "--keys", str(fleet.keys("eye"))]
+
+        async def body() -> None:
+            async with world.member("pi2", "b") as bus:
+                with running("argosy", "echo", "b", "--json", "--count", "12", *options) as echo:
+                    async with asyncio.timeout(40):
+                        while echo.process.poll() is None:
+                            bus.put(keys.health(NAME, "b", "agentd"), Health(header=bus.header("h"), daemon="agentd"))
+                            await asyncio.sleep(0.1)
+                    assert echo.ends() == 0
+                seqs = [json.loads(line)["record"]["header"]["seq"] for line in echo.lines if line.startswith("{")]
+                assert seqs == sorted(set(seqs))
+                assert len(seqs) == 12
+
+        asyncio.run(body())

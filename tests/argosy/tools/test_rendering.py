@@ -1,0 +1,263 @@
+"""Each record in one line, found out by its Encoding, or by its key and its fields, JSON or MessagePack."""
+
+from __future__ import annotations
+
+import json
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from argosy.tools.reading import candidates, read_record
+from argosy.tools.rendering import LONGEST, in_words, line_of
+from argosy.zenoh_cli_codec import decode, encode
+from schemas import keys
+from schemas.codec import Wire, codec
+from schemas.manifest import ActionDescription
+from schemas.minds import (
+    BeliefView,
+    DecisionView,
+    Deed,
+    IntentionView,
+    MindDecisions,
+    MindDeeds,
+    MindInputs,
+    MindOrder,
+    MindView,
+    PlanView,
+)
+from schemas.records import (
+    Action,
+    ActionStatus,
+    BoardReport,
+    BoardServices,
+    Cancel,
+    Checkup,
+    Header,
+    Health,
+    LinkReport,
+    LiveManifest,
+    Mail,
+    Mailboxes,
+    ManifestChange,
+    Message,
+    Outcome,
+    Perception,
+    Queue,
+    Receipt,
+    Record,
+    ServiceRequest,
+    StopOrder,
+)
+from schemas.terms import Atom
+
+HEADER = Header(seq=3, stamp=5, source="uav1", boot="b")
+RECORDS: list[tuple[str, Record, str]] = [
+    ("uav/percept/altitude", Perception(header=HEADER, name="altitude", parameters=(4.9,)), "altitude(4.9)"),
+    ("uav/percept/hit", Perception(header=HEADER, name="hit", update="add"), "+hit"),
+    ("uav/percept/link", Perception(name="link", parameters=(Atom("up"),), update="remove", key=(0,)), "-link(up)"),
+    ("uav/percept/victim", Perception(parameters=(1, 2, 3)), "victim(1, 2, 3)"),
+    (
+        "uav/status/takeoff",
+        ActionStatus(
+            id="i", state="running", name="takeoff", parameters=(5,), feedback={"altitude": 3.2, "to_go": 1.8}
+        ),
+        "takeoff(5) running altitude=3.2 to_go=1.8",
+    ),
+    (
+        "uav/action/takeoff",
+        ActionStatus(id="i", state="timed_out", result=False, name="takeoff", parameters=(5,), reason="not done"),
+        "takeoff(5) timed out: not done",
+    ),
+    (
+        "uav/action/takeoff",
+        Action(id="i", agent="uav", name="takeoff", parameters=(5,), attempt=2),
+        "takeoff(5), attempt 2",
+    ),
+    (
+        "uav/action/takeoff",
+        ActionDescription(
+            name="takeoff", signature="takeoff(altitude: float 1..120 m)", confirm="altitude", deadline=60
+        ),
+        "takeoff(altitude: float 1..120 m) by altitude within 60 s",
+    ),
+    ("uav/cancel", Cancel(id="i"), "cancel i"),
+    (
+        "uav1/health/bridged",
+        Health(header=HEADER, daemon="bridged", uptime=61.2, cpu=1.25, drops=2, lag=0.5, notes=("low disk", "no GPS")),
+        "bridged up 61 s, cpu 1.2 s, dropped 2, behind 0.5 s; low disk; no GPS",
+    ),
+    (
+        "b/mail/a",
+        Mail(messages=(Message(id="1", sender="a", performative="tell", receiver="b", content=[1, Atom("x")]),)),
+        "a > b tell [1,x]",
+    ),
+    ("b/inbox", Receipt(taken=2, refused={1: "mailbox full"}), "taken 2, refused or later: 1: mailbox full"),
+    (
+        "pi1/services",
+        BoardServices(header=HEADER, board="pi1", agents={"a": ("scan", "fly"), "b": ()}, found=("c",)),
+        "pi1: a (scan, fly), b; found c",
+    ),
+    ("pi1/services/a", ServiceRequest(agent="a", do="search", service="scan"), "a search scan"),
+    (
+        "pi1/mailboxes",
+        Mailboxes(
+            board="pi1", store="x", queues=(Queue(box="outbox", sender="a", receiver="b", messages=3),), dead_count=1
+        ),
+        "pi1: a > b 3; 1 given up",
+    ),
+    (
+        "pi1/checkup",
+        BoardReport(
+            board="pi1", state="/s", disk_free=2_000_000_000, links=(LinkReport(board="pi2", asked=5, answered=4),)
+        ),
+        "pi1: /s, 2.0 GB free; links pi2 4/5",
+    ),
+    ("pi1/checkup", Checkup(links=True), 'Checkup {"links":true}'),
+    ("uav1/stop", StopOrder(order="hold"), "hold"),
+    ("uav1/stop", Outcome(ok=False, reason="not heard"), "NOT done: not heard"),
+    (
+        "uav1/manifest",
+        LiveManifest(robot="uav1", version=2, file="m.toml", problems=("bad",)),
+        "uav1 version 2 of m.toml; refused: bad",
+    ),
+    (
+        "uav1/manifest",
+        ManifestChange(set={"percepts.a.rate": 5}, remove=("percepts.b",)),
+        "percepts.a.rate = 5, without percepts.b",
+    ),
+    (
+        "uav/mind",
+        MindView(
+            agent="uav",
+            cycle=7,
+            state="reasoning",
+            beliefs=(BeliefView(text="a"),),
+            beliefs_left_out=2,
+            intentions=(IntentionView(id=1, state="waiting", stack=("+!b", "+!a")),),
+        ),
+        "uav: cycle 7 reasoning, 3 beliefs; +!a waiting",
+    ),
+    ("uav/control", MindOrder(do="goal", text="go(3,4)"), "goal go(3,4)"),
+    ("uav/trace/inputs", MindInputs(agent="uav", number=3, last=40), "uav: batch 3 to cycle 40, 0 inputs"),
+    (
+        "uav/trace/decisions",
+        MindDecisions(
+            agent="uav",
+            decisions=(
+                DecisionView(
+                    cycle=1,
+                    time=1,
+                    event="+!go",
+                    kind="+!",
+                    name="go/0",
+                    chosen=PlanView(trigger="+!go", position="a.asl:3"),
+                ),
+                DecisionView(cycle=1, time=1, event="+x", kind="+", name="x/0"),
+            ),
+            left_out=4,
+        ),
+        "+!go: +!go (a.asl:3); +x: no plan; 4 left out",
+    ),
+    (
+        "uav/trace/deeds",
+        MindDeeds(
+            agent="uav",
+            deeds=(
+                Deed(kind="print", text="hello"),
+                Deed(kind="sent", other="b", performative="tell", text="p(1)"),
+                Deed(kind="outcome", text="takeoff(5)", state="failed", reason="no"),
+            ),
+        ),
+        "print hello; sent b tell p(1); outcome takeoff(5) failed: no",
+    ),
+]
+
+
+@pytest.mark.parametrize("wire", ["json", "msgpack"])
+@pytest.mark.parametrize("named", [True, False], ids=["with its Encoding", "by key and fields"])
+@pytest.mark.parametrize(("key", "record", "line"), RECORDS, ids=lambda one: type(one).__name__)
+def test_a_record_is_shown_in_one_line(key: str, record: Record, line: str, wire: Wire, named: bool) -> None:
+    made = codec(type(record))
+    assert line_of(f"argosy/f/{key}", made.encode(record, wire), made.encoding(wire) if named else "") == line
+
+
+def test_every_record_of_the_table_is_shown_in_words() -> None:
+    shown = {type(record) for _, record, _ in RECORDS}
+    assert {kind for channel in keys.CHANNELS for kind in (channel.carries, channel.answers) if kind} <= shown
+    for _, record, _ in RECORDS:
+        assert isinstance(record, Checkup) or not in_words(record).startswith(f"{type(record).__name__} {{")
+
+
+def test_a_key_says_which_records_may_be_on_it() -> None:
+    assert candidates("argosy/f/uav/percept/altitude") == (Perception,)
+    assert set(candidates("argosy/f/uav/action/go?_time=[..]")) == {Action, ActionStatus, ActionDescription}
+    assert candidates("turtle1/pose") == candidates("argosy/f") == candidates("argosy/f/uav/nonsense") == ()
+
+
+@pytest.mark.parametrize(
+    ("key", "payload", "line"),
+    [
+        ("turtle1/pose", b'{"x": 1, "y": [2]}', '{"x":1,"y":[2]}'),
+        ("turtle1/pose", msgspec.msgpack.encode({"x": 1}), '{"x":1}'),
+        ("turtle1/name", b"Leonardo\n\x1b[2J", "Leonardo  [2J"),
+        ("turtle1/picture", b"\xff\xfe\xfd", "(3 bytes)"),
+        ("turtle1/nothing", b"", "(empty)"),
+        (
+            "argosy/f/uav/percept/a",
+            b'{"name":"a","parameters":[null]}',
+            "(Perception: Expected a term, got `null` - at `$.parameters[0]`)",
+        ),
+        ("argosy/f/uav/percept/a", b'{"name":"a","colour":"red"}', "a"),  # of a newer sender
+        ("argosy/f/uav/percept/a", b"[" * 5000, "[" * (LONGEST - 1) + "…"),
+    ],
+)
+def test_what_is_no_record_is_shown_as_it_is(key: str, payload: bytes, line: str) -> None:
+    assert line_of(key, payload) == line
+    assert decode(key, payload) == line
+
+
+def test_another_version_and_another_record_are_said() -> None:
+    assert line_of("argosy/f/uav/percept/a", b"{}", "application/json;argosy.Perception/2") == (
+        "(Perception: version 2 of the record, this daemon speaks version 1)"
+    )
+    assert line_of("argosy/f/uav/percept/a", b'{"x":1}', "application/json;argosy.Novelty/1") == '{"x":1}'
+
+
+@given(st.sampled_from([key for key, _, _ in RECORDS]), st.binary(max_size=60))
+def test_no_bytes_are_a_defect(key: str, payload: bytes) -> None:
+    line = line_of(f"argosy/f/{key}", payload)
+    assert len(line) <= LONGEST
+    assert line.isprintable()
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "record"),
+    [
+        ("uav/action/takeoff", "takeoff(5)", Action(name="takeoff", parameters=(5,))),
+        ("uav/action/takeoff", "takeoff 5", Action(name="takeoff", parameters=(5,))),
+        ("uav/action/land", "land", Action(name="land")),
+        ("uav/action/land?_time=[..]", "land()", Action(name="land")),
+        ("uav/percept/victim", "victim(1,2)", Perception(name="victim", parameters=(1, 2))),
+        ("uav/percept/victim", "+victim(1,2)", Perception(name="victim", parameters=(1, 2), update="add")),
+        ("uav/percept/victim", "-victim", Perception(name="victim", update="remove")),
+        ("uav/cancel", "uav:b:1", Cancel(id="uav:b:1")),
+        ("uav1/stop", "hold", StopOrder(order="hold")),
+        ("uav/control", "goal go(3, 4)", MindOrder(do="goal", text="go(3, 4)")),
+        ("uav/control", "pause", MindOrder(do="pause")),
+    ],
+)
+def test_text_becomes_the_record_that_it_means_on_its_key(key: str, text: str, record: Record) -> None:
+    made = encode(f"argosy/f/{key}", text)
+    assert codec(type(record)).decode(made) == record
+    assert read_record(f"argosy/f/{key}", made) is not None
+
+
+def test_json_is_sent_as_it_is_and_what_means_nothing_ends_in_words() -> None:
+    assert json.loads(encode("argosy/f/uav/action/land", ' {"parameters": []}')) == {"parameters": []}
+    with pytest.raises(SystemExit) as ended:
+        encode("argosy/f/uav1/stop", "halt")
+    assert str(ended.value).startswith("error: `halt` means nothing on argosy/f/uav1/stop: expected JSON, an action")
+    with pytest.raises(SystemExit, match=r"error: expected a term at character 4"):
+        encode("argosy/f/uav/action/go", "go(")
