@@ -20,6 +20,9 @@ from schemas.minds import MindDeeds
 from schemas.mission import read_mission
 from schemas.records import ActionStatus, Perception, Record
 
+SECOND = 1_000_000_000
+PROMPT = 0.5
+"""Wall seconds: what was heard within them after it was said stands where it was said, by the clock of who said it."""
 LEAST, MOST = 50.0, 600.0
 """Millimetres that a figure may be wide."""
 
@@ -148,7 +151,8 @@ def _heard(recording: Recording, fleet: str) -> Iterator[_Heard]:
     only = (f"{keys.ROOT}/{fleet}/**",)
     for message in recording.messages(only=only, records=(Perception, ActionStatus, MindDeeds)):
         if (record := message.record) is not None:
-            yield _Heard(message.seconds * speed, message.key, record)
+            late = (message.at - message.stamp) / SECOND  # what a query answered was said long ago
+            yield _Heard((message.seconds - (late if 0 < late < PROMPT else 0)) * speed, message.key, record)
 
 
 def _figure(scene: Scene, args: Namespace) -> str:
@@ -159,7 +163,8 @@ def _figure(scene: Scene, args: Namespace) -> str:
     lacking = [panel for panel in args.panels or PANELS if panel not in there]
     if (args.panels and lacking) or not there:
         raise NothingToPlot(f"it has {NOTHING[lacking[0]]}; {_told(scene)}", EXIT_FAILED)
-    scene.notes.extend(f"it has {NOTHING[panel]}" for panel in lacking)
+    unknown = [panel for panel in lacking if panel != "messages" or not scene.told]
+    scene.notes.extend(f"it has {NOTHING[panel]}" for panel in unknown)
     write_plot(scene, args.panels or there, args.width, out)
     return f"{out}: {_told(scene)}, {scene.begin:.1f} s to {scene.end:.1f} s, {args.width / INCH:.2f} in wide"
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
@@ -28,6 +30,9 @@ NOTHING: Final[dict[Panel, str]] = {
     "messages": "no messages: no agent told what it sent and received",
 }
 """What is said of a panel for which nothing was recorded."""
+_DIGITS = re.compile(rb"<!--.*?-->|scale\([^)]*\)|(-?\d+\.\d\d)\d+", re.DOTALL)
+"""Numbers with more than two decimals, besides scales and what stands in comments: the words."""
+_INDENT = re.compile(rb"\n +")
 _LETTER = 0.56
 """Width of a letter by its height, about."""
 
@@ -70,7 +75,14 @@ def write_plot(scene: Scene, panels: list[Panel], width: float, out: Path) -> No
         kind = out.suffix[1:]
         dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
         told = {"Creator" if kind != "png" else "Software": "argosy plot", "Title": f"{scene.title}"}
-        figure.savefig(out, format=kind, dpi=RESOLUTION, metadata={**told, **dated})
+        drawn = BytesIO()
+        figure.savefig(drawn, format=kind, dpi=RESOLUTION, metadata={**told, **dated})
+    out.write_bytes(_rounded(drawn.getvalue()) if kind == "svg" else drawn.getvalue())
+
+
+def _rounded(svg: bytes) -> bytes:
+    """Return an SVG with two decimals and without indents, to be smaller: hundredths of a point are enough."""
+    return _INDENT.sub(b"\n", _DIGITS.sub(lambda found: found[1] or found[0], svg))
 
 
 def _draw(scene: Scene, panels: list[Panel], wide: float) -> Any:

@@ -101,6 +101,8 @@ class Scene:
     """Mission seconds that are shown."""
     modes: list[str] = field(default_factory=list)
     """Every mode of every robot of the recording, also where a part is shown: each keeps its colour."""
+    told: bool = False
+    """Whether agents told of their deeds, so that there were no more messages than are here."""
     notes: list[str] = field(default_factory=list)
     """What is missing, in words."""
 
@@ -133,12 +135,13 @@ class SceneReader:
         self._first: float | None = None
         self._now = 0.0
         self._lost = self._left_out = 0
+        self._told = False
 
     def read(self, records: Iterable[Heard]) -> Scene:
         """Take all records. Returns what is to be shown of them."""
         for heard in records:
-            self._now = heard.at
-            self._first = heard.at if self._first is None else self._first
+            self._now = max(self._now, heard.at)
+            self._first = heard.at if self._first is None else min(self._first, heard.at)
             parsed = keys.parse(heard.key)
             agent = parsed[1] if parsed else "?"
             match heard.record:
@@ -149,6 +152,7 @@ class SceneReader:
                 case ActionStatus() as status:
                     self._status(agent, status)
                 case MindDeeds() as deeds:
+                    self._told = True
                     for deed in deeds.deeds:  # each agent counts from its own start
                         self._deed(agent, heard.at - max(0.0, deeds.now - deed.time), deed)
                     self._left_out += deeds.left_out
@@ -221,6 +225,7 @@ class SceneReader:
             places=list(self._places.values()),
             begin=self._first or 0.0,
             end=self._now,
+            told=self._told,
             modes=list(dict.fromkeys(mode for robot in self._robots.values() for _, mode in robot.track.modes)),
         )
         if self._actions.forgotten:
@@ -271,6 +276,7 @@ def part_of(scene: Scene, robots: list[str], begin: float | None, end: float | N
         begin=first,
         end=last,
         modes=scene.modes,
+        told=scene.told,
         notes=list(scene.notes),
     )
 
