@@ -69,9 +69,10 @@ export class Timeline {
 
   _row(event) {
     const zero = this._wire.get("head")?.mission_zero, speed = this._wire.get("head")?.speed ?? 1;
-    const time = event.mission !== undefined && event.mission !== null ? event.mission.toFixed(1) : zero === undefined || zero === null ? clock(event.at) : Math.max(0, (event.at - zero) * speed).toFixed(1);
+    const time = zero === undefined || zero === null ? clock(event.at) : Math.max(0, (event.at - zero) * speed).toFixed(1);
     const robot = this._wire.get(`agent/${event.who}`)?.robot ?? event.who;
-    const row = el("li", { class: `event ${event.level ?? "info"} of-${event.what}`, "data-n": event.n, title: clock(event.at) },
+    const own = event.mission ?? undefined; // agents begin one after the other: their clocks differ a little
+    const row = el("li", { class: `event is-${event.level ?? "info"} of-${event.what}`, "data-n": event.n, title: own === undefined ? clock(event.at) : `${clock(event.at)}, ${own.toFixed(1)} s by its own clock` },
       el("span", { class: "at" }, time),
       el("button", { class: "who", type: "button", style: { "--tone": toneOf(robot) }, on: { click: () => this._actions.select(event.who, null) } }, event.who),
       el("span", { class: "sign", "aria-hidden": true }, SIGNS[event.what] ?? "·"),
