@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Literal
 
 from agentd.language.errors import SyntaxErrors
@@ -13,8 +15,11 @@ from schemas.mission import Mission
 from schemas.positions import Steps
 
 
-def compose(mission: Mission, agent: str) -> Program:
-    """Return the program of an agent of a mission. Raises Findings with everything that is wrong with it."""
+def compose(mission: Mission, agent: str, read: Callable[[Path], Program] = parse_file) -> Program:
+    """Return the program of an agent of a mission; `read` reads its file.
+
+    Raises Findings with everything that is wrong with it.
+    """
     spec = mission.agents[agent]
     findings: list[Finding] = []
     items: list[Item] = []
@@ -22,7 +27,7 @@ def compose(mission: Mission, agent: str) -> Program:
     program = Program(str(path))
     if path.is_file():
         try:
-            program = parse_file(path)
+            program = read(path)
         except SyntaxErrors as errors:
             findings += errors.findings
     else:
@@ -43,15 +48,21 @@ def _item(
 ) -> tuple[Item, ...]:
     """Read one belief or goal that stands in the mission file."""
     try:
-        found = parse_program(text.strip().removesuffix(".") + ".", mission.positions.file).items
+        found = read_item(text, mission.positions.file, kind)
     except SyntaxErrors as errors:
         findings.append(mission.positions.finding(steps, f"`{text}`: {errors.findings[0].message}"))
         return ()
-    if len(found) != 1 or not isinstance(found[0], kind):
+    if not found:
         what = "belief such as `rescuers(2)`" if kind is Belief else "goal such as `fly_mission`"
         findings.append(mission.positions.finding(steps, f"`{text}`: expected one {what}"))
         return ()
     return found
+
+
+def read_item(text: str, file: str, kind: type[Belief] | type[Goal]) -> tuple[Item, ...]:
+    """Read one belief or goal that stands in a mission file; nothing if it is something else. Raises SyntaxErrors."""
+    found = parse_program(text.strip().removesuffix(".") + ".", file).items
+    return found if len(found) == 1 and isinstance(found[0], kind) else ()
 
 
 def restart_goal(mission: Mission, agent: str) -> Goal | None:

@@ -18,13 +18,14 @@ from agentd.company import Company
 from agentd.host import Host, Part
 from agentd.language.compile import CompiledProgram, DirectiveError, compile_program, in_namespace
 from agentd.language.errors import SyntaxErrors
-from agentd.language.parser import parse_file
 from agentd.language.terms import EMPTY, atom, make_list
 from agentd.memory import FILE, Memory, open_memory
 from agentd.mind.effects import StopTeam, TeamRequest
 from agentd.mind.inputs import TeamReply
 from agentd.roster import Roster
 from agentd.services import Do, NotDone, Services
+from agentd.tracing.given_terms import Included
+from agentd.tracing.sources import Sources
 from commd.bus import AlreadyRunning, Bus, BusClosed, Token
 from commd.clock import Clock
 from commd.notify import Member, Unit
@@ -241,7 +242,10 @@ class Crew:
             handler = handlers.get(request.what)
             if handler is None:
                 raise Refused("action_failed", f"agentd serve does not do what '{request.what}' asks for")
-            return TeamReply(request.id, await handler(host, *request.arguments))
+            reply = TeamReply(request.id, await handler(host, *request.arguments))
+            if isinstance(reply.value, Included):
+                reply.value = host.included(request.id, reply.value)
+            return reply
         except Refused as refused:
             return TeamReply(request.id, None, refused.error, str(refused))
         except NotDone as why:
@@ -255,23 +259,25 @@ class Crew:
         return AgentFiles([self._mission.path.parent], self._state / host.part.name)
 
     async def _create(self, host: Host, name: str, path: str) -> str:
-        program = CompiledProgram(host.part.program.file)
+        program, sources = CompiledProgram(host.part.program.file), Sources()
         if path:
             found = self._files(host).readable(path, host.part.program.file)
-            program = await asyncio.to_thread(lambda: compile_program(parse_file(found), parse_file))
-        made = await self._make(host, name, program)
+            sources = Sources(main=str(found))
+            read = sources.parse_file
+            program = await asyncio.to_thread(lambda: compile_program(read(found), read))
+        made = await self._make(host, name, program, sources)
         self._begin(made)
         log.info("agent=%s made=%s program=%s", host.part.name, made.part.name, path or "none")
         return made.part.name
 
     async def _clone(self, host: Host, name: str) -> str:
-        made = await self._make(host, name, CompiledProgram(host.part.program.file))
+        made = await self._make(host, name, CompiledProgram(host.part.program.file), Sources())
         made.copy_from(host)
         self._begin(made)
         log.info("agent=%s cloned=%s", host.part.name, made.part.name)
         return made.part.name
 
-    async def _make(self, maker: Host, wanted: str, program: CompiledProgram) -> Host:
+    async def _make(self, maker: Host, wanted: str, program: CompiledProgram, sources: Sources) -> Host:
         """Find a name that is free in the fleet, let it join the board of its maker and claim it on the bus."""
         try:
             check_name(wanted)
@@ -286,7 +292,7 @@ class Crew:
                 continue
             self._made[name] = None  # before anything is waited for: nobody else gets this name or the last place
             try:
-                if made := await self._welcome(name, program, self._homes[maker.part.name]):
+                if made := await self._welcome(name, program, sources, self._homes[maker.part.name]):
                     return made
             except BaseException:
                 del self._made[name]
@@ -294,11 +300,12 @@ class Crew:
             del self._made[name]
         raise Refused("unknown", f"{MOST_TRIES} agents are called {wanted} or {wanted}_N already")
 
-    async def _welcome(self, name: str, program: CompiledProgram, board: str) -> Host | None:
+    async def _welcome(self, name: str, program: CompiledProgram, sources: Sources, board: str) -> Host | None:
         """Let an agent made here join a board; None if its name is taken somewhere. Raises NotDone, BusClosed."""
         try:
             self.roster.told(await self._services.ask(board, name, "join"))
-            part = Part(name, program, None, {}, {}, self._seed + len(self.hosts), inject=self._mission.inject)
+            seed, inject = self._seed + len(self.hosts), self._mission.inject
+            part = Part(name, program, None, {}, {}, seed, inject=inject, sources=sources)
             return self._house(part, board, await self._bus.claim(name))
         except AlreadyRunning:
             return None
@@ -330,13 +337,16 @@ class Crew:
             await asyncio.wait(lives, timeout=ENDING)
         return EMPTY
 
-    async def _include(self, host: Host, path: str, namespace: str) -> CompiledProgram | None:
+    async def _include(self, host: Host, path: str, namespace: str) -> Included | None:
         try:
             found = self._files(host).readable(path, host.part.program.file)
         except FileNotFoundError as error:
             log.error("agent=%s cannot include: %s", host.part.name, error)
             return None
-        return await asyncio.to_thread(lambda: in_namespace(parse_file(found), namespace, parse_file))
+        sources = Sources(main=str(found))
+        read = sources.parse_file
+        program = await asyncio.to_thread(lambda: in_namespace(read(found), namespace, read))
+        return Included(program, str(found), namespace, sources)
 
     async def _save(self, host: Host, path: str, text: str) -> Any:
         await asyncio.to_thread(self._files(host).save, path, text)

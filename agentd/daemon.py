@@ -13,10 +13,11 @@ from agentd.checkpoint import CheckpointError
 from agentd.compose import compose, endings, restart_goal
 from agentd.crew import Crew
 from agentd.host import DECISIONS, Part
-from agentd.language.compile import CompiledProgram, DirectiveError, compile_program
+from agentd.language.compile import CompiledProgram, DirectiveError, Load, compile_program
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file
 from agentd.language.syntax import Program
+from agentd.tracing.sources import Sources
 from commd.bus import open_bus
 from commd.clock import Clock
 from commd.lives import begin_life
@@ -114,7 +115,8 @@ def prepare(mission: Mission, agent: str, seed: int, decisions: int = DECISIONS)
     if robot is not None and isinstance(named := mission.robots[robot].manifest, str):
         as_text = load_manifest(named, mission.path.parent).robot.values == "text"
     elsewhere = None if robot is None else mission.robots[robot].board
-    program = compiled(compose(mission, agent))
+    sources = sources_of(mission, agent)
+    program = compiled(compose(mission, agent, sources.parse_file), sources.parse_file)
     done, failed = endings(mission, agent, "done"), endings(mission, agent, "failed")
     return Part(
         agent,
@@ -130,6 +132,20 @@ def prepare(mission: Mission, agent: str, seed: int, decisions: int = DECISIONS)
         elsewhere if elsewhere != mission.agents[agent].board else None,
         mission.agents[agent].presence,
         mission.inject,
+        sources,
+    )
+
+
+def sources_of(mission: Mission, agent: str) -> Sources:
+    """Return what the program of an agent is read with, so that its texts are kept."""
+    spec, endings = mission.agents[agent], (*mission.done, *mission.failed)
+    return Sources(
+        main=str(mission.relative(spec.program)),
+        mission=mission.positions.file,
+        beliefs=tuple(spec.beliefs),
+        goals=tuple(spec.goals),
+        on_restart=spec.on_restart if spec.on_restart.strip().startswith("goal(") else "",
+        formulas=tuple(ending.formula for ending in endings if ending.agent == agent),
     )
 
 
@@ -139,10 +155,10 @@ def digest_of(program: CompiledProgram) -> bytes:
     return hashlib.sha256(text.encode(errors="replace")).digest()
 
 
-def compiled(program: Program) -> CompiledProgram:
+def compiled(program: Program, load: Load = parse_file) -> CompiledProgram:
     """Carry out the directives of a program. Raises Findings for one that is wrong, or a file that does not parse."""
     try:
-        return compile_program(program, parse_file)
+        return compile_program(program, load)
     except SyntaxErrors as errors:
         raise Findings(errors.findings) from None
     except DirectiveError as error:

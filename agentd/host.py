@@ -21,6 +21,7 @@ from agentd.memory import Memory
 from agentd.mind import Mind
 from agentd.mind.effects import CancelAction, Effect, Log, PerformAction, Print, StopTeam, TeamRequest
 from agentd.mind.inputs import (
+    ActionDone,
     Input,
     Mail,
     PerceptAdded,
@@ -34,6 +35,11 @@ from agentd.performing import NoJournal, Performing
 from agentd.restart import come_back, raise_interrupted
 from agentd.roster import Roster
 from agentd.telling import line_of
+from agentd.tracing import Tracing
+from agentd.tracing.birth import Birth
+from agentd.tracing.given_terms import Included
+from agentd.tracing.readings import CameBack, Interrupted
+from agentd.tracing.sources import Sources
 from agentd.viewer import Viewer
 from agentd.wire import BadTerm, perceived
 from commd.acting import Acting
@@ -95,16 +101,25 @@ class Part:
     """It is told who else is there: `online(Agent)[board(B)]`."""
     inject: bool = False
     """Operators may pause it and give it goals and beliefs."""
+    sources: Sources | None = None
+    """The texts of its program."""
 
 
-def reason(mind: Mind, clock: Clock, share: int = 1) -> list[Effect]:
+Ran: TypeAlias = Callable[[int, float, list[Effect]], None]
+"""Hears of each run of a mind: its first cycle, its time and its effects."""
+
+
+def reason(mind: Mind, clock: Clock, share: int = 1, ran: Ran | None = None) -> list[Effect]:
     """Run one slice; the first cycle with an effect is its last, and one with nothing left to do.
 
     `share`: so many agents of this process reason one after the other, and have the time of a slice together.
     """
     until, last, batch = clock.wall() + LONGEST_SLICE / max(1, share), mind.cycle + SLICE, 1
     while True:
-        effects = mind.run(clock.now(), min(batch, last - mind.cycle))
+        first, now = mind.cycle + 1, clock.now()
+        effects = mind.run(now, min(batch, last - mind.cycle))
+        if ran is not None:
+            ran(first, now, effects)
         batch = min(2 * batch, BATCH)
         if effects or not mind.ready or mind.cycle >= last or clock.wall() >= until:
             return effects
@@ -133,11 +148,23 @@ class Host:
         self._bus, self._clock, self._roster, self._team, self._token = bus, clock, roster, team, token
         self._memory = memory
         self._keeper = None if memory is None else Keeper(None if memory.stored is None else memory.stored.mind)
+        birth = Birth(
+            sources=part.sources,
+            seed=part.seed,
+            start=clock.now(),
+            epoch=clock.epoch,
+            zone=clock.zone,
+            names_variables=part.names_variables,
+            ask_timeout=ASK_TIMEOUT,
+            decisions=part.decisions,
+            kept=memory is not None,
+            stored=None if memory is None or memory.stored is None else memory.stored.mind,
+        )
         self._mind = Mind(
             part.name,
             part.program,
             seed=part.seed,
-            start=clock.now(),
+            start=birth.start,
             names_variables=part.names_variables,
             clock=clock.now,
             agents=lambda: roster.names,
@@ -152,7 +179,13 @@ class Host:
         self._wake = asyncio.Event()
         self._prints: deque[str] = deque(maxlen=LAST_PRINTS)
         self._tasks = Tasks(f"working for agent {part.name}")
+        for formula in (*part.done.values(), *part.failed.values()):
+            self._mind.query(formula)  # what it names is known from the beginning, whenever somebody looks
         self._mailing = Mailing(bus, part.name, self._mind, self._take_mail, lambda: roster.names)
+        self._tracing = Tracing(
+            bus, clock, self._mind, birth, lambda: roster.names, self._mailing.life, self._tasks.spawn
+        )
+        self._mind.post_office = self._tracing.sends(self._mailing.send, self._mailing.receivers)
         self._keeping = self._keep_in(memory)
         self._perceiving: Perceiving | None = None
         self._acting: Acting | None = None
@@ -169,7 +202,7 @@ class Host:
             bus.boot,
             self._acting,
             self._keeping or NoJournal(),
-            self._feed,
+            self._done,
             self._tasks.spawn,
             self._interrupted,
         )
@@ -180,7 +213,7 @@ class Host:
             clock,
             self._control,
             prints=self._prints,
-            actions=(),
+            actions=self._tracing.deeds.actions,
             done=part.done,
             failed=part.failed,
         )
@@ -207,12 +240,14 @@ class Host:
             log.warning("agent=%s cannot be what it was: %s", self.part.name, what)
         await self._keeping.count_life()
         interrupted = await self._performing.take_up(self._memory.actions)
+        self._tracing.came_back(CameBack(self._memory.life, tuple(interrupted)))
         come_back(self._mind, self._keeper, self._memory.life, interrupted, self.part.on_restart)
         self._memory.stored = None
 
     def _interrupted(self, literal: Literal) -> None:
         """An action of a former life has ended, and no plan has waited for it."""
         if self._keeper is not None:
+            self._tracing.came_back(Interrupted(literal))
             raise_interrupted(self._mind, self._keeper, literal)
             self._wake.set()
 
@@ -236,7 +271,7 @@ class Host:
                 self._wake.clear()
                 if self._control.may_reason():
                     _busy.add(self)
-                    self._go_on(reason(mind, clock, len(_busy)))
+                    self._go_on(reason(mind, clock, len(_busy), self._tracing.ran))
                 else:
                     self._step()
                 ready = mind.ready and not self._control.paused
@@ -267,13 +302,21 @@ class Host:
     def _step(self) -> None:
         """Run the cycles that an operator asks of a mind that is paused."""
         while steps := self._control.take_step():
-            self._go_on(self._mind.run(self._clock.now(), 1))
+            self._go_on(self._run_one())
             for step in steps:
                 if not step.done():
                     step.set_result(None)
 
+    def _run_one(self) -> list[Effect]:
+        """Run one cycle."""
+        first, now = self._mind.cycle + 1, self._clock.now()
+        effects = self._mind.run(now, 1)
+        self._tracing.ran(first, now, effects)
+        return effects
+
     def _ordered(self, order: str) -> None:
         """An operator has done something to the mind."""
+        self._tracing.ordered(order)
         self._viewer.forget()
         self._wake.set()
 
@@ -299,13 +342,14 @@ class Host:
         await self._tasks.end()
         if self._keeping is not None:
             await self._keeping.finish()
+        self._tracing.close()
 
     async def _end_atomic_plan(self) -> None:
         """An atomic plan is kept whole: what is left of one that does not wait is done, within `ATOMIC_END`."""
-        mind, clock = self._mind, self._clock
+        mind = self._mind
         until = asyncio.get_running_loop().time() + ATOMIC_END
         while mind.atomic is not None and mind.ready and asyncio.get_running_loop().time() < until:
-            for effect in mind.run(clock.now(), 1):
+            for effect in self._run_one():
                 if not isinstance(effect, PerformAction):  # the next life decides about it
                     self._carry_out(effect)
             await asyncio.sleep(0)
@@ -324,6 +368,12 @@ class Host:
     def copy_from(self, other: Host) -> None:
         """Take over what another agent believes and how it acts (``.clone``)."""
         self._mind.copy_from(other._mind)
+        self._tracing.cloned(other.part.name)
+
+    def included(self, request: int, read: Included) -> CompiledProgram:
+        """Return the program that the mind has asked for by a request of this number."""
+        self._tracing.included(request, read)
+        return read.program
 
     def take(self, item: Input) -> None:
         """Feed the mind something that does not come by the agent's own mail or robot: who is there."""
@@ -333,6 +383,11 @@ class Host:
         self._roster.met(mail.sender)
         self._feed(mail)
 
+    def _done(self, item: ActionDone) -> None:
+        """An action has ended."""
+        self._tracing.done(item)
+        self._feed(item)
+
     def _feed(self, item: Input) -> None:
         self._mind.feed(item)
         self._wake.set()
@@ -340,6 +395,7 @@ class Host:
     # --- out of the mind ---
 
     def _carry_out(self, effect: Effect) -> None:
+        self._tracing.did(effect)
         match effect:
             case Print(text=text, plain=plain):
                 self._prints.append(text)
@@ -418,6 +474,7 @@ class Host:
                 counters.update({f"{prefix}_{name}": count for name, count in part.counters.items()})
         mind = self._mind
         counters["cycles"] = mind.cycle
+        counters["trace_dropped"] = self._tracing.course.dropped
         missed = self._perceiving.percepts.missed if self._perceiving else 0
         reasons = mind.ready and not self._control.paused
         waiting = len(mind.events) + len(mind.mailbox) if reasons else 0  # an atomic plan that waits keeps the rest

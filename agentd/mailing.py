@@ -36,7 +36,7 @@ class Mailing:
         self.outbox = Outbox(bus, agent, self._undelivered)
         self.inbox = Inbox(bus, agent, self._room, self._read)
         self._agent, self._mind, self._feed, self._names = agent, mind, feed, names
-        self._life = boot_id()
+        self.life = boot_id()
         """Tells the answers to questions of this life of the agent from those to a former one's."""
         self._bad: Counter[str] = Counter()
         mind.post_office = self.send
@@ -47,19 +47,21 @@ class Mailing:
         return self.outbox.counters + self.inbox.counters + self._bad
 
     def send(self, mail: SendMail) -> None:
-        """Take a message, or a broadcast, that leaves when it is on disk. Raises Failed: the plan that sends it fails.
-
-        A broadcast is a message to each that is known, there or away, but oneself.
-        """
-        others = [name for name in self._names() if name != self._agent]
-        receivers = [mail.receiver] if mail.receiver is not None else others
+        """Take a message, or a broadcast, that leaves when it is on disk. Raises Failed, as the plan that sends it."""
+        receivers = self.receivers(mail)
         try:
             content = to_wire(mail.content)
-            self.outbox.post(receivers, mail.performative, content, f"{mail.msg_id}.{self._life}", mail.in_reply_to)
+            self.outbox.post(receivers, mail.performative, content, f"{mail.msg_id}.{self.life}", mail.in_reply_to)
         except BadTerm as bad:
             raise Failed("not_sendable", f"the message cannot be sent: {bad}") from None
         except Unsendable as bad:
             raise Failed(bad.error, f"the message cannot be sent: {bad}") from None
+
+    def receivers(self, mail: SendMail) -> list[str]:
+        """Return to whom a message goes: a broadcast to each that is known, there or away, but oneself."""
+        if mail.receiver is not None:
+            return [mail.receiver]
+        return [name for name in self._names() if name != self._agent]
 
     def tell(self, mail: Mail) -> None:
         """Hand the mind a message that does not come from commd."""
@@ -88,7 +90,7 @@ class Mailing:
             log.warning("agent=%s bad_mail sender=%s why=%s", self._agent, message.sender, bad)
             raise Refused(f"it cannot be read: {bad}") from None
         # The answer to a question of a former life keeps its whole id: nobody waits for it.
-        answered = message.in_reply_to.removesuffix(f".{self._life}")
+        answered = message.in_reply_to.removesuffix(f".{self.life}")
         mail = Mail(message.sender, message.performative, content, message.id, answered)
         return lambda: self._feed(mail)
 
@@ -99,4 +101,5 @@ class Mailing:
         except BadTerm:
             content = str(message.content)
         told = (atom(message.receiver), atom(message.performative), content, why)
-        self.tell(Mail(OFFICE, "signal", Literal(signature("undelivered", 4), told)))
+        identity = f"undelivered.{message.id}"
+        self.tell(Mail(OFFICE, "signal", Literal(signature("undelivered", 4), told), identity))

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 import zenoh
 
 from commd import denials
-from commd.raw import RawBus
+from commd.raw import RawBus, matching
 from commd.reach import why_not
 from commd.reminding import Reminder
 from commd.routers import addresses_to_come
@@ -233,16 +233,16 @@ class Bus:
         publisher = self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP)
         last = False
 
-        def changed(matching: bool) -> None:
+        def changed(somebody: bool) -> None:
             nonlocal last
-            if matching != last:
-                last = matching
-                handler(matching)
+            if somebody != last:
+                last = somebody
+                handler(somebody)
 
         listener = publisher.declare_matching_listener(self._hand_over(lambda status: changed(status.matching)))
-        if publisher.matching_status:
+        if matching(publisher):
             self._soon(changed)(True)
-        declared = publisher, listener
+        declared = listener, publisher
         self._listened.append(declared)
 
         def withdraw() -> None:

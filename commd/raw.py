@@ -97,7 +97,7 @@ class Publisher(_Handle):
     @property
     def matching(self) -> bool:
         """Whether somebody outside this process subscribes to the key now."""
-        return _matching(self._publisher)
+        return matching(self._publisher)
 
     def put(self, payload: bytes, encoding: str) -> None:
         """Send now, dropped if the way is congested. Raises OSError if the session is closed."""
@@ -123,7 +123,7 @@ class Querier(_Handle):
     @property
     def matching(self) -> bool:
         """Whether somebody outside this process serves the key now."""
-        return _matching(self._querier)
+        return matching(self._querier)
 
     async def ask(self, payload: bytes, encoding: str) -> AsyncGenerator[Sample, None]:
         """Ask everybody who serves the key and yield each reply as it is made, until all have ended, also if this is
@@ -323,7 +323,7 @@ class _Queue:
         self._loop.call_soon(self._drain)
 
 
-def _matching(declared: zenoh.Publisher | zenoh.Querier) -> bool:
+def matching(declared: zenoh.Publisher | zenoh.Querier) -> bool:
     try:
         status: Any = declared.matching_status  # an object that is always true, whatever its stub says
         return bool(status.matching)

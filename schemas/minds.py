@@ -231,9 +231,22 @@ class MindBirth(Record, frozen=True, kw_only=True):
     """All that a mind was made of: with its inputs it can be lived again (docs/mind-format.md)."""
 
     program: str
-    """The main file, a name among `files`."""
+    """The main file, a name among `files`; empty: a program of nothing."""
     files: dict[str, str] = {}
     """Every source file that the program was read from, by its path, as text."""
+    mission: str = ""
+    """The path of the mission file, as positions name it."""
+    beliefs: tuple[str, ...] = ()
+    """Those that the mission file adds, as it has them."""
+    goals: tuple[str, ...] = ()
+    on_restart: str = ""
+    """The goal with which it goes on after a restart, as the mission file has it; empty if there is none."""
+    formulas: tuple[str, ...] = ()
+    """The `done` and `failed` formulas of the mission that look into this mind."""
+    decisions: int = 0
+    """How many decisions it remembers."""
+    kept: bool = False
+    """It is kept across restarts."""
     seed: int = 0
     start: float = 0.0
     """Mission seconds."""
@@ -244,16 +257,15 @@ class MindBirth(Record, frozen=True, kw_only=True):
     has_team: bool = True
     ask_timeout: float | None = None
     memory: str = ""
-    """What was restored of a former life, as base64; empty = it was born anew."""
+    """What was restored of a former life: MessagePack, compressed (zlib), as base64; empty = it was born anew."""
     unknown: str = ""
     """Why this mind cannot be lived again, in words; empty = it can."""
 
 
 class MindStep(Record, frozen=True, kw_only=True, array_like=True):
-    """A run of cycles during which the time stood still."""
+    """The time from some cycle on. Those between two steps had times between, which made no difference to the mind."""
 
     first: int
-    """Its first cycle; it lasts until the next step begins."""
     now: float
     """Mission seconds."""
 
@@ -281,9 +293,9 @@ class MindInputs(Record, frozen=True, kw_only=True):
     steps: tuple[MindStep, ...] = ()
     inputs: tuple[MindInput, ...] = ()
     decided: int = 0
-    """Decisions and effects since birth."""
+    """Decisions, failures and effects of this stretch."""
     digest: str = ""
-    """Of all of them, in order."""
+    """Of all of them, in order; empty: nobody listened then, so it was not made."""
 
 
 class MindDecisions(Record, frozen=True, kw_only=True):
@@ -294,6 +306,10 @@ class MindDecisions(Record, frozen=True, kw_only=True):
     decisions: tuple[DecisionView, ...] = ()
     failures: tuple[FailureView, ...] = ()
     left_out: int = 0
+    now: float = 0.0
+    """Mission seconds at the stamp of the header."""
+    speed: float = 1.0
+    """Mission seconds per wall second."""
 
 
 class Deed(Record, frozen=True, kw_only=True):

@@ -6,6 +6,7 @@ on with the next plan.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -32,8 +33,13 @@ def parse_program(text: str, file: str) -> Program:
 
 def parse_file(path: str | Path) -> Program:
     """`parse_program` of a file. Raises OSError as ``open`` does, `SyntaxErrors` also when it is not UTF-8 text."""
+    return parse_source(lambda: read_source(path), path)
+
+
+def parse_source(read: Callable[[], Source], path: str | Path) -> Program:
+    """`parse_file` for a caller that reads the file itself, as `agentd.language.source.read_source` does."""
     try:
-        source = read_source(path)
+        source = read()
     except UnicodeDecodeError as error:
         line = error.object.count(b"\n", 0, error.start) + 1
         message = (

@@ -48,6 +48,7 @@ class Drops:
     def note(self, kind: str, text: str, name: str = "") -> None:
         """Count one that is dropped; ``text`` says of what kind and why, ``name`` which: `Dropped.name`."""
         mind, count = self._mind, self.counts.get(kind, 0) + 1
+        mind.timers.looks += 1
         self.counts[kind] = count
         self._note_name(kind, name, text)
         told = self._told.get(kind)

@@ -118,6 +118,11 @@ class TimeRead:
     seconds: float
 
 
+@dataclass(slots=True)
+class TooDeep:
+    """An intention had grown too deep when that was looked at, after some cycle, and failed."""
+
+
 Input: TypeAlias = (
     PerceptReplaced
     | PerceptAdded
@@ -130,4 +135,5 @@ Input: TypeAlias = (
     | BeliefAdded
     | SignalRaised
     | TimeRead
+    | TooDeep
 )

@@ -26,9 +26,12 @@ class Timers:
         self.heap: list[Timer] = []
         """The timers, the next one first; some may be cancelled."""
         self._count = 0
+        self.looks = 0
+        """How often the time has made a difference: for those who note what a mind is given (`agentd.tracing`)."""
 
     def at(self, due: float, action: Callable[[], None]) -> Timer:
         self._count += 1
+        self.looks += 1
         timer = Timer(due, self._count, action)
         heappush(self.heap, timer)
         return timer
@@ -44,4 +47,5 @@ class Timers:
         while self.heap and (self.heap[0].cancelled or self.heap[0].due <= now):
             timer = heappop(self.heap)
             if not timer.cancelled:
+                self.looks += 1
                 timer.action()

@@ -112,6 +112,7 @@ def wait_event(mind: Any, intention: Intention, trigger: Code, limit: Any = None
 
 
 def _start(mind: Any, wait: Wait, seconds: float | None, reason: str) -> None:
+    mind.timers.looks += 1  # at the time since when it waits
     if seconds is not None:
         wait.timer = mind.timers.at(mind.now + seconds, lambda: timed_out(mind, wait))
     mind.await_something(wait.intention, reason, wait)
@@ -140,6 +141,7 @@ def ended(mind: Any, wait: Wait) -> None:
     """What was waited for has come (or the time is over and the program asked how long it was)."""
     forget(mind, wait)
     if wait.elapsed is not None:
+        mind.timers.looks += 1
         _tell_elapsed(wait.intention, wait.elapsed, (mind.now - wait.since) * 1000.0)
     resume_waiting(mind, wait.intention)
 

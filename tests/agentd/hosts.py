@@ -17,6 +17,7 @@ from agentd.memory import Memory, open_memory
 from agentd.mind.effects import TeamRequest
 from agentd.mind.inputs import Mail, TeamReply
 from agentd.roster import Roster
+from agentd.tracing.sources import Sources
 from commd.bus import Bus
 from commd.clock import Clock
 
@@ -104,7 +105,9 @@ async def host_on(
             names=dict.fromkeys((name, *others), "board"), met=lambda name: None, remember=lambda names: None
         ),
     )
-    made = Part(name=name, program=program, **{"robot": None, "done": {}, "failed": {}, **part})
+    sources = Sources(main=f"{name}.asl")
+    sources.keep(sources.main, source)
+    made = Part(name=name, program=program, **{"robot": None, "done": {}, "failed": {}, "sources": sources, **part})
     host = Host(bus, Clock(), made, roster, _no_team, bus.token(f"test/{name}/{bus.boot}"), memory)
     return Hosted(host, memory)
 

@@ -386,3 +386,15 @@ def test_a_session_knows_while_somebody_listens(endpoint: str) -> None:
         assert said == [True, False, True]
 
     on_a_bus(endpoint, body)
+
+
+def test_a_session_is_not_told_of_listeners_where_there_are_none(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        speaker, other = await connect(), await connect()
+        said: list[bool] = []
+        speaker.listened("argosy/test/uav/trace/deeds", said.append)
+        await speaker.round_trip(5.0)
+        await other.round_trip(5.0)
+        assert said == []
+
+    on_a_bus(endpoint, body)

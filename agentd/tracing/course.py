@@ -1,0 +1,197 @@
+"""All that goes into one mind, from its birth on: kept for a while for who comes late, told while somebody listens.
+
+What is kept are the inputs themselves; they become records when somebody asks. Once they are too many, the beginning is
+dropped whole, for a life can be lived again from its birth only. The time is noted where it has made a difference
+(`agentd.mind.timers.Timers.looks`), and now and then.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Iterator
+from typing import Any, Final
+
+from agentd.language.terms import EMPTY, List, Literal, deref
+from agentd.mind import Mind
+from agentd.mind.inputs import Mail
+from agentd.tracing.acts import decision_line, digest, effect_text
+from agentd.tracing.given_terms import Included, written
+from agentd.tracing.readings import Given
+from schemas.minds import MindBirth, MindInputs, MindStep
+
+MOST_KEPT: Final = 5_000
+"""Inputs that are kept since birth while nobody listens, or for who comes later."""
+MOST_BYTES: Final = 1_000_000
+"""Bytes that they take, roughly."""
+INPUT_BYTES: Final = 200
+"""What an input takes, roughly, besides the content of mail."""
+PART_BYTES: Final = 60
+"""What a part of a term takes."""
+BATCH: Final = 500
+"""Inputs in a batch, about."""
+BATCH_BYTES: Final = 1_000_000
+STEP_EVERY: Final = 0.05
+"""Mission seconds after which the time of a mind that is not idle is noted in any case: decisions show it."""
+STEP_CYCLES: Final = 20
+"""So many cycles tell one that is not idle from one that only wakes now and then."""
+
+
+class Stretch:
+    """A stretch of a life: one batch."""
+
+    __slots__ = ("decided", "digest", "firsts", "inputs", "last", "lines", "number", "times", "weight")
+
+    def __init__(self, number: int, listened: bool) -> None:
+        self.number = number
+        self.last = 0
+        self.firsts, self.times = array("q"), array("d")
+        """The first cycles of steps, and their times."""
+        self.inputs: list[tuple[int, Given]] = []
+        self.weight = 0
+        """Bytes of the mail in it, roughly."""
+        self.lines: list[str] | None = [] if listened else None
+        """What was decided and done, while somebody listens."""
+        self.decided, self.digest = 0, ""
+        """So many lines there were, and their digest."""
+
+    def end(self, last: int) -> None:
+        """It ends with this cycle."""
+        self.last = last
+        if self.lines is not None:
+            self.decided, self.digest, self.lines = len(self.lines), digest(self.lines), None
+
+    @property
+    def size(self) -> int:
+        """Bytes that it takes, roughly."""
+        return INPUT_BYTES * len(self.inputs) + 16 * len(self.firsts) + self.weight
+
+
+class Course:
+    """What goes into one mind, batch by batch."""
+
+    def __init__(self, mind: Mind, birth: Callable[[], MindBirth | None]) -> None:
+        """`birth` tells what the mind was made of, when somebody asks."""
+        self.included: dict[int, Included] = {}
+        """Programs that were read at run time, by the id of the request."""
+        self.dropped = 0
+        """Inputs that are in no batch: those of the beginning when they were dropped, and all while nobody listened."""
+        self.listened = False
+        self._mind, self._birth, self._timers = mind, birth, mind.timers
+        self._kept: list[Stretch] | None = []
+        """The batches since birth."""
+        self._kept_inputs = self._kept_bytes = 0
+        self._looks = -1
+        self._step_at, self._step_from = -1.0, 0
+        self._open = Stretch(0, False)
+        self.on = True
+        """Whether inputs are noted now: from birth until that is too much, and while somebody listens."""
+        self._put: Callable[[Stretch], None] = lambda stretch: None
+
+    # --- what happens ---
+
+    def given(self, cycle: int, item: Given) -> None:
+        """Something has gone into the mind."""
+        stretch = self._open
+        stretch.inputs.append((cycle, item))
+        if type(item) is Mail:
+            stretch.weight += PART_BYTES * _parts(item.content)
+
+    def ran(self, first: int, now: float) -> None:
+        """The mind has run some cycles at a time; `first` is the first of them."""
+        looks = self._timers.looks
+        if looks != self._looks or (now >= self._step_at and (first >= self._step_from or self._open.inputs)):
+            self._looks, self._step_at, self._step_from = looks, now + STEP_EVERY, first + STEP_CYCLES
+            self._open.firsts.append(first)
+            self._open.times.append(now)
+        if len(self._open.inputs) >= BATCH or len(self._open.firsts) >= 20 * BATCH or self._open.weight > BATCH_BYTES:
+            self.close()
+
+    def decided(self, entry: Any) -> None:
+        """The mind has decided something (`agentd.mind.decisions`)."""
+        if self._open.lines is not None:
+            self._open.lines.append(decision_line(entry))
+
+    def did(self, cycle: int, effect: Any) -> None:
+        """The mind has done something."""
+        if self._open.lines is not None:
+            self._open.lines.append(f"{cycle} {effect_text(effect)}")
+
+    # --- batches ---
+
+    def listen(self, put: Callable[[Stretch], None] | None) -> None:
+        """From now on somebody listens: `put` takes each batch as it is closed. None: nobody does."""
+        if self.on and (self._open.inputs or self._open.firsts):
+            self.close()
+        self.listened = put is not None
+        self._put = put if put is not None else lambda stretch: None
+        if self.listened and not self.on:
+            self.on = True  # the number that is left out says that something is missing
+            self._open = Stretch(self._open.number + 1, True)
+            self._looks, self._step_at = -1, -1.0
+        self._open.lines = [] if self.listened else None
+        if not self.listened and self._kept is None:
+            self.on = False
+
+    def close(self) -> None:
+        """End the present batch and begin the next."""
+        stretch, self._open = self._open, Stretch(self._open.number + 1, self.listened)
+        stretch.end(self._mind.cycle)
+        if self._kept is not None:
+            self._kept.append(stretch)
+            self._kept_inputs += len(stretch.inputs)
+            self._kept_bytes += stretch.size
+            if self._kept_inputs > MOST_KEPT or self._kept_bytes > MOST_BYTES:
+                self.forget()
+        self._put(stretch)
+
+    def flush(self) -> None:
+        """End the present batch if anything happened in it."""
+        stretch = self._open
+        if stretch.inputs or stretch.firsts or stretch.lines:
+            self.close()
+
+    def forget(self) -> None:
+        """Drop the beginning: from now on nobody who comes late gets it."""
+        self._kept = None
+        self.included.clear()
+        self._birth = lambda: None
+        if not self.listened:
+            self.dropped += self._kept_inputs
+            self.on = False
+
+    def since_birth(self) -> Iterator[MindInputs] | None:
+        """Return all batches since birth; None if the beginning has been dropped."""
+        if self._kept is None:
+            return None
+        self.flush()
+        return None if self._kept is None else map(self.record, list(self._kept))
+
+    def record(self, stretch: Stretch) -> MindInputs:
+        """Return a batch as a record, without its header."""
+        return MindInputs(
+            agent=self._mind.name,
+            number=stretch.number,
+            birth=self._birth() if stretch.number == 0 else None,
+            last=stretch.last,
+            steps=tuple(MindStep(first=f, now=n) for f, n in zip(stretch.firsts, stretch.times, strict=True)),
+            inputs=tuple(written(cycle, item, self.included) for cycle, item in stretch.inputs),
+            decided=stretch.decided,
+            digest=stretch.digest,
+        )
+
+
+def _parts(term: Any) -> int:
+    """How many parts a term has, up to some number."""
+    count, pending = 0, [term]
+    while pending and count < BATCH_BYTES // PART_BYTES:
+        part = deref(pending.pop())
+        count += 1
+        if type(part) is str:
+            count += len(part) // PART_BYTES
+        elif type(part) is Literal:
+            pending += part.args
+            pending += part.annots
+        elif type(part) is List and part is not EMPTY:
+            pending += part.items[part.at :]
+            pending.append(part.tail)
+    return count

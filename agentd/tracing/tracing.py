@@ -1,0 +1,279 @@
+"""What one agent tells of its course, on three channels of the bus, each only while somebody listens to it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Collection, Coroutine, Iterable
+from time import perf_counter
+from typing import Any, Final, Literal, TypeAlias
+
+import msgspec
+
+from agentd.look import Look
+from agentd.mind import Mind
+from agentd.mind.effects import Effect, SendMail
+from agentd.mind.failed import Failed
+from agentd.mind.inputs import Mail
+from agentd.tracing.birth import Birth
+from agentd.tracing.course import MOST_KEPT, Course, Stretch
+from agentd.tracing.deeds import Deeds
+from agentd.tracing.given_terms import Included
+from agentd.tracing.readings import CameBack, Given, Interrupted, MailRefused, NamesRead
+from agentd.viewing import decisions_of
+from commd.bus import Bus, Query
+from commd.clock import Clock
+from schemas import keys
+from schemas.codec import BadRecord
+from schemas.minds import Deed, MindDecisions, MindDeeds, MindInputs
+
+log = logging.getLogger("trace")
+
+PERIOD: Final = 0.25
+"""Wall seconds between two batches."""
+PATIENCE: Final = 0.002
+"""Wall seconds that the decisions of a batch may take to be put into words; the rest is left out and counted."""
+LEAST: Final = 20
+MOST: Final = 200
+"""So many decisions are in a batch at least and at most, if there were so many."""
+TOO_LATE: Final = (
+    f"the beginning of this life is not kept any more: more than {MOST_KEPT} inputs, or as much mail, have come since; "
+    "begin to record before the agent begins"
+)
+
+Channel: TypeAlias = Literal["inputs", "decisions", "deeds"]
+Office: TypeAlias = Callable[[SendMail], None]
+
+
+class Tracing:
+    """What one agent tells of itself."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        mind: Mind,
+        birth: Birth,
+        names: Callable[[], Collection[str]],
+        life: str,
+        spawn: Callable[[Coroutine[Any, Any, None]], object],
+    ) -> None:
+        """`names` are all that can be sent to; `life` is what the ids of this life's messages end with."""
+        agent = mind.name
+        self.birth = birth
+        self.course = Course(mind, birth.record)
+        self.deeds = Deeds(agent, lambda number: f"{agent}:{bus.boot}:{number}", lambda one: f"{one}.{life}", clock.now)
+        self.lost = 0
+        """Batches that could not be put."""
+        self._bus, self._clock, self._mind, self._names, self._spawn = bus, clock, mind, names, spawn
+        self._known: tuple[str, ...] | None = None
+        """The names when the program asked last."""
+        self._heard: set[Channel] = set()
+        self._flushing = False
+        self._per_view = 0.0001
+        """Wall seconds that it takes to put a decision into words, about."""
+        self._keys: dict[Channel, str] = {
+            channel: keys.trace(bus.fleet, agent, channel) for channel in ("inputs", "decisions", "deeds")
+        }
+        mind.agents = self._agents
+        mind.tell_inputs(self.course.given)
+        self._withdraw = [bus.serve(self._keys["inputs"], MindInputs, self._tell_since_birth)]
+        for channel, key in self._keys.items():
+            self._withdraw.append(bus.listened(key, lambda somebody, c=channel: self._listened(c, somebody)))  # type: ignore[misc]
+
+    # --- what happens ---
+
+    def ran(self, first: int, now: float, effects: Iterable[Effect]) -> None:
+        """The mind has run from cycle `first` on, at mission time `now`, and wants this done."""
+        course, recorder = self.course, self._mind.recorder
+        if course.listened:
+            for effect in effects:
+                course.did(self._mind.cycle, effect)
+        if course.on:
+            course.ran(first, now)
+            if not course.on:
+                self._hook()
+        if recorder is not None:
+            recorder.settle()
+
+    def did(self, effect: Effect) -> None:
+        """What the mind wants done is being done."""
+        self.deeds.did(self._mind.cycle, effect)
+
+    def done(self, item: Given) -> None:
+        """An action has ended."""
+        self.deeds.given(self._mind.cycle, item)
+
+    def ordered(self, order: str) -> None:
+        """An operator has done something to the mind."""
+        self.deeds.add(Deed(cycle=self._mind.cycle, time=self._clock.now(), kind="operator", text=order))
+
+    def sends(self, office: Office, to: Callable[[SendMail], list[str]]) -> Office:
+        """Return the post office of the mind: `office`, with what is sent or refused noted. `to`: the receivers."""
+
+        def send(mail: SendMail) -> None:
+            course, mind = self.course, self._mind
+            try:
+                office(mail)
+            except Failed as failed:
+                if course.on:
+                    course.given(mind.cycle, MailRefused(mail.msg_id, failed.error, failed.message))
+                raise
+            if course.listened:
+                course.did(mind.cycle, mail)
+            if self.deeds.listened:
+                self.deeds.sent(mind.cycle, mail, to(mail))
+
+        return send
+
+    def came_back(self, reading: CameBack | Interrupted) -> None:
+        """A restored mind is about to be told something, between two runs."""
+        if self.course.on:
+            self.course.given(self._mind.cycle + 1, reading)
+
+    def included(self, request: int, program: Included) -> None:
+        """The team has read a program that the mind asked for."""
+        if self.course.on:
+            self.course.included[request] = program
+
+    def cloned(self, other: str) -> None:
+        """The mind is made of what another one has become."""
+        self.birth.unknown = f"it is a clone of {other}, and what that had become is not recorded"
+
+    def _agents(self) -> Collection[str]:
+        """Who can be sent to; that the program asks is noted."""
+        names, mind = self._names(), self._mind
+        if self.course.on and mind.on_input is not None:
+            found = tuple(names)
+            if found != self._known:
+                self._known = found
+                self.course.given(mind.cycle, NamesRead(found))
+        return names
+
+    def _given(self, cycle: int, item: Given) -> None:
+        """Something has gone into the mind, and somebody follows its deeds."""
+        if self.course.on:
+            self.course.given(cycle, item)
+        if type(item) is Mail:
+            self.deeds.given(cycle, item)
+
+    # --- who listens ---
+
+    def _listened(self, channel: Channel, somebody: bool) -> None:
+        """Somebody has begun to listen to a channel, or nobody does any more."""
+        log.debug("agent=%s trace=%s listened=%s", self._mind.name, channel, somebody)
+        if somebody:
+            self._heard.add(channel)
+        else:
+            self._heard.discard(channel)
+        match channel:
+            case "inputs":
+                self._known = self._known if self.course.on else None
+                self.course.listen(self._put if somebody else None)
+                self._count()
+            case "decisions":
+                self._count()
+            case "deeds":
+                self.deeds.listened = somebody
+                self.deeds.take()
+        self._hook()
+        if self._heard and not self._flushing:
+            self._flushing = True
+            self._spawn(self._flush_now_and_then())
+
+    def _hook(self) -> None:
+        """Have inputs told to those only who want them: with nobody listening that costs nothing."""
+        deeds, course = self.deeds.listened, self.course.on
+        self._mind.tell_inputs(self._given if deeds else self.course.given if course else None)
+
+    def _count(self) -> None:
+        recorder = self._mind.recorder
+        if recorder is None:
+            return
+        if self.course.listened:
+            recorder.count_all(self.course.decided)
+        elif "decisions" in self._heard:
+            recorder.count_all()
+        else:
+            recorder.count_none()
+
+    async def _flush_now_and_then(self) -> None:
+        while self._heard:
+            await asyncio.sleep(PERIOD)
+            self.flush()
+        self._flushing = False
+
+    # --- what is told ---
+
+    def flush(self) -> None:
+        """Tell what has happened since this was called last."""
+        if "deeds" in self._heard:
+            self._put_deeds()
+        if "decisions" in self._heard:
+            self._put_decisions()
+        if self.course.listened:
+            self.course.flush()
+
+    def close(self) -> None:
+        """Tell what is left, then no more."""
+        self.flush()
+        self._heard.clear()
+        for withdraw in self._withdraw:
+            withdraw()
+        self._withdraw.clear()
+
+    def _put(self, stretch: Stretch) -> None:
+        record = self.course.record(stretch)
+        self._bus.put(self._keys["inputs"], _headed(record, self._bus, self._mind.name))
+
+    def _put_deeds(self) -> None:
+        deeds, left_out = self.deeds.take()
+        if deeds or left_out:
+            agent, now, speed = self._mind.name, self._clock.now(), self._clock.speed
+            header = self._bus.header("trace/deeds", agent)
+            record = MindDeeds(header=header, agent=agent, deeds=deeds, left_out=left_out, now=now, speed=speed)
+            self._bus.put(self._keys["deeds"], record)
+
+    def _put_decisions(self) -> None:
+        mind, recorder = self._mind, self._mind.recorder
+        if recorder is None:
+            return
+        most = min(MOST, max(LEAST, int(PATIENCE / self._per_view)))
+        shown, left_out = recorder.take_new(most)
+        if not shown:
+            return
+        begin = perf_counter()
+        decisions, failures = decisions_of(mind, Look(last=shown))
+        header = self._bus.header("trace/decisions", mind.name)
+        record = MindDecisions(
+            header=header,
+            agent=mind.name,
+            decisions=decisions,
+            failures=failures,
+            left_out=left_out,
+            now=self._clock.now(),
+            speed=self._clock.speed,
+        )
+        self._bus.put(self._keys["decisions"], record)
+        self._per_view += 0.2 * ((perf_counter() - begin) / shown - self._per_view)
+
+    async def _tell_since_birth(self, query: Query[MindInputs]) -> None:
+        """Answer who wants all that went in since birth; not who asks for everything there is."""
+        if not query.key.endswith("/trace/inputs"):
+            return
+        batches = self.course.since_birth()
+        self._hook()
+        if batches is None:
+            query.reply_error(TOO_LATE)
+            return
+        for batch in batches:
+            try:
+                query.reply(_headed(batch, self._bus, self._mind.name), self._keys["inputs"])
+            except BadRecord as bad:
+                query.reply_error(str(bad))
+                return
+            await asyncio.sleep(0)
+
+
+def _headed(record: MindInputs, bus: Bus, agent: str) -> MindInputs:
+    return msgspec.structs.replace(record, header=bus.header("trace/inputs", agent))

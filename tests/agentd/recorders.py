@@ -1,0 +1,66 @@
+"""What listens to the course of minds in tests, as a recorder does."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import aclosing
+
+from commd.bus import Bus
+from schemas import keys
+from schemas.minds import DecisionView, Deed, MindDecisions, MindDeeds, MindInputs
+
+PATIENCE = 20.0
+
+
+class Recorder:
+    """Everything that one agent tells of its course, from now on."""
+
+    def __init__(self, bus: Bus, agent: str, *channels: str) -> None:
+        """`channels`: those that are listened to; all if none are named."""
+        self.batches: dict[int, MindInputs] = {}
+        self.decided: list[MindDecisions] = []
+        self.told: list[MindDeeds] = []
+        self._bus, self._agent = bus, agent
+        wanted = channels or ("inputs", "decisions", "deeds")
+        if "inputs" in wanted:
+            bus.subscribe(keys.trace(bus.fleet, agent, "inputs"), MindInputs, lambda _, batch: self._take(batch))
+        if "decisions" in wanted:
+            bus.subscribe(
+                keys.trace(bus.fleet, agent, "decisions"), MindDecisions, lambda _, some: self.decided.append(some)
+            )
+        if "deeds" in wanted:
+            bus.subscribe(keys.trace(bus.fleet, agent, "deeds"), MindDeeds, lambda _, some: self.told.append(some))
+
+    def _take(self, batch: MindInputs) -> None:
+        self.batches[batch.number] = batch
+
+    async def catch_up(self) -> str:
+        """Ask for what has been before; returns why there is none, empty if there is."""
+        said = ""
+        ask = self._bus.query(keys.trace(self._bus.fleet, self._agent, "inputs"), None, MindInputs, 10.0)
+        async with aclosing(ask) as replies:
+            async for reply in replies:
+                if reply.record is None:
+                    said = reply.error
+                else:
+                    self._take(reply.record)
+        return said
+
+    async def until_cycle(self, cycle: int) -> None:
+        """Wait until everything up to a cycle has been told."""
+        async with asyncio.timeout(PATIENCE):
+            while max((batch.last for batch in self.batches.values()), default=0) < cycle:
+                await asyncio.sleep(0.02)
+
+    @property
+    def inputs(self) -> list[MindInputs]:
+        """The batches in order."""
+        return [self.batches[number] for number in sorted(self.batches)]
+
+    @property
+    def decisions(self) -> list[DecisionView]:
+        return [one for some in self.decided for one in some.decisions]
+
+    @property
+    def deeds(self) -> list[Deed]:
+        return [one for some in self.told for one in some.deeds]
