@@ -11,7 +11,7 @@ from argosy.why.memory import Memory
 from argosy.why.present import doing, dropped, failure_paragraph
 from argosy.why.story import Line, Paragraph
 from argosy.why.subject import Subject, taken_apart
-from argosy.why.words import ago, event_words, failure_words, joined, many, plan_words, shown, sign_of
+from argosy.why.words import ago, event_words, failure_words, many, plan_words, shown, sign_of, span
 from schemas.minds import BeliefView, Deed, FailureView, IntentionView, MindView, PlanView
 from schemas.positions import did_you_mean
 
@@ -133,10 +133,10 @@ def _believed(memory: Memory, subject: Subject) -> Iterator[Paragraph]:
 
 
 def _belief(memory: Memory, belief: BeliefView) -> str:
-    sources = [{"percept": "perceived", "self": "the agent's own"}.get(who, f"told by {who}") for who in belief.sources]
-    since = f", since {ago(memory.now, belief.since)}" if belief.since is not None else ""
-    whose = f" ({joined(sources)}{since})" if sources else since
-    return f"{shown(belief.text)} is believed now{whose}."
+    told = [{"percept": "perceived", "self": "the agent's own"}.get(who, f"told by {who}") for who in belief.sources]
+    if belief.since is not None:
+        told.append(f"since mission second {belief.since:.1f} ({span(max(0.0, memory.now - belief.since))} ago)")
+    return f"{shown(belief.text)} is believed now{': ' if told else ''}{', '.join(told)}."
 
 
 def _program(memory: Memory, subject: Subject, happened: bool) -> Iterator[Paragraph]:

@@ -106,7 +106,8 @@ def origin_words(memory: Memory, made: DecisionView) -> str:
     if cause.startswith("told by "):
         return f"was told by {cause.removeprefix('told by ')}"
     if made.goal:
-        return f"comes from {raiser_words(made.goal)}, whose plan {_verb(made)} it{at}; what was before is not remembered any more"
+        raiser = raiser_words(made.goal)
+        return f"comes from {raiser}, whose plan {_verb(made)} it{at}; what was before is not remembered any more"
     if cause.startswith("intention "):
         plan = memory.plan_at(made.asked_at)
         which = "a plan" if plan is None else f"the plan {plan_words(plan)}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from argparse import ArgumentParser, Namespace
 
@@ -45,7 +46,8 @@ def run(args: Namespace) -> int:
 
     async def ask(bus: Bus, where: Where) -> int:
         told = await explain(bus, where.fleet, args.agent, args.about, args.last)
-        print(msgspec.json.format(msgspec.json.encode(told)).decode() if args.json else plain(told))
+        columns = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+        print(msgspec.json.format(msgspec.json.encode(told)).decode() if args.json else plain(told, columns))
         return EXIT_DONE
 
     return on_the_bus(args, ask)

@@ -32,13 +32,13 @@ REMEMBERED = 200
 """Decisions and failures that a mind is asked for: all that it keeps if nobody says otherwise."""
 LAST = 5
 """So many happenings are told if nobody says otherwise."""
-ANSWER_TIMEOUT = 3.0
+ANSWER_TIMEOUT = 5.0
 """Wall seconds that an agent has to answer."""
 MAIL_TIMEOUT = 2.0
 """Wall seconds that boards and receivers have to answer."""
 MOST_ASKED = 8
 """So many receivers of open questions are asked what they think."""
-NO_DECISIONS = "It remembers no decisions: it was started with --decisions 0, or has decided nothing yet."
+NO_DECISIONS = "It remembers no decisions: none was made since its start, or it was started with --decisions 0."
 
 
 async def explain(bus: Bus, fleet: str, agent: str, about: str = "", last: int = LAST) -> Explanation:

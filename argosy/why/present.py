@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from itertools import islice
 
-from argosy.why.causes import origin_words, raiser_words
+from argosy.why.causes import cause_lines, raiser_words
 from argosy.why.deciding import aftermath, waited_for
 from argosy.why.memory import Memory
 from argosy.why.story import Line, Paragraph
@@ -104,7 +104,7 @@ def intention_lines(memory: Memory, intention: IntentionView) -> Iterator[Line]:
     for made in memory.decisions:
         begins = not made.goal or made.goal == ANSWERING
         if begins and made.intention == intention.id and [without_annotations(made.event)] == stack[-1:]:
-            yield Line(f"{first_up(goals[-1])} {origin_words(memory, made)}.", 1, made.asked_at)
+            yield from cause_lines(memory, made, goals[-1])
             return
 
 

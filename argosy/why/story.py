@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import wrap
 from typing import Literal
 
 import msgspec
@@ -40,9 +41,23 @@ class Explanation(msgspec.Struct, frozen=True, omit_defaults=True):
     paragraphs: tuple[Paragraph, ...] = ()
 
 
-def plain(explanation: Explanation) -> str:
-    """The text for a terminal: a paragraph after the other, with a blank line between them."""
+def plain(explanation: Explanation, columns: int | None = None) -> str:
+    """The text for a terminal: a paragraph after the other, with a blank line between them; long lines are broken."""
     return "\n\n".join(
-        "\n".join(f"{'  ' * line.indent}{line.text}" for line in paragraph.lines)
+        "\n".join(part for line in paragraph.lines for part in _parts(line, columns))
         for paragraph in explanation.paragraphs
+    )
+
+
+def _parts(line: Line, columns: int | None) -> list[str]:
+    begin = "  " * line.indent
+    if columns is None:
+        return [f"{begin}{line.text}"]
+    return wrap(
+        line.text,
+        max(columns, 40),
+        initial_indent=begin,
+        subsequent_indent=f"{begin}    ",
+        break_long_words=False,
+        break_on_hyphens=False,
     )
