@@ -6,6 +6,7 @@ heard.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from copy import copy
 from functools import partial
@@ -36,6 +37,7 @@ OTHERS = 20
 """Other fleets whose names are kept."""
 
 M = TypeVar("M", bound=Member)
+_NUMBERS = re.compile(r"(\d+)")
 
 
 class TeamModel:
@@ -65,10 +67,13 @@ class TeamModel:
         self._roll = Roll(mission, now)
         self._tell = Teller(self.timeline, self.letters, now)
         self._boards_of: dict[str, str] = {}
+        self._named: list[str] = []
+        """The members that the mission names, in its order."""
         if mission is not None:
             self._expect(mission)
 
     def _expect(self, mission: Mission) -> None:
+        self._named = [*mission.board_names, *mission.robots, *mission.agents]
         for board in mission.board_names:
             self.boards[board] = TeamBoard(board, board=board)
         for name, robot in mission.robots.items():
@@ -262,8 +267,17 @@ class TeamModel:
                 gone = [one for one in members.values() if not one.there]
                 del members[min(gone or members.values(), key=lambda one: one.since or 0.0).name]
                 self.forgotten += 1
-            members[name] = make()
+            members[name] = made = make()
+            self._put_in_order(members)
+            return made
         return members[name]
+
+    def _put_in_order(self, members: dict[str, M]) -> None:
+        """Keep those of the mission as it has them, then the others by name, `uav2` before `uav10`."""
+        known = {name: place for place, name in enumerate(self._named)}
+        last = len(known)
+        for name in sorted(members, key=lambda one: (known.get(one, last), _numbered(one))):
+            members[name] = members.pop(name)
 
     def _robot_of(self, agent: str) -> str:
         return next((name for name, robot in self.robots.items() if agent in robot.agents), "")
@@ -288,3 +302,8 @@ class TeamModel:
         """Return where the fleet is."""
         known = (one.seen.position or one.seen.home for one in self.robots.values())
         return {position for position in known if position is not None}
+
+
+def _numbered(name: str) -> list[tuple[int, str]]:
+    """Return a name so that numbers in it are compared as numbers."""
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in _NUMBERS.split(name)]

@@ -102,7 +102,8 @@ def _text(deed: Deed) -> str:
         case "sent":
             return f"→ {deed.other} {deed.performative} {deed.text}"
         case "received":
-            return f"← {deed.other} {deed.performative} {deed.text}"
+            text = deed.text.removesuffix(f"[source({deed.other})]")
+            return f"← {deed.other} {deed.performative} {text}"
         case "undelivered":
             return f"not delivered to {deed.other}: {deed.performative} {deed.text}{why}"
         case "outcome":

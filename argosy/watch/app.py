@@ -20,6 +20,7 @@ PERIOD = 0.5
 class WatchApp(App[None]):
     """Shows a fleet. It has no way to give an order."""
 
+    TITLE = "argosy watch"
     ENABLE_COMMAND_PALETTE = False
     CSS = """
     .behind { display: none; }

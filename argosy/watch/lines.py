@@ -86,17 +86,17 @@ class Lines(ScrollView, can_focus=True):
         if line >= len(self._lines):
             return Strip.blank(width, style)
         number, text = self._lines[line]
-        segments = [*self._margin(number), *text.render(self.app.console)]
-        strip = Strip(segments).adjust_cell_length(width).apply_style(style)
-        over = self._over(number)
-        return strip if over is None else strip.apply_style(over)
+        return Strip(self._drawn(number, text)).adjust_cell_length(width).apply_style(style)
 
-    def _margin(self, number: int) -> list[Segment]:
-        return [Segment(" ")]
+    def _drawn(self, number: int, text: Text) -> list[Segment]:
+        """Return a line of a row as it is drawn."""
+        return [Segment(" "), *self._segments(text)]
 
-    def _over(self, number: int) -> Style | None:
-        """Return the style that a row is drawn over with."""
-        return None
+    def _segments(self, text: Text) -> list[Segment]:
+        console = self.app.console
+        if not text.spans:  # rich leaves out the style of a text that has one style only
+            return [Segment(text.plain, console.get_style(text.style))]
+        return list(text.render(console))
 
     def _lay_out(self) -> None:
         words = self.filter.lower().split()
@@ -142,6 +142,8 @@ class Choice(Lines):
         super().__init__(id=id, wrap=wrap)
         self.chosen = ""
         """The key of the chosen row."""
+        self._by_hand = False
+        """Whether somebody chose it; else it is the first, whatever comes before it."""
         self._mark = cursor
 
     def action_step(self, by: int) -> None:
@@ -165,17 +167,14 @@ class Choice(Lines):
 
     def action_open(self) -> None:
         if self.chosen in self._keys():
+            self._by_hand = True
             self.post_message(self.Opened(self, self.chosen))
-
-    def choose(self, key: str) -> None:
-        """Choose a row by its key."""
-        self._choose(key)
 
     def _keys(self) -> list[str]:
         return [row.key for row in self._rows if row.key]
 
     def _choose(self, key: str) -> None:
-        self.chosen = key
+        self.chosen, self._by_hand = key, True
         lines = [line for line, (number, _) in enumerate(self._lines) if self._rows[number].key == key]
         if lines:
             top, bottom = self.scroll_offset.y, self.scroll_offset.y + self.size.height - 1
@@ -188,13 +187,14 @@ class Choice(Lines):
     def _lay_out(self) -> None:
         super()._lay_out()
         keys = self._keys()
-        if self.chosen not in keys:
-            self.chosen = keys[0] if keys else ""
+        if not self._by_hand or self.chosen not in keys:
+            self.chosen, self._by_hand = keys[0] if keys else "", False
 
-    def _margin(self, number: int) -> list[Segment]:
-        chosen = bool(self.chosen) and self._rows[number].key == self.chosen
-        return [Segment(self._mark if chosen else " ")]
-
-    def _over(self, number: int) -> Style | None:
-        chosen = bool(self.chosen) and self._rows[number].key == self.chosen
-        return Style(reverse=True) if chosen and self.has_focus else None
+    def _drawn(self, number: int, text: Text) -> list[Segment]:
+        if not self.chosen or self._rows[number].key != self.chosen:
+            return super()._drawn(number, text)
+        segments = [Segment(self._mark), *self._segments(text)]
+        if not self.has_focus:
+            return segments
+        over = Style(reverse=True)  # and no colours: they would stand out as patches
+        return [Segment(one.text, over) for one in [*segments, Segment(" " * self.size.width)]]

@@ -5,14 +5,11 @@ from __future__ import annotations
 from rich.text import Text
 
 from agentd.why import decision_lines, failure_lines
-from argosy.picture import without_figures
 from argosy.team import TeamAgent, TeamModel
 from argosy.watch.glyphs import Glyphs
 from argosy.watch.rows import BAD, DIM, GOOD, WARN, Row, head, joined, said
 from argosy.watch.words import count, place, span
 from schemas.minds import DecisionView, FailureView, IntentionView, MindView
-
-__all__ = ["beliefs", "decisions", "mind", "title", "without_figures"]
 
 MOST_OUTCOMES = 5
 """Actions that have ended that are shown."""
@@ -155,7 +152,7 @@ def beliefs(agent: TeamAgent) -> list[Row]:
     groups: dict[str, list[Row]] = {}
     for belief in view.beliefs:
         age = f"{span(view.time - belief.since)}" if belief.since is not None else ""
-        row = Row(joined(f"  {belief.text}", (age, DIM)), indent=4)
+        row = Row(joined(f"  {_without_source(belief.text, belief.sources)}", (age, DIM)), indent=4)
         groups.setdefault(", ".join(belief.sources) or "nobody says who told it", []).append(row)
     rows: list[Row] = []
     for source in sorted(groups, key=_order):
@@ -163,6 +160,11 @@ def beliefs(agent: TeamAgent) -> list[Row]:
     if view.beliefs_left_out:
         rows.append(Row(Text(f"{view.beliefs_left_out} more are believed and not shown", WARN)))
     return rows or [Row(Text("it believes nothing", DIM))]
+
+
+def _without_source(text: str, sources: tuple[str, ...]) -> str:
+    """Leave out who told it: it stands above."""
+    return text.removesuffix(f"[{','.join(f'source({source})' for source in sources)}]")
 
 
 def _order(source: str) -> tuple[int, str]:

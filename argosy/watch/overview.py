@@ -11,14 +11,18 @@ from argosy.team import Member, TeamAgent, TeamModel, TeamRobot
 from argosy.track import distance
 from argosy.watch.glyphs import Glyphs
 from argosy.watch.rows import BAD, DIM, GOOD, WARN, Row, head, joined, said, table
-from argosy.watch.words import count, place, span
+from argosy.watch.words import count, place, rounded, span
 
 LAGGING = 1.0
 """Seconds of lag from which on an agent counts as behind."""
-MOST_NOTES = 3
-"""Notes of one daemon that are shown."""
-NARROW = 100
-"""Columns below which a vehicle's place and satellites are left out."""
+MOST_NOTES = 4
+"""Different notes of vehicles, of agents, of boards that are shown."""
+LONGEST_NOTE = 300
+"""Characters of a note."""
+SOME = 4
+"""Names that a note begins with."""
+NARROW = 130
+"""Columns below which a vehicle's place is left out."""
 
 
 def overview(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
@@ -37,7 +41,7 @@ def _vehicles(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
     robots = list(model.robots.values())
     rows = [[_mark(robot, glyphs), Text(robot.name, "bold"), *_robot(model, robot, width, glyphs)] for robot in robots]
     lines = table(rows, width - 1, flex=5, right=(4,))
-    return _with_notes(robots, [Row(line, f"robot {one.name}") for line, one in zip(lines, robots, strict=True)])
+    return [*(Row(line, f"robot {one.name}") for line, one in zip(lines, robots, strict=True)), *_notes(robots)]
 
 
 def _robot(model: TeamModel, robot: TeamRobot, width: int, glyphs: Glyphs) -> list[Text]:
@@ -79,19 +83,17 @@ def _figures(seen: RobotSeen, style: str, width: int) -> list[Text]:
 
 def _action(action: ActionSeen, now: float, glyphs: Glyphs) -> Text:
     figures = "  ".join(f"{name} {value:.1f}" for name, value in action.feedback.items())
-    return joined((f"{glyphs.runs} {action.text}", "blue"), f"{span(action.age(now))}", (figures, DIM))
+    return joined((f"{glyphs.runs} {rounded(action.text)}", "blue"), f"{span(action.age(now))}", (figures, DIM))
 
 
 def _agents(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
     agents = list(model.agents.values())
     rows = [_agent(model, agent, glyphs) for agent in agents]
     lines = table(rows, width - 1, flex=4, right=(3, 5, 6))
-    found = _with_notes(
-        agents,
-        [Row(line, f"agent {one.name}", found_by=one.robot) for line, one in zip(lines, agents, strict=True)],
-    )
+    found = [Row(line, f"agent {one.name}", found_by=one.robot) for line, one in zip(lines, agents, strict=True)]
     clients = (joined(_mark(one, glyphs), (one.name, "bold"), (one.daemon, DIM)) for one in model.clients.values())
-    return [*found, *(Row(line, f"client {name}") for name, line in zip(model.clients, clients, strict=True))]
+    found += [Row(line, f"client {name}") for name, line in zip(model.clients, clients, strict=True)]
+    return [*found, *_notes(agents)]
 
 
 def _agent(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Text]:
@@ -130,7 +132,7 @@ def _agent(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Text]:
 def _does(stack: tuple[str, ...], reason: str) -> Text:
     if not stack:
         return Text("no intentions", DIM)
-    return joined(stack[0], (f"waits: {reason}" if reason else "", DIM))
+    return joined(rounded(stack[0]), (f"waits: {reason}" if reason else "", DIM))
 
 
 def _boards(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
@@ -154,19 +156,30 @@ def _boards(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
             ),
         )
         rows.append(Row(text, f"board {board.name}"))
-    return _with_notes(boards, rows)
+    return [*rows, *_notes(boards)]
 
 
-def _with_notes(members: Sequence[Member], rows: Sequence[Row]) -> list[Row]:
-    """Put what is to be said of each below its row."""
-    found: list[Row] = []
-    for member, row in zip(members, rows, strict=True):
-        found.append(row)
-        notes = member.notes if member.there else ()
-        found += [Row(said(f"    ! {note}", WARN), found_by=row.text.plain) for note in notes[:MOST_NOTES]]
-        if len(notes) > MOST_NOTES:
-            found.append(Row(said(f"    ! {len(notes) - MOST_NOTES} more notes", WARN), found_by=row.text.plain))
-    return found
+def _notes(members: Sequence[Member]) -> list[Row]:
+    """Return what is to be said of members, once for all of whom it is said."""
+    about: dict[str, list[str]] = {}
+    for member in members:
+        for note in member.notes if member.there else ():
+            about.setdefault(note, []).append(member.name)
+    rows = [
+        Row(joined(f"!  {_some(names)}: {note}"[:LONGEST_NOTE], gap=""), found_by=" ".join(names))
+        for note, names in about.items()
+    ]
+    for row in rows:
+        row.text.stylize(WARN)
+    left_out = len(rows) - MOST_NOTES
+    return [
+        *rows[:MOST_NOTES],
+        *([Row(Text(f"!  {left_out} more notes: argosy status", WARN))] if left_out > 0 else []),
+    ]
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) <= SOME else f"{', '.join(names[:SOME])} and {len(names) - SOME} more"
 
 
 def _mark(member: Member, glyphs: Glyphs) -> Text:

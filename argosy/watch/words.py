@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import time
+
+_LONG = re.compile(r"(\.\d{6})\d+")
 
 
 def span(seconds: float) -> str:
@@ -29,3 +32,8 @@ def place(position: str) -> str:
 def count(number: int, what: str) -> str:
     """Return `1 message`, `2 messages`."""
     return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def rounded(text: str) -> str:
+    """Return a text whose numbers have six digits behind the point at most: degrees to 0.1 m."""
+    return _LONG.sub(r"\1", text)
