@@ -1,4 +1,4 @@
-"""`argosy echo`, `hz` and `list` as users type them, on a real bus: JSON and MessagePack, one router, several boards."""
+"""`argosy echo`, `hz`, `list` as users type them, on a real bus: JSON and MessagePack, one router, several boards."""
 
 from __future__ import annotations
 
