@@ -78,7 +78,11 @@ def test_the_page_tells_why_an_action_failed(tmp_path: Path, endpoint: str, free
         ):
             daemon.says("takeoff(5) fails", 60)
             text = eventually(lambda: told(endpoint, *command), lambda text: text == said, 15)
+            mode = told(endpoint, "uav", "set_mode")
     assert text == said
+    assert mode == (
+        'S s ago (mission second T): the action set_mode("GUIDED") was begun, and S s later it succeeded.\n'
+    )
 
 
 def test_the_page_tells_where_a_question_is(tmp_path: Path, endpoint: str) -> None:
