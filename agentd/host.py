@@ -160,11 +160,13 @@ class Host:
             kept=memory is not None,
             stored=None if memory is None or memory.stored is None else memory.stored.mind,
         )
+        early: list[tuple[int, Input]] = []
         self._mind = Mind(
             part.name,
             part.program,
             seed=part.seed,
             start=birth.start,
+            on_input=lambda cycle, item: early.append((cycle, item)),
             names_variables=part.names_variables,
             clock=clock.now,
             agents=lambda: roster.names,
@@ -183,7 +185,7 @@ class Host:
             self._mind.query(formula)  # what it names is known from the beginning, whenever somebody looks
         self._mailing = Mailing(bus, part.name, self._mind, self._take_mail, lambda: roster.names)
         self._tracing = Tracing(
-            bus, clock, self._mind, birth, lambda: roster.names, self._mailing.life, self._tasks.spawn
+            bus, clock, self._mind, birth, early, lambda: roster.names, self._mailing.life, self._tasks.spawn
         )
         self._mind.post_office = self._tracing.sends(self._mailing.send, self._mailing.receivers)
         self._keeping = self._keep_in(memory)

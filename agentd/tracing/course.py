@@ -8,7 +8,7 @@ dropped whole, for a life can be lived again from its birth only. The time is no
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
 from agentd.language.terms import EMPTY, List, Literal, deref
@@ -69,8 +69,10 @@ class Stretch:
 class Course:
     """What goes into one mind, batch by batch."""
 
-    def __init__(self, mind: Mind, birth: Callable[[], MindBirth | None]) -> None:
-        """`birth` tells what the mind was made of, when somebody asks."""
+    def __init__(
+        self, mind: Mind, birth: Callable[[], MindBirth | None], early: Iterable[tuple[int, Given]] = ()
+    ) -> None:
+        """`birth` tells what the mind was made of, when somebody asks; `early` has gone into it meanwhile."""
         self.included: dict[int, Included] = {}
         """Programs that were read at run time, by the id of the request."""
         self.dropped = 0
@@ -83,6 +85,7 @@ class Course:
         self._looks = -1
         self._step_at, self._step_from = -1.0, 0
         self._open = Stretch(0, False)
+        self._open.inputs.extend(early)
         self.on = True
         """Whether inputs are noted now: from birth until that is too much, and while somebody listens."""
         self._put: Callable[[Stretch], None] = lambda stretch: None

@@ -54,14 +54,17 @@ class Tracing:
         clock: Clock,
         mind: Mind,
         birth: Birth,
+        early: Iterable[tuple[int, Given]],
         names: Callable[[], Collection[str]],
         life: str,
         spawn: Callable[[Coroutine[Any, Any, None]], object],
     ) -> None:
-        """`names` are all that can be sent to; `life` is what the ids of this life's messages end with."""
+        """`early` has gone into the mind while it was made; `names` are all that can be sent to; `life` is what the ids
+        of this life's messages end with.
+        """
         agent = mind.name
         self.birth = birth
-        self.course = Course(mind, birth.record)
+        self.course = Course(mind, birth.record, early)
         self.deeds = Deeds(agent, lambda number: f"{agent}:{bus.boot}:{number}", lambda one: f"{one}.{life}", clock.now)
         self.lost = 0
         """Batches that could not be put."""

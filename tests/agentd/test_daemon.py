@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from agentd import host
-from agentd.host import BATCH, SLICE, reason
+from agentd.host import BATCH, SLICE, Ran, reason
 from agentd.mind import Mind
 from agentd.mind.effects import Effect
 from commd.clock import Clock
@@ -187,9 +187,9 @@ def test_agents_of_one_process_that_are_all_busy_have_the_time_of_a_slice_togeth
 ) -> None:
     shares: dict[str, int] = {}
 
-    def noted(mind: Mind, clock: Clock, share: int) -> list[Effect]:
+    def noted(mind: Mind, clock: Clock, share: int, ran: Ran | None = None) -> list[Effect]:
         shares[mind.name] = share
-        return reason(mind, clock, share)
+        return reason(mind, clock, share, ran)
 
     monkeypatch.setattr(host, "reason", noted)
 
