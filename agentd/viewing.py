@@ -15,7 +15,7 @@ from agentd.mind import Mind
 from agentd.mind.decision_views import DecisionView, Views, is_about, plan_view, written
 from agentd.mind.decisions import record_of
 from agentd.mind.plan_uses import plan_context, plan_uses
-from agentd.mind.snapshot import belief_text, believed, lasting, sources_of
+from agentd.mind.snapshot import belief_text, believed, sources_of
 from schemas import minds
 
 V = TypeVar("V")
@@ -50,8 +50,7 @@ class Beliefs:
         for fact in facts:
             entry = before.get(id(fact))
             if entry is None:
-                stays = lasting(fact)
-                view = self._view(fact, now if stays and not look.about and look.beliefs == MOST_BELIEFS else None)
+                view, stays = self._view(fact, None if look.about or look.beliefs != MOST_BELIEFS else now)
                 if stays:
                     known[id(fact)] = (fact, view)
             else:
@@ -62,11 +61,15 @@ class Beliefs:
             self._shown, self._whole = known, count == len(facts)
         return tuple(views), count - len(facts)
 
-    def _view(self, fact: Literal, new: float | None) -> minds.BeliefView:
-        """A belief that the last look has not shown, and so is `new` if that one has shown everything."""
+    def _view(self, fact: Literal, new: float | None) -> tuple[minds.BeliefView, bool]:
+        """A belief that the last look has not shown, and so is `new` if that one has shown everything.
+
+        And whether it need not be made again while it is believed.
+        """
         base = self._mind.beliefs
-        since = base.since(fact) if base.dated else new if self._whole else None
-        return minds.BeliefView(text=belief_text(fact), sources=sources_of(fact), since=since)
+        text, stays = belief_text(fact)
+        since = base.since(fact) if base.dated else new if self._whole and stays else None
+        return minds.BeliefView(text=text, sources=sources_of(fact), since=since), stays
 
 
 def intentions_of(mind: Mind) -> tuple[tuple[minds.IntentionView, ...], int]:

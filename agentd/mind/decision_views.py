@@ -256,7 +256,10 @@ def rejected_view(plan: Plan, reason: Any) -> RejectedView:
     number, values = reason
     node, names = plan.tried[number]
     bindings = dict(zip(names, values, strict=True))
-    literal, filled = written(source_text(node)), filled_text(node, bindings)
+    literal = plan.tried_texts.get(number)
+    if literal is None:
+        literal = plan.tried_texts[number] = written(source_text(node))
+    filled = filled_text(node, bindings)
     shown = {name: short_text(value) for name, value in bindings.items() if type(deref(value)) is not Var}
     message = f"{filled} does not hold" if shown else f"{literal} does not hold"
     return RejectedView(plan_view(plan, shown), "context", literal, filled, message)

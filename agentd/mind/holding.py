@@ -6,7 +6,7 @@ from collections.abc import Callable
 from copy import copy
 from typing import Any, Final
 
-from agentd.language.term_text import text
+from agentd.language.term_text import flat_text, text
 from agentd.language.terms import EMPTY, Code, Collection, Expression, List, Literal, Var, atom, deref, make_list
 from agentd.mind.frames import ARGS, VARIABLES, Frame
 
@@ -166,5 +166,7 @@ def lighten(frame: Frame) -> None:
 
 def short_text(term: Any) -> str:
     """The text of a term for people: of a long one only the beginning."""
-    whole = text(_Copy(lambda part: part is EMPTY).of(term))
+    whole = flat_text(term)
+    if whole is None:
+        whole = text(_Copy(lambda part: part is EMPTY).of(term))
     return whole if len(whole) <= _LONGEST else f"{whole[: _LONGEST - 3]}..."

@@ -81,6 +81,7 @@ class Plan:
         "syntax",
         "trace",
         "tried",
+        "tried_texts",
         "values",
     )
 
@@ -103,6 +104,8 @@ class Plan:
         """Who the plan comes from: the agent itself, those who told it."""
         self.tried: list[tuple[Any, tuple[str, ...]]] = []
         """The literals of the context in order, as `trace` numbers them, with their variables that have values then."""
+        self.tried_texts: dict[int, str] = {}
+        """The same as text, once somebody has looked."""
         self.bound: tuple[str, ...] = ()
         """The variables that have a place filled when the plan is selected."""
         self.steps: list[Step | None] = []
@@ -147,6 +150,7 @@ class Plan:
         form = library.compiler.form
         code = compile_plan(self.syntax, library.compiler, self.values, self.around, form)
         self.slots, self._size, self.tried, self.bound = code.slots, code.size, code.tried, tuple(code.bound)
+        self.tried_texts.clear()
         namespace, self.steps = self._load(code)
         if form == "select":
             self.select = namespace["select"]

@@ -7,7 +7,7 @@ from itertools import islice
 from typing import Any, Final
 
 from agentd.language.sources import is_source
-from agentd.language.term_text import text
+from agentd.language.term_text import flat_text, text
 from agentd.language.terms import EMPTY, List, Literal
 from agentd.mind.frames import ARGS, RELEVANT, STEP
 from agentd.mind.holding import held, short_text
@@ -172,8 +172,19 @@ def believed(mind: Any, most: int, about: str = "") -> tuple[list[Literal], int]
     return shown, left
 
 
-def lasting(fact: Literal) -> bool:
-    """Whether a fact stays as it is while it is believed: numbers, strings and structures of them, and few of these."""
+def belief_text(fact: Literal) -> tuple[str, bool]:
+    """The text of a belief with its annotations, of a long one only the beginning.
+
+    And whether it stays so while it is believed: numbers, strings and structures of them, and few of these.
+    """
+    whole = flat_text(fact)
+    if whole is not None:
+        return whole, fact.ground
+    whole = text(held(fact))
+    return whole if len(whole) <= LONGEST_BELIEF else f"{whole[: LONGEST_BELIEF - 3]}...", _lasting(fact)
+
+
+def _lasting(fact: Literal) -> bool:
     pending: list[Any] = [*fact.args, *fact.annots]
     for _ in range(_MOST_LOOKED_AT):
         if not pending:
@@ -189,9 +200,3 @@ def lasting(fact: Literal) -> bool:
         elif kind is not float and kind is not str:
             return False
     return False
-
-
-def belief_text(fact: Literal) -> str:
-    """The text of a belief with its annotations; of a long one only the beginning."""
-    whole = text(held(fact))
-    return whole if len(whole) <= LONGEST_BELIEF else f"{whole[: LONGEST_BELIEF - 3]}..."

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from agentd.language.term_text import flat_text, text
 from agentd.look import MOST_BELIEFS, BadParameter, Look
 from agentd.mind.inputs import BeliefAdded, GoalAdded, Mail, PerceptReplaced
 from agentd.mind.keeping import Keeper
@@ -274,3 +275,21 @@ def test_whoever_asks_all_the_time_is_shown_the_same_look_again(tmp_path: Path, 
         await bob.end()
 
     on_a_bus(endpoint, body)
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        "a",
+        "a(1)",
+        '~b(c,"x")[source(self)]',
+        "ns::go(1.5,f(g(h)))",
+        "a[b,c(1)]",
+        "a(-1)",
+        "a([1])",
+        "a(X)",
+        "a(f(f(f(f(f(1))))))",
+    ],
+)
+def test_the_quick_way_to_a_text_leads_to_the_same_text(written: str) -> None:
+    assert flat_text(term(written)) in (None, text(term(written)))

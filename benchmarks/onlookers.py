@@ -1,0 +1,105 @@
+"""Who looks at agents while these are measured: what `argosy run`, `watch`, `ui` and `record` ask of a mind."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import aclosing
+from dataclasses import dataclass
+from typing import Final
+
+from commd.bus import Bus, open_bus
+from schemas import keys
+from schemas.minds import MindDecisions, MindDeeds, MindInputs, MindView
+from schemas.records import Health
+
+FLEET: Final = "looking"
+ANSWER_TIMEOUT: Final = 10.0
+_TRACES: Final = {"inputs": MindInputs, "decisions": MindDecisions, "deeds": MindDeeds}
+
+
+@dataclass(frozen=True)
+class Onlooker:
+    """What one who looks on asks for and listens to."""
+
+    key: str
+    title: str
+    selector: str | None = None
+    """The parameters of its looks at each mind; None = it does not ask."""
+    rate: float = 2.0
+    """Hz."""
+    traces: tuple[str, ...] = ()
+    """What it listens to."""
+
+
+NOBODY: Final = Onlooker("nobody", "nobody")
+ONLOOKERS: Final = (
+    Onlooker("run", "`argosy run`: the mind without decisions, 2 Hz", "?last=0"),
+    Onlooker("watch", "`argosy watch`: the mind with its plans and 60 decisions, 2 Hz", "?plans=true;last=60"),
+    Onlooker("ui", "`argosy ui`: the same, and its deeds", "?plans=true;last=60", traces=("deeds",)),
+    Onlooker("greedy", "somebody who asks 50 times a second", "", 50.0),
+    Onlooker("recorder", "`argosy record`: inputs, decisions and deeds", traces=("inputs", "decisions", "deeds")),
+)
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """What an agent's daemon did between two of its healths."""
+
+    cycles: float
+    cpu: float
+    """Seconds of processor time, of all its threads."""
+    wall: float
+    """Seconds between them."""
+    lasted: float
+    """Seconds of the whole stretch."""
+    got: Counter[str]
+    """How often the onlooker was answered, and what it heard."""
+
+
+async def stretch(endpoint: str, agents: Sequence[str], onlooker: Onlooker, settle: float, seconds: float) -> Stretch:
+    """Let somebody look on, and after `settle` seconds see what the agents' daemon does for so many more."""
+    async with open_bus(endpoint, fleet=FLEET, name="onlooker", daemon="bench", stamp=time.time_ns) as bus:
+        healths: dict[str, list[Health]] = {agent: [] for agent in agents}
+        for agent, heard in healths.items():
+            bus.subscribe(
+                keys.health(FLEET, agent, "agentd"), Health, lambda _, health, heard=heard: heard.append(health)
+            )  # type: ignore[misc]
+        got: Counter[str] = Counter()
+        for part in onlooker.traces:
+            bus.subscribe(keys.trace(FLEET, "*", part), _TRACES[part], lambda key, _: got.update([key.rsplit("/")[-1]]))
+        looks = [
+            asyncio.create_task(_look(bus, agent, onlooker, got)) for agent in agents if onlooker.selector is not None
+        ]
+        await asyncio.sleep(settle)
+        got.clear()
+        for heard in healths.values():
+            heard.clear()
+        await asyncio.sleep(seconds)
+        for look in looks:
+            look.cancel()
+        await asyncio.gather(*looks, return_exceptions=True)
+        return _between(healths, got, seconds)
+
+
+def _agent(key: str) -> str:
+    return key.split("/")[2]
+
+
+def _between(healths: dict[str, list[Health]], got: Counter[str], lasted: float) -> Stretch:
+    cycles = sum(heard[-1].counters["cycles"] - heard[0].counters["cycles"] for heard in healths.values())
+    first = next(iter(healths.values()))
+    begun, ended = first[0], first[-1]
+    return Stretch(cycles, ended.cpu - begun.cpu, (ended.header.stamp - begun.header.stamp) / 1e9, lasted, got)
+
+
+async def _look(bus: Bus, agent: str, onlooker: Onlooker, got: Counter[str]) -> None:
+    selector = keys.mind(FLEET, agent) + (onlooker.selector or "")
+    while True:
+        begun = time.monotonic()
+        async with aclosing(bus.query(selector, None, MindView, ANSWER_TIMEOUT)) as replies:
+            async for reply in replies:
+                got["looks" if reply.record is not None else "errors"] += 1
+        await asyncio.sleep(max(0.0, begun + 1.0 / onlooker.rate - time.monotonic()))
