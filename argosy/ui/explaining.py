@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import msgspec
 
+from argosy.operator_bus import Unanswered
+from argosy.why import Explanation, explain
 from commd.bus import Bus, BusClosed
+from schemas.findings import Findings
 
 NOBODY = "the router is not reached"
 
@@ -26,7 +29,7 @@ class FleetWish(msgspec.Struct, forbid_unknown_fields=True):
 class Explained(msgspec.Struct, omit_defaults=True):
     """The answer: an explanation (argosy/why), or the reason why there is none."""
 
-    explanation: object = None
+    explanation: Explanation | None = None
     error: str = ""
 
 
@@ -35,10 +38,8 @@ async def explained(bus: Bus | None, fleet: str, wish: WhyWish) -> Explained:
     if bus is None or not fleet:
         return Explained(error=NOBODY)
     try:
-        from argosy.why import explain
-    except ImportError:
-        return Explained(error="`argosy why` is not there yet")
-    try:
         return Explained(await explain(bus, fleet, wish.agent, wish.about))
-    except BusClosed as closed:
-        return Explained(error=str(closed))
+    except (BusClosed, Unanswered) as error:
+        return Explained(error=str(error))
+    except Findings as findings:
+        return Explained(error="; ".join(one.message for one in findings.findings))

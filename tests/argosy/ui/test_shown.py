@@ -1,0 +1,76 @@
+"""What a page is told: what is new since it last asked, whole when it is new, and never a backlog."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from argosy.ui.shown import AT_FIRST, AT_ONCE, KEPT, Seen, Shown
+
+
+def news(shown: Shown, seen: Seen, *looks_at: str) -> dict[str, Any]:
+    told: dict[str, Any] = json.loads(shown.news(seen, looks_at, 12.5))
+    assert told.pop("now") == 12.5
+    return told
+
+
+def test_a_new_page_gets_everything_once_and_then_what_changes() -> None:
+    shown, seen = Shown(lambda: {"uav1": [(1.0, 2.0)]}), Seen()
+    shown.show({"head": {"fleet": "sar"}, "agent/scout": {"cycle": 1}})
+    assert news(shown, seen) == {
+        "tracks": {"uav1": [[1.0, 2.0]]},
+        "set": {"head": {"fleet": "sar"}, "agent/scout": {"cycle": 1}},
+    }
+    assert news(shown, seen) == {}
+    shown.show({"head": {"fleet": "sar"}, "agent/scout": {"cycle": 2}})
+    assert news(shown, seen) == {"set": {"agent/scout": {"cycle": 2}}}
+    shown.show({"head": {"fleet": "sar"}})
+    assert news(shown, seen) == {"gone": ["agent/scout"]}
+
+
+def test_a_slow_page_gets_the_newest_and_nothing_of_what_was_between() -> None:
+    shown, seen = Shown(), Seen()
+    for cycle in range(1_000):
+        shown.show({"agent/scout": {"cycle": cycle}})
+    assert news(shown, seen)["set"] == {"agent/scout": {"cycle": 999}}
+
+
+def test_what_came_and_went_while_a_page_was_away_is_not_told() -> None:
+    shown, seen = Shown(), Seen()
+    shown.show({"head": {}})
+    news(shown, seen)
+    shown.show({"head": {}, "order/1": {}})
+    shown.show({"head": {}})
+    assert news(shown, seen) == {}
+
+
+def test_a_mind_is_told_to_pages_that_look_at_it_alone() -> None:
+    shown, one, other = Shown(), Seen(), Seen()
+    shown.show({"mind/scout": {"cycle": 1}, "plans/scout": [], "head": {}})
+    assert news(shown, one, "scout")["set"].keys() == {"mind/scout", "plans/scout", "head"}
+    assert news(shown, other)["set"].keys() == {"head"}
+    assert news(shown, other, "scout")["set"].keys() == {"mind/scout", "plans/scout"}, "it looks now"
+    assert news(shown, other) == {"gone": ["mind/scout", "plans/scout"]}
+
+
+def test_events_come_once_in_order_and_in_bounded_portions() -> None:
+    shown, seen = Shown(), Seen()
+    shown.show({}, [{"n": n} for n in range(1, 4)])
+    assert [one["n"] for one in news(shown, seen)["events"]] == [1, 2, 3]
+    assert "events" not in news(shown, seen)
+    shown.show({}, [{"n": n} for n in range(4, AT_ONCE + 14)])
+    assert len(news(shown, seen)["events"]) == AT_ONCE
+    assert [one["n"] for one in news(shown, seen)["events"]][-1] == AT_ONCE + 13
+
+
+def test_a_new_page_gets_the_last_events_and_a_slow_one_is_told_how_many_it_missed() -> None:
+    shown, late, slow = Shown(), Seen(), Seen()
+    shown.show({}, [{"n": 1}])
+    news(shown, slow)
+    shown.show({}, [{"n": n} for n in range(2, KEPT + 1002)])
+    told = news(shown, late)
+    assert told["events"][0]["n"] == KEPT + 1001 - AT_FIRST + 1
+    assert "left_out" not in told
+    told = news(shown, slow)
+    assert told["left_out"] == 1_000
+    assert told["events"][0]["n"] == 1_002
