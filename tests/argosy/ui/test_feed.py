@@ -1,0 +1,202 @@
+"""What a page hears of a fleet on a real bus: its members, what they do, and when the router is gone."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from contextlib import AsyncExitStack
+
+import aiohttp
+import pytest
+
+from argosy.operator_bus import ANY, Where
+from schemas.records import Outcome
+from tests.argosy.ui.fleets import HOME, fleet, router
+from tests.argosy.ui.serving import served
+from tests.support.buses import session, subscribed, until
+
+FINE = Outcome(ok=True)
+
+
+def test_a_page_sees_robots_agents_minds_and_what_happens(endpoint: str) -> None:
+    async def body() -> None:
+        async with fleet(endpoint, {"uav1": FINE}) as ([uav1], [scout]), served(Where("sar", endpoint)) as browser:
+            await browser.enter()
+            async with browser.feed("scout") as feed:
+                await feed.until("head", router="up", fleet="sar")
+                await feed.until("agent/scout", standing="up")
+                await subscribed(uav1.bus, f"argosy/sar/{uav1.agent}/percept/altitude")
+                uav1.tell()
+                await feed.until("robot/uav1", standing="up", agents=["scout"])
+                uav1.tell(-27.6035, -48.5182)
+                await feed.until("robot/uav1", mode="GUIDED", armed=True, position=[-27.6035, -48.5182], heading=90)
+                assert feed.parts["robot/uav1"]["home"] == list(HOME)
+                mind = await feed.until("mind/scout")
+                assert mind["mind"]["intentions"][0]["stack"] == ["+!lane(2)", "+!search"]
+                assert feed.parts["agent/scout"]["robot"] == "uav1"
+                uav1.action(1, "goto", "running", -27.603, -48.518, 20)
+                await feed.until("marks")
+                async with asyncio.timeout(20):
+                    while "marks" not in feed.parts["marks"]:
+                        await feed.hear()
+                assert feed.parts["marks"]["marks"][0]["kind"] == "target"
+                scout.deed(kind="sent", id="m1", other="rescuer", performative="tell", text="victim(7)", time=3.0)
+                scout.deed(kind="undelivered", id="m1", other="rescuer", reason="receiver_not_found", time=3.0)
+                async with asyncio.timeout(20):
+                    while not any(one["what"] == "undelivered" for one in feed.events):
+                        await feed.hear()
+                letters = [part for key, part in feed.parts.items() if key.startswith("letter/")]
+                assert [(one["content"], one["undelivered"]) for one in letters] == [
+                    ("victim(7)", "receiver_not_found")
+                ]
+
+    asyncio.run(body())
+
+
+def test_without_a_router_the_page_says_so_and_it_comes_up_by_itself(endpoint: str) -> None:
+    async def body() -> None:
+        async with served(Where("sar", endpoint)) as browser:
+            await browser.enter()
+            async with browser.feed() as feed:
+                head = await feed.until("head", fleet="sar")
+                assert head.get("router", "never") == "never"
+                async with asyncio.timeout(20):
+                    while "no router at" not in feed.parts["head"].get("problem", ""):
+                        await feed.hear()
+                async with router(endpoint):
+                    await feed.until("head", router="up")
+                await feed.until("head", router="away")
+                async with router(endpoint):
+                    await feed.until("head", router="up")
+
+    asyncio.run(body())
+
+
+def test_nobody_there_is_a_fleet_without_members(endpoint: str) -> None:
+    async def body() -> None:
+        async with router(endpoint), served(Where("sar", endpoint)) as browser:
+            await browser.enter()
+            async with browser.feed() as feed:
+                await feed.until("head", router="up")
+                assert not [key for key in feed.parts if key.startswith(("agent/", "robot/"))]
+
+    asyncio.run(body())
+
+
+def test_of_several_fleets_the_page_chooses_one(endpoint: str) -> None:
+    async def body() -> None:
+        async with router(endpoint), AsyncExitStack() as stack:
+            bus = await stack.enter_async_context(session(endpoint, "x"))
+            bus.token("argosy/north/scout/alive/agentd/b")
+            bus.token("argosy/south/scout/alive/agentd/b")
+            browser = await stack.enter_async_context(served(Where(ANY, endpoint)))
+            await browser.enter()
+            feed = await stack.enter_async_context(browser.feed())
+            await feed.until("head", fleets=["north", "south"])
+            assert (await browser.post("/fleet", {"fleet": "west"}))[1] == '{"ok":false}'
+            assert (await browser.post("/fleet", {"fleet": "south"}))[1] == '{"ok":true}'
+            await feed.until("head", fleet="south")
+            await feed.until("agent/scout", standing="coming")
+            assert (await browser.post("/fleet", {"fleet": "north"}))[1] == '{"ok":false}', "one for each run"
+
+    asyncio.run(body())
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"look": 3}', '{"look": [1]}', '{"do": "rtl"}', "x" * 9_000])
+def test_a_page_that_says_something_else_is_closed(text: str) -> None:
+    async def body() -> None:
+        async with served() as browser:
+            await browser.enter()
+            socket = await browser.session.ws_connect(f"{browser.base}/feed", origin=browser.base)
+            await socket.send_str(text)
+            async with asyncio.timeout(10):
+                while (await socket.receive()).type not in (aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.CLOSE):
+                    pass
+            assert socket.close_code in (1008, 1009)
+            await until(lambda: not browser.following.pages, "the page is forgotten")
+
+    asyncio.run(body())
+
+
+def test_more_pages_than_there_is_room_for_are_refused() -> None:
+    async def body() -> None:
+        async with served() as browser, AsyncExitStack() as stack:
+            await browser.enter()
+            for _ in range(16):
+                feed = await stack.enter_async_context(browser.feed())
+                await feed.hear()
+            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+                await browser.session.ws_connect(f"{browser.base}/feed", origin=browser.base)
+            assert refused.value.status == 503
+
+    asyncio.run(body())
+
+
+def test_a_page_hears_each_second_that_we_are_there() -> None:
+    async def body() -> None:
+        async with served() as browser:
+            await browser.enter()
+            async with browser.feed() as feed:
+                first = await feed.hear()
+                told = await feed.hear()
+                assert told.keys() == {"now"}
+                assert told["now"] > first["now"]
+
+    asyncio.run(body())
+
+
+def test_a_page_that_takes_nothing_costs_no_memory_and_gets_the_newest_when_it_goes_on() -> None:
+    async def body() -> None:
+        async with served() as browser:
+            await browser.enter()
+            following = browser.following
+            reader, writer = await asyncio.open_connection("127.0.0.1", browser.doors.port, limit=1_024)
+            upgrade = (
+                f"GET /feed HTTP/1.1\r\nHost: 127.0.0.1:{browser.doors.port}\r\nOrigin: {browser.base}\r\n"
+                f"Cookie: {browser.doors.cookie}={browser.doors.token}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+                "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: MDEyMzQ1Njc4OTAxMjM0NQ==\r\n\r\n"
+            )
+            writer.write(upgrade.encode())
+            await reader.readuntil(b"\r\n\r\n")
+            await until(lambda: len(following.pages) == 1, "the page is there")
+            page = next(iter(following.pages))
+            big = {f"x{one}": "y" * 10_000 for one in range(100)}
+            following.refresh = lambda: None  # type: ignore[method-assign]
+            page._refresh = lambda: following.shown.show({"big": big | {"turn": following.shown.turn}})
+            await until(lambda: page.sent > 1_000_000, "it is told much")
+            before = -1
+            while page.sent != before:  # until it takes no more
+                before = page.sent
+                await asyncio.sleep(1.0)
+            assert page.sent < 12_000_000, "what waits is what the sockets hold, and one message"
+            turn = following.shown.turn
+            following.shown.show({"big": {"turn": "newest"}})
+            page._refresh = lambda: None
+            tail = b""
+            async with asyncio.timeout(20):
+                while b'"newest"' not in tail:
+                    tail = tail[-20:] + await reader.read(1_000_000)
+            assert following.shown.turn >= turn
+            writer.close()
+
+    asyncio.run(body())
+
+
+def test_whoever_comes_back_gets_no_event_twice() -> None:
+    async def body() -> None:
+        async with served() as browser:
+            await browser.enter()
+            for number in range(5):
+                browser.following.model.timeline.add(1.0, "scout", "print", f"line {number}")
+            async with browser.feed() as feed:
+                while not feed.events:
+                    await feed.hear()
+            newest = feed.events[-1]["n"]
+            browser.following.model.timeline.add(1.0, "scout", "print", "line 5")
+            async with browser.feed(event=newest) as again:
+                while not again.events:
+                    await again.hear()
+            assert [one["text"] for one in again.events] == ["line 5"]
+            assert json.dumps(feed.events[0])
+
+    asyncio.run(body())
