@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from agentd.language.errors import SyntaxErrors, problem_at
 from agentd.language.source import Source
 
-_TOKEN = re.compile(
+TOKEN = re.compile(
     r"""(?P<blank>[ \t\r\n\f\ufeff]+|//[^\n]*|/\*.*?\*/)
       | (?P<string>"(?:[^"\\\n]|\\.)*")
       | (?P<number>\d+(?:\.\d+)?(?![\w.$/\\]))
@@ -40,7 +40,7 @@ def tokenize(source: Source) -> list[Token]:
     found: list[Token] = []
     text, at, end = source.text, 0, 0
     while at < len(text):
-        match = _TOKEN.match(text, at)
+        match = TOKEN.match(text, at)
         if match is None:
             raise SyntaxErrors([problem_at(source, at, _complaint(text, at))])
         kind = str(match.lastgroup)
