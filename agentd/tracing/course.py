@@ -8,7 +8,7 @@ dropped whole, for a life can be lived again from its birth only. The time is no
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from typing import Any, Final
 
 from agentd.language.terms import EMPTY, List, Literal, deref
@@ -16,7 +16,7 @@ from agentd.mind import Mind
 from agentd.mind.inputs import Mail
 from agentd.tracing.acts import decision_line, digest, effect_text
 from agentd.tracing.given_terms import Included, written
-from agentd.tracing.readings import Given
+from agentd.tracing.readings import Given, NamesRead
 from schemas.minds import MindBirth, MindInputs, MindStep
 
 MOST_KEPT: Final = 5_000
@@ -82,6 +82,8 @@ class Course:
         self._kept: list[Stretch] | None = []
         """The batches since birth."""
         self._kept_inputs = self._kept_bytes = 0
+        self._names: tuple[str, ...] | None = None
+        """Who could be sent to when the mind asked last."""
         self._looks = -1
         self._step_at, self._step_from = -1.0, 0
         self._open = Stretch(0, False)
@@ -118,6 +120,19 @@ class Course:
         """The mind has done something."""
         if self._open.lines is not None:
             self._open.lines.append(f"{cycle} {effect_text(effect)}")
+
+    def reading(self, names: Callable[[], Collection[str]]) -> Callable[[], Collection[str]]:
+        """Return `names`, who can be sent to, as the mind is to ask for them: what it learns by that is noted."""
+        mind = self._mind
+
+        def read() -> Collection[str]:
+            found = names()
+            if self.on and mind.on_input is not None and (known := tuple(found)) != self._names:
+                self._names = known
+                self.given(mind.cycle, NamesRead(known))
+            return found
+
+        return read
 
     # --- batches ---
 

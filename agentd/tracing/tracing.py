@@ -19,7 +19,7 @@ from agentd.tracing.birth import Birth
 from agentd.tracing.course import MOST_KEPT, Course, Stretch
 from agentd.tracing.deeds import Deeds
 from agentd.tracing.given_terms import Included
-from agentd.tracing.readings import CameBack, Given, Interrupted, MailRefused, NamesRead
+from agentd.tracing.readings import CameBack, Given, Interrupted, MailRefused
 from agentd.viewing import decisions_of
 from commd.bus import Bus, Query
 from commd.clock import Clock
@@ -68,9 +68,7 @@ class Tracing:
         self.deeds = Deeds(agent, lambda number: f"{agent}:{bus.boot}:{number}", lambda one: f"{one}.{life}", clock.now)
         self.lost = 0
         """Batches that could not be put."""
-        self._bus, self._clock, self._mind, self._names, self._spawn = bus, clock, mind, names, spawn
-        self._known: tuple[str, ...] | None = None
-        """The names when the program asked last."""
+        self._bus, self._clock, self._mind, self._spawn = bus, clock, mind, spawn
         self._heard: set[Channel] = set()
         self._flushing = False
         self._per_view = 0.0001
@@ -78,7 +76,7 @@ class Tracing:
         self._keys: dict[Channel, str] = {
             channel: keys.trace(bus.fleet, agent, channel) for channel in ("inputs", "decisions", "deeds")
         }
-        mind.agents = self._agents
+        mind.agents = self.course.reading(names)
         mind.tell_inputs(self.course.given)
         self._withdraw = [bus.serve(self._keys["inputs"], MindInputs, self._tell_since_birth)]
         for channel, key in self._keys.items():
@@ -143,16 +141,6 @@ class Tracing:
         """The mind is made of what another one has become."""
         self.birth.unknown = f"it is a clone of {other}, and what that had become is not recorded"
 
-    def _agents(self) -> Collection[str]:
-        """Who can be sent to; that the program asks is noted."""
-        names, mind = self._names(), self._mind
-        if self.course.on and mind.on_input is not None:
-            found = tuple(names)
-            if found != self._known:
-                self._known = found
-                self.course.given(mind.cycle, NamesRead(found))
-        return names
-
     def _given(self, cycle: int, item: Given) -> None:
         """Something has gone into the mind, and somebody follows its deeds."""
         if self.course.on:
@@ -171,7 +159,6 @@ class Tracing:
             self._heard.discard(channel)
         match channel:
             case "inputs":
-                self._known = self._known if self.course.on else None
                 self.course.listen(self._put if somebody else None)
                 self._count()
             case "decisions":

@@ -1,0 +1,84 @@
+"""Minds without a bus whose course is noted, as a host does it, and lived again from that as from a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from datetime import UTC
+from typing import Any
+
+from agentd.language.compile import CompiledProgram, compile_program
+from agentd.language.parser import parse_program
+from agentd.mind import Mind
+from agentd.mind.effects import Effect
+from agentd.mind.inputs import Input
+from agentd.tracing.birth import Birth
+from agentd.tracing.course import Course, Stretch
+from agentd.tracing.sources import Sources
+from schemas.codec import codec
+from schemas.minds import MindInputs
+
+
+class Traced:
+    """A mind whose course is noted from its birth; `batches` is what a recorder has at the end."""
+
+    def __init__(
+        self,
+        name: str,
+        program: CompiledProgram,
+        sources: Sources,
+        *,
+        start: float = 0.0,
+        seed: int = 0,
+        epoch: float = 0.0,
+        agents: Callable[[], Collection[str]] = lambda: (),
+        decisions: int = 200,
+        listened: bool = True,
+        **arguments: Any,
+    ) -> None:
+        early: list[tuple[int, Input]] = []
+        self.mind = mind = Mind(
+            name,
+            program,
+            start=start,
+            seed=seed,
+            epoch=epoch,
+            agents=agents,
+            has_team=True,
+            decisions=decisions,
+            on_input=lambda cycle, item: early.append((cycle, item)),
+            **arguments,
+        )
+        self.birth = Birth(sources, seed, start, epoch, UTC, False, None, decisions, False, None)
+        self.course = Course(mind, self.birth.record, early)
+        mind.tell_inputs(self.course.given)
+        mind.agents = self.course.reading(agents)
+        self._stretches: list[Stretch] = []
+        if listened:
+            self.course.listen(self._stretches.append)
+            if mind.recorder is not None:
+                mind.recorder.count_all(self.course.decided)
+        self._run = mind.run
+        mind.run = self.run  # type: ignore[method-assign]
+
+    @staticmethod
+    def of(source: str, name: str = "bob", **arguments: Any) -> Traced:
+        """A mind with a program given as text."""
+        sources = Sources(main=f"{name}.asl")
+        sources.keep(sources.main, source)
+        return Traced(name, compile_program(parse_program(source, sources.main)), sources, **arguments)
+
+    def run(self, now: float, cycles: int) -> list[Effect]:
+        """Run cycles of the mind, as its host does."""
+        first = self.mind.cycle + 1
+        effects = self._run(now, cycles)
+        for effect in effects:
+            self.course.did(self.mind.cycle, effect)
+        self.course.ran(first, now)
+        return effects
+
+    @property
+    def batches(self) -> list[MindInputs]:
+        """All batches, having crossed the wire."""
+        self.course.flush()
+        made = codec(MindInputs)
+        return [made.decode(made.encode(self.course.record(stretch))) for stretch in self._stretches]
