@@ -2,69 +2,98 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from agentd.replaying import Act, Difference, Result
 from agentd.why import decision_lines
 from schemas.minds import DecisionView
 
 SHOWN = 5
-"""Acts that are shown of what each life did next, and inputs of what came in before."""
+"""Inputs that are shown of what came in before a difference, and deeds of each life after it."""
 LONGEST = 200
-"""Characters of a line; what programs print may be long."""
+"""Characters of a line: what programs print may be long."""
 
 
-def figures(result: Result, wall: float) -> str:
-    """Return how far two lives agree, in figures."""
+Named = Callable[[str], str]
+"""Takes a line with names of program files, returns it as people read it."""
+
+
+def nearer(files: Iterable[str], edited: Mapping[str, str]) -> Named:
+    """Return what shortens the names of recorded files to what tells them apart.
+
+    `edited`: by recorded path, the file that took its place: it is named as it was given.
+    """
+    folders = {os.path.dirname(path) for path in files}
+    folder = os.path.commonpath(folders) if folders and len({os.path.isabs(one) for one in folders}) == 1 else ""
+    short = {path: os.path.relpath(path, folder) if folder else path for path in files} | dict(edited)
+
+    def name(line: str) -> str:
+        for path, shown in short.items():
+            line = line.replace(f"{path}:", f"{shown}:")
+        return line
+
+    return name
+
+
+def figures(result: Result, inputs: int, wall: float) -> str:
+    """Return how far two lives agree, in figures.
+
+    `inputs`: how many had gone in by then; `wall`: seconds that it took to live it again.
+    """
     counts = (
         (result.cycles, "cycle"),
-        (result.inputs, "input"),
+        (inputs, "input"),
         (result.decisions, "decision"),
         (result.effects, "effect"),
     )
     told = ", ".join(f"{count} {name}{'' if count == 1 else 's'}" for count, name in counts)
-    return f"{told} up to {result.until:.1f} s of mission time, lived again in {wall:.1f} s"
+    until = result.until if result.difference is None else result.difference.time
+    return f"{told} up to {until:.1f} s of mission time, in {wall:.1f} s"
 
 
-def difference_lines(difference: Difference, edited: bool, shown: int = SHOWN) -> Iterator[str]:
-    """Tell where two lives part. `edited`: the other program was changed on purpose."""
+def difference_lines(
+    difference: Difference, recorded: Named, other: Named, *, edited: bool, shown: int = SHOWN
+) -> Iterator[str]:
+    """Tell where two lives part; `edited`: the other program was changed on purpose."""
     where = f"at {difference.time:.3f} s of mission time, in cycle {difference.cycle}"
     if not difference.exact:
-        where = f"somewhere up to {difference.time:.3f} s of mission time, cycle {difference.cycle}"
-    yield f"first difference {where} (batch {difference.batch} of its inputs)"
-    if inputs := difference.inputs[-shown:] if shown else ():
-        yield "  what came in last before it:"
-        yield from (f"    {_short(line)}" for line in inputs)
-    was, now = ("recorded", "edited") if edited else ("recorded", "replayed")
-    yield from _act_lines(f"the {was} program", difference.recorded)
-    yield from _act_lines(f"the {now} program" if edited else "lived again it", difference.replayed)
-    for name, acts in ((was, difference.recorded_next), (now, difference.replayed_next)):
-        if acts and shown:
-            yield f"  what the {name} one did next:"
-            yield from (f"    {act_line(act)}" for act in acts[:shown])
+        where = f"not known where exactly, up to {difference.time:.3f} s of mission time and cycle {difference.cycle}"
+    yield f"first difference: {where} (batch {difference.batch} of its inputs)"
+    if inputs := difference.inputs[-shown:] if shown > 0 else ():
+        yield "what came in last before it:"
+        yield from (f"  {_short(line)}" for line in inputs)
+    most = max(0, shown)
+    yield from _side("recorded", difference.recorded, difference.recorded_next[:most], recorded)
+    yield from _side("edited" if edited else "now", difference.replayed, difference.replayed_next[:most], other)
 
 
-def act_line(act: Act) -> str:
-    """Return a decision or an effect as one line."""
-    what = f"{act.text}" if act.kind == "effect" else f"decided {act.text}"
-    return _short(f"{act.time:9.3f} s  {what}")
-
-
-def _act_lines(who: str, act: Act | None) -> Iterator[str]:
+def _side(who: str, act: Act | None, following: tuple[Act, ...], name: Named) -> Iterator[str]:
+    """Tell what one of the two lives did."""
     if act is None:
-        yield f"  {who}: nothing that is known of"
-        return
-    yield f"  {who}:"
-    yield f"  {act_line(act)}"
-    if act.decision is not None:
-        yield from (f"    {line}" for line in words(act.decision))
+        yield f"{who}: nothing, or it is not known"
+    elif act.decision is not None:
+        yield f"{who}:"
+        yield from (f"  {line}" for line in decision_words(act.decision, name))
+    else:
+        yield f"{who}: {_short(name(act.text))}"
+    if following:
+        yield "  then"
+        yield from (f"    {_short(name(f'{one.time:.3f} s  {one.text}'))}" for one in following)
 
 
-def words(decision: DecisionView) -> Iterable[str]:
-    """Return a decision as `agentd run --why` tells it: the event, each plan and why it was not chosen."""
-    return (_short(line.removeprefix("why: ")) for line in decision_lines(decision))  # type: ignore[arg-type]
+def told_decision(at: float, decision: DecisionView, name: Named) -> Iterator[str]:
+    """Tell a decision with its mission time."""
+    for index, line in enumerate(decision_words(decision, name)):
+        yield f"{f'{at:.3f} s' if index == 0 else '':>11}  {line}"
+
+
+def decision_words(decision: DecisionView, name: Named) -> list[str]:
+    """Return a decision as `agentd run --why` tells it: the event, and each plan with why it was chosen or not."""
+    lines = decision_lines(decision)  # type: ignore[arg-type]
+    return [_short(name(line.removeprefix("why: "))) for line in lines]
 
 
 def _short(text: str) -> str:
-    one = " ".join(text.splitlines()) if "\n" in text else text
+    one = " ".join(text.splitlines())
     return one if len(one) <= LONGEST else f"{one[: LONGEST - 1]}…"

@@ -1,0 +1,256 @@
+"""`argosy replay --mind`: minds of a real run, with a real recorder, live again; and what damaged recordings prove."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from argosy.__main__ import main
+from argosy.recording.facts import End
+from argosy.recording.intake import Heard
+from argosy.recording.reader import open_recording
+from argosy.recording.writer import RecordingWriter
+from schemas.codec import codec
+from schemas.minds import MindInputs
+
+MISSION = """\
+mission: lamp
+agents:
+  seller: {program: seller.asl}
+  buyer: {program: buyer.asl, beliefs: [limit(5)]}
+done: ["seller: mission_done"]
+timeout: 60s
+"""
+SELLER = """\
+price(8).
+!sell.
++!sell : price(P) <- .send(buyer, achieve, offer(lamp, P)).
++refused(Item, P)[source(Who)] <- .print(Who, " says no to ", P); .wait(400); -+price(P - 1); !sell.
++sold(Item, P) <- .print("sold for ", P); +mission_done.
+"""
+BUYER = """\
+@take +!offer(Item, P)[source(Who)] : limit(Most) & P <= Most <- .random(Luck); .send(Who, tell, sold(Item, P)).
+@leave +!offer(Item, P)[source(Who)] <- .print(P, " is too much"); .send(Who, tell, refused(Item, P)).
+"""
+AGREES = re.compile(
+    r"(\w+)(?: with \S+)?: agrees: \d+ cycles, \d+ inputs, (\d+) decisions, (\d+) effects up to [\d.]+ s of mission "
+    r"time, in [\d.]+ s\n"
+)
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A recording of the sale, in a folder with its programs."""
+
+    path: Path
+
+    def edited(self, name: str, old: str, new: str) -> Path:
+        """Return a program of it with a change."""
+        text = (self.path.parent / name).read_text(encoding="utf-8")
+        assert text.count(old) == 1
+        (path := self.path.parent / "edited" / name).parent.mkdir(exist_ok=True)
+        path.write_text(text.replace(old, new), encoding="utf-8")
+        return path
+
+    def changed(self, name: str, change: Callable[[MindInputs], MindInputs | None]) -> Path:
+        """Return a copy in which the buyer's inputs are changed; None leaves them out."""
+        recording, path = open_recording(self.path), self.path.with_name(name)
+        writer = RecordingWriter(path, recording.facts, overwrite=True)
+        for message in recording.messages():
+            data: bytes | None = message.data
+            record = message.record
+            if isinstance(record, MindInputs) and record.agent == "buyer":
+                changed = change(record)
+                data = None if changed is None else codec(MindInputs).encode(changed)
+            if data is not None:
+                writer.add(Heard(message.at, message.key, data, message.track.encoding, "put"))
+        writer.close(End("done", recording.last))
+        return path
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    """Run the sale with a recorder beside it."""
+    from tests.support.ports import free_port
+
+    folder = tmp_path_factory.mktemp("sale")
+    for name, text in (("lamp.yaml", MISSION), ("seller.asl", SELLER), ("buyer.asl", BUYER)):
+        (folder / name).write_text(text, encoding="utf-8")
+    command = [sys.executable, "-m", "argosy", "run", "lamp.yaml", "--plain", "--record", "lamp.mcap"]
+    command += ["--router", f"tcp/127.0.0.1:{free_port()}"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=100, env=dict(os.environ))
+    assert done.returncode == 0, done.stdout + done.stderr
+    return Recorded(folder / "lamp.mcap")
+
+
+@pytest.fixture
+def replayed(
+    recorded: Recorded, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., tuple[int, str, str]]:
+    """Return what replays a mind: exit code, output and errors."""
+    monkeypatch.chdir(recorded.path.parent)
+
+    def replay(agent: str, *more: str | Path, path: Path | str = "lamp.mcap") -> tuple[int, str, str]:
+        code = main(["replay", str(path), "--mind", agent, *map(str, more)])
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return replay
+
+
+Replay = Callable[..., tuple[int, str, str]]
+
+
+def test_both_minds_of_a_run_decide_the_same_again(replayed: Replay) -> None:
+    for agent in ("seller", "buyer"):
+        code, out, err = replayed(agent)
+        assert (code, err) == (0, "")
+        found = AGREES.fullmatch(out)
+        assert found is not None, out
+        assert found[1] == agent
+        assert int(found[2]) >= 4  # at 8, 7, 6 and 5
+        assert int(found[3]) >= 4
+
+
+def test_an_edited_program_shows_its_first_other_decision_with_what_came_in_and_what_follows(
+    recorded: Recorded, replayed: Replay
+) -> None:
+    path = recorded.edited("buyer.asl", "P <= Most", "P < Most")
+    code, out, _ = replayed("buyer", "--program", "edited/buyer.asl")
+    assert code == 1
+    head, rest = out.split("recorded:\n")
+    before, after = rest.split("edited:\n")
+    assert head.startswith("buyer: differs: the same for ")
+    assert "achieve offer(lamp,5) from seller\n" in head
+    assert ", 0 inputs" not in head
+    assert "chosen: @take +!offer(Item,P)[source(Who)] (buyer.asl:1), with Item = lamp, P = 5" in before
+    assert re.search(r"then\n +[\d.]+ s  send tell sold\(lamp,5\)", before)
+    assert f"not @take +!offer(Item,P)[source(Who)] ({path.relative_to(recorded.path.parent)}:1): P < Most " in after
+    assert "chosen: @leave" in after
+    assert "print 5 is too much" in after
+    assert "refused(lamp,5)" in after
+
+
+def test_an_edit_that_changes_no_decision_agrees(recorded: Recorded, replayed: Replay) -> None:
+    recorded.edited("buyer.asl", "@take ", "// for as much as it has\n\n@take ")
+    code, out, _ = replayed("buyer", "--program", "edited/buyer.asl")
+    assert code == 0
+    assert AGREES.fullmatch(out)
+    assert out.startswith("buyer with edited/buyer.asl: agrees: ")
+
+
+def test_another_effect_of_the_same_decision_is_a_difference(recorded: Recorded, replayed: Replay) -> None:
+    recorded.edited("buyer.asl", '.print(P, " is too much")', '.print("too dear")')
+    code, out, _ = replayed("buyer", "--program", "edited/buyer.asl", "--show", "0")
+    assert code == 1
+    assert "recorded: print 8 is too much\n" in out
+    assert "edited: print too dear\n" in out
+    assert "then\n" not in out
+
+
+def test_decisions_about_a_name_are_told_up_to_a_time(replayed: Replay) -> None:
+    code, out, _ = replayed("buyer", "--why", "offer")
+    assert code == 0
+    assert len(re.findall(r"^ +[\d.]+ s  \+!offer\(lamp,\d\)", out, re.MULTILINE)) == 4
+    assert "not @take +!offer(Item,P)[source(Who)] (buyer.asl:1): P <= Most does not hold" in out
+    code, out, _ = replayed("buyer", "--why", "offer", "--until", "0.7")
+    assert code == 0
+    assert 1 <= out.count("+!offer(lamp,") <= 3
+
+
+def test_what_was_changed_in_the_recording_is_found(recorded: Recorded, replayed: Replay) -> None:
+    """The digest of what was decided does not fit any more: the recorded decision is shown beside the other one."""
+
+    def other_limit(batch: MindInputs) -> MindInputs:
+        if batch.birth is None:
+            return batch
+        return msgspec.structs.replace(batch, birth=msgspec.structs.replace(batch.birth, beliefs=("limit(9)",)))
+
+    code, out, _ = replayed("buyer", path=recorded.changed("other.mcap", other_limit))
+    assert code == 1
+    assert "agrees" not in out
+    assert out.startswith("buyer: differs: the same for ")
+    assert "recorded:\n" in out
+    assert "chosen: @leave" in out.split("recorded:\n")[1].split("now:\n")[0]
+    assert "chosen: @take" in out.split("now:\n")[1]
+
+
+def test_nothing_is_proved_beyond_inputs_that_are_missing(recorded: Recorded, replayed: Replay) -> None:
+    last = max(batch.number for batch in open_recording(recorded.path).lives("buyer")[0].batches)
+    path = recorded.changed("gap.mcap", lambda batch: None if batch.number == last - 1 else batch)
+    code, out, _ = replayed("buyer", path=path)
+    assert code == 1
+    assert out.startswith("buyer: the same for ")
+    assert f"but not all of it is proved:\n  batch {last - 1} of its inputs is missing\n" in out
+
+
+def test_a_recording_that_began_too_late_proves_nothing(recorded: Recorded, replayed: Replay) -> None:
+    path = recorded.changed("late.mcap", lambda batch: None if batch.number == 0 else batch)
+    code, out, _ = replayed("buyer", path=path)
+    assert (code, out) == (
+        1,
+        "buyer: nothing can be proved\n  the beginning of its life is missing, batch 0 of its inputs: "
+        "begin to record sooner\n",
+    )
+
+
+def test_what_nobody_listened_to_is_lived_again_but_not_proved(recorded: Recorded, replayed: Replay) -> None:
+    path = recorded.changed("unheard.mcap", lambda batch: msgspec.structs.replace(batch, digest="", decided=0))
+    code, out, _ = replayed("buyer", path=path)
+    assert code == 1
+    assert "agrees" not in out
+    assert "nobody listened when they were made" in out
+
+
+def test_a_mind_that_could_not_be_recorded_says_why(recorded: Recorded, replayed: Replay) -> None:
+    def unknown(batch: MindInputs) -> MindInputs:
+        if batch.birth is None:
+            return batch
+        return msgspec.structs.replace(batch, birth=msgspec.structs.replace(batch.birth, unknown="it is a clone"))
+
+    code, out, _ = replayed("buyer", path=recorded.changed("clone.mcap", unknown))
+    assert code == 1
+    assert out.startswith("buyer: nothing can be proved\n")
+    assert "it is a clone" in out
+
+
+def test_a_file_that_was_cut_off_is_proved_as_far_as_it_goes_and_does_not_agree(
+    recorded: Recorded, replayed: Replay
+) -> None:
+    whole = recorded.path.read_bytes()
+    (cut := recorded.path.with_name("cut.mcap")).write_bytes(whole[: len(whole) * 2 // 3])
+    code, out, err = replayed("buyer", path=cut)
+    assert code == 1
+    assert "agrees" not in out
+    assert err.startswith("warning: ")
+    assert "cut off" in out or "missing" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["nobody"], "error: lamp.mcap: there are no inputs of nobody in it, there are those of buyer, seller"),
+        (["buyer", "--life", "2"], "error: lamp.mcap: --life 2: there are 1 lives of buyer in it"),
+        (["buyer", "--program", "none.asl"], "error: none.asl: No such file or directory"),
+        (["buyer", "--program", "lamp.yaml"], "lamp.yaml:1:"),
+        (["buyer", "--program", "lamp.mcap"], "lamp.mcap:1"),
+    ],
+)
+def test_what_is_not_there_is_named(arguments: list[str], told: str, replayed: Replay) -> None:
+    code, out, err = replayed(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith(told)
+
+
+def test_a_file_that_is_no_recording_is_refused(recorded: Recorded, replayed: Replay) -> None:
+    code, out, err = replayed("buyer", path="lamp.yaml")
+    assert (code, out) == (2, "")
+    assert err == "error: lamp.yaml: no MCAP file: it does not begin as one\n"
