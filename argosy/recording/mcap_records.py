@@ -22,6 +22,7 @@ from mcap.stream_reader import get_chunk_data_stream
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")
+CUT = "it was cut off, or is still being written"
 LARGEST = 1 << 30
 """Bytes of the largest record that is read: a longer one is damage."""
 _READ: dict[int, Any] = {
@@ -72,12 +73,12 @@ class McapFile:
             file.seek(at := len(MAGIC))
             while True:
                 if at + _HEAD.size > size:
-                    self.damage = Damage(at, size - at, "it was cut off")
+                    self.damage = Damage(at, size - at, CUT)
                     return
                 opcode, length = _HEAD.unpack(file.read(_HEAD.size))
                 end = at + _HEAD.size + length
                 if end > size:
-                    self.damage = Damage(at, size - at, "it was cut off")
+                    self.damage = Damage(at, size - at, CUT)
                     return
                 if opcode == Opcode.DATA_END:
                     self._look_at_the_end(file, size, at)

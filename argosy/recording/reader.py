@@ -183,7 +183,7 @@ class Recording:
                     self.begin = min(self.begin or record.log_time, record.log_time)
                     self.last = max(self.last, record.log_time)
                 case Schema():
-                    names[record.id] = record.name.removeprefix(PREFIX)
+                    names[record.id] = _record_name(record)
                 case Channel():
                     channels[record.id] = (record.topic, names.get(record.schema_id, ""))
                 case Metadata(name=name) if name == BEGIN:
@@ -216,7 +216,7 @@ class Recording:
                         if (track := tracks.get(record.channel_id)) is not None:
                             yield track, record
                     case Schema():
-                        names[record.id] = record.name.removeprefix(PREFIX)
+                        names[record.id] = _record_name(record)
                     case Channel():
                         tracks[record.id] = wanted.track(record, names.get(record.schema_id, ""))
 
@@ -235,6 +235,10 @@ class _Wanted:
             return None
         said = channel.metadata
         return Track(channel.topic, name, said.get("encoding", ""), said.get("origin", "put"))
+
+
+def _record_name(schema: Schema) -> str:
+    return schema.name.removeprefix(PREFIX) if schema.name.startswith(PREFIX) else ""
 
 
 def _because(file: McapFile) -> str:

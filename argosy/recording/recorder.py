@@ -178,7 +178,7 @@ class Recorder:
     def _full(self, why: str) -> bool:
         """Go on in another file, if that is wanted. Returns whether it does."""
         if not self._limits.split:
-            self._why = self._why or why
+            self._why = why
             return False
         facts = replace(self._facts, part=len(self.files) + 1)
         path = self.path.with_name(f"{self.path.stem}-{facts.part:04}{self.path.suffix}")

@@ -1,0 +1,67 @@
+"""Recorders and replays as processes, as users start them."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+STARTED = "recording "
+
+
+@dataclass
+class Process:
+    """An `argosy record` or `argosy replay` under way."""
+
+    handle: asyncio.subprocess.Process
+    said: str = ""
+
+    async def until(self, text: str, seconds: float = 20) -> None:
+        """Wait until a line with this text has come."""
+        assert self.handle.stdout is not None
+        async with asyncio.timeout(seconds):
+            while text not in self.said:
+                line = await self.handle.stdout.readline()
+                assert line, f"ended before {text!r}: {self.said}"
+                self.said += line.decode()
+
+    async def end(self, number: signal.Signals | None = signal.SIGINT, seconds: float = 20) -> tuple[int, str, str]:
+        """Send a signal and wait. Returns exit code, standard output and standard error."""
+        if number is not None:
+            self.handle.send_signal(number)
+        async with asyncio.timeout(seconds):
+            out, err = await self.handle.communicate()
+        assert self.handle.returncode is not None
+        return self.handle.returncode, self.said + out.decode(), err.decode()
+
+
+@asynccontextmanager
+async def argosy(*arguments: str | Path) -> AsyncIterator[Process]:
+    """Start `argosy ARGUMENTS`; it is killed at the end if it still runs."""
+    handle = await asyncio.create_subprocess_exec(
+        sys.executable,
+        "-m",
+        "argosy",
+        *map(str, arguments),
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    try:
+        yield Process(handle)
+    finally:
+        if handle.returncode is None:
+            handle.kill()
+            await handle.wait()
+
+
+@asynccontextmanager
+async def recording(endpoint: str, path: Path, *arguments: str, fleet: str = "test") -> AsyncIterator[Process]:
+    """Start a recorder and wait until it hears everything."""
+    async with argosy("record", "--fleet", fleet, "--router", endpoint, "-o", path, *arguments) as process:
+        await process.until(STARTED)
+        yield process
