@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from argosy.operator_bus import Unanswered
+from argosy.ui.orders import misnamed
 from argosy.why import Explanation, explain
 from commd.bus import Bus, BusClosed
 from schemas.findings import Findings
@@ -35,6 +36,8 @@ class Explained(msgspec.Struct, omit_defaults=True):
 
 async def explained(bus: Bus | None, fleet: str, wish: WhyWish) -> Explained:
     """Ask an agent why."""
+    if wrong := misnamed((wish.agent,), "an agent"):
+        return Explained(error=wrong)
     if bus is None or not fleet:
         return Explained(error=NOBODY)
     try:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import aclosing
 from typing import Literal
 
@@ -21,6 +21,7 @@ from argosy.ui.views import OrderedView
 from commd.bus import Bus, BusClosed
 from schemas import keys
 from schemas.minds import MindOrder
+from schemas.names import check_name
 from schemas.records import Outcome
 
 WAITING = ("waiting", "")
@@ -65,9 +66,13 @@ class Orders:
     async def stop(self, bus: Bus | None, fleet: str, wish: StopWish) -> OrderedView:
         """Order robots, all at once, and wait for what each of them says."""
         self._number += 1
-        view = OrderedView(number=self._number, order=wish.order, at=time.time(), of="" if wish.robots else "all")
+        view = OrderedView(
+            number=self._number, order=wish.order, at=time.time(), of="all" if wish.robots is None else ""
+        )
         self.last.append(view)
-        problem = self._rights() or (NOBODY if bus is None or not fleet else "")
+        problem = (
+            self._rights() or misnamed(wish.robots or (), "a robot") or (NOBODY if bus is None or not fleet else "")
+        )
         if problem or bus is None:
             return self._now(replace(view, problem=problem))
         names = self._known() if wish.robots is None else list(dict.fromkeys(wish.robots))[:ROBOTS]
@@ -109,7 +114,7 @@ class Orders:
 
     async def control(self, bus: Bus | None, fleet: str, wish: ControlWish) -> Outcome:
         """Order a mind; refused in words unless its mission allows it."""
-        if why := self._rights():
+        if why := self._rights() or misnamed((wish.agent,), "an agent"):
             return Outcome(ok=False, reason=why)
         if bus is None or not fleet:
             return Outcome(ok=False, reason=NOBODY)
@@ -127,3 +132,13 @@ class Orders:
         except BusClosed as closed:
             return Outcome(ok=False, reason=str(closed))
         return told
+
+
+def misnamed(names: Sequence[str], what: str) -> str:
+    """Say which of the names is none, in words: a `*` would speak to everybody."""
+    for name in names:
+        try:
+            check_name(name)
+        except ValueError:
+            return f"`{name[:64]}` is no name of {what}"
+    return ""
