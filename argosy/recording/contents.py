@@ -55,7 +55,8 @@ def _life(life: Life) -> str:
     if life.whole:
         birth = life.batches[0].birth
         unknown = f", and cannot be lived again: {birth.unknown}" if birth is not None and birth.unknown else ""
-        return f"whole, {last.last} cycles, {last.decided} decisions and effects{unknown}"
+        decided = sum(batch.decided for batch in life.batches)
+        return f"whole, {last.last} cycles, {decided} decisions and effects{unknown}"
     if life.missing:
         return f"incomplete: of its inputs {in_words(life.missing)} of {last.number + 1} are missing"
     return "incomplete: its birth is missing"

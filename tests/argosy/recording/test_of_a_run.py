@@ -1,0 +1,79 @@
+"""The recording of a run: beside the daemons, whole from the first word on, and no flight ends with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from argosy.recording import of_a_run
+from argosy.recording.of_a_run import NoRecording, RunRecording, recording_of, what_became_of_it
+from argosy.recording.reader import open_recording
+from argosy.recording.records import TokenSeen
+from schemas.records import Perception
+from tests.argosy.conftest import Start
+from tests.argosy.recording.files import validated
+
+
+def test_a_report_has_a_recording_of_the_whole_run(start: Start, single_uav: Path, tmp_path: Path) -> None:
+    run = start(single_uav, "--speed", "10", "--report", str(tmp_path / "report"))
+    assert run.wait() == 0
+    path = tmp_path / "report" / "recording.mcap"
+    recording = open_recording(path)
+    assert recording.missing == ""
+    assert recording.facts.mission_text == single_uav.read_text()
+    assert (recording.facts.speed, recording.facts.fleet) == (10.0, "single-uav")
+    tokens = [(record.key.split("/")[2:5:2], record.alive) for _, record in recording.typed(TokenSeen)]
+    assert tokens.index((["uav1", "bridged"], True)) < tokens.index((["uav", "agentd"], True))
+    assert (["uav", "agentd"], False) in tokens  # it is there until all others have left
+    modes = [one.parameters for _, one in recording.typed(Perception) if one.name == "state"]
+    assert modes[0] == ("STABILIZE", True, False)
+    assert modes[-1] == ("RTL", True, False)
+    assert validated(path) == sum(topic.messages for topic in recording.topics)
+    summary = (tmp_path / "report" / "summary.txt").read_text()
+    assert f"  recording  {path}: {validated(path)} messages in " in summary
+    assert run.left_running() == []
+
+
+def test_a_recorder_that_dies_ends_no_flight_and_is_told_of(start: Start, single_uav: Path, tmp_path: Path) -> None:
+    path = tmp_path / "flight.mcap"
+    run = start(single_uav, "--speed", "10", "--record", str(path))
+    run.until("taking off")
+    recorder = next(process for line, process in run.family.items() if " argosy record " in line)
+    recorder.kill()
+    assert run.wait() == 0
+    told = "recorder single-uav: was killed by SIGKILL; the run goes on, and is not recorded any more"
+    assert told in run.stdout
+    assert "  recording  cut off: the recorder was killed by SIGKILL" in run.stdout
+    assert "done" in run.stdout
+    assert open_recording(path).missing
+    assert run.left_running() == []
+
+
+def test_a_recording_that_cannot_be_made_is_refused_before_anything_starts(
+    start: Start, single_uav: Path, tmp_path: Path
+) -> None:
+    there = tmp_path / "a.mcap"
+    there.write_text("mine")
+    run = start(single_uav, "--record", str(there))
+    assert run.wait() == 2
+    assert run.stderr == f"error: --record {there}: it is there already: name another file\n"
+    assert there.read_text() == "mine"
+    run = start(single_uav, "--record", str(tmp_path / "no" / "a.mcap"))
+    assert run.wait() == 2
+    assert run.stderr == f"error: --record {tmp_path}/no/a.mcap: there is no folder {tmp_path}/no\n"
+
+
+def test_without_the_extra_a_report_is_written_all_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    assert recording_of(None, None) == ""
+    assert recording_of(None, tmp_path) == RunRecording(tmp_path / "recording.mcap", asked_for=False)
+    monkeypatch.setattr(of_a_run, "find_spec", lambda name: None)
+    assert recording_of(None, tmp_path) == "no recording: it wants `pip install 'argosy[record]'`"
+    with pytest.raises(NoRecording, match=r"pip install 'argosy\[record\]' first"):
+        recording_of(tmp_path / "a.mcap", None)
+
+
+def test_what_became_of_it_is_what_the_recorder_said_last() -> None:
+    said = ["recording a.mcap", "a.mcap: 5 messages in 2.0 s, 3.0 kB; ended: SIGTERM", "warning: ..."]
+    assert what_became_of_it(said, "left") == "a.mcap: 5 messages in 2.0 s, 3.0 kB"
+    assert what_became_of_it(said[:1], "was killed by SIGKILL") == "cut off: the recorder was killed by SIGKILL"
