@@ -58,10 +58,12 @@ docs: $(VENV)/docs.stamp  ## the pages as a site in site/; a link that leads now
 	@! grep -rnoE '<(script|link|img|iframe)[^>]* (src|href)="?(https?:)?//[^">]*' site --include='*.html' \
 	  || { echo "error: the site loads this from elsewhere"; exit 1; }
 
-reference: $(VENV)/test.stamp  ## write docs/reference anew from docstrings and parsers
+reference: $(VENV)/test.stamp  ## write docs/reference anew from docstrings and parsers, and the grammar for editors
 	$(BIN)/python -m tests.docs.stdlib_page
 	$(BIN)/python -m tests.docs.commands_page
 	$(BIN)/python -m tests.docs.records_page
+	$(BIN)/python -m tests.agentd.mind_format_page
+	$(BIN)/python -m agentd.editor.textmate
 
 format: $(VENV)/lint.stamp  ## is every file formatted?
 	$(BIN)/ruff format --check .

@@ -214,6 +214,7 @@ class Host:
             self._mind,
             clock,
             self._control,
+            life=self._mailing.life,
             prints=self._prints,
             actions=self._tracing.deeds.actions,
             done=part.done,

@@ -33,14 +33,18 @@ class Viewer:
         clock: Clock,
         control: Control,
         *,
+        life: str,
         prints: Iterable[str],
         actions: Iterable[Deed],
         done: Mapping[str, Formula],
         failed: Mapping[str, Formula],
     ) -> None:
-        """`prints` and `actions` hold the last ones at any time; `done` and `failed` are the mission's formulas."""
+        """`life` is what the ids of this life's messages end with.
+
+        `prints` and `actions` hold the last ones at any time; `done` and `failed` are the mission's formulas.
+        """
         self._bus, self._mind, self._clock, self._control = bus, mind, clock, control
-        self._prints, self._actions, self._done, self._failed = prints, actions, done, failed
+        self._life, self._prints, self._actions, self._done, self._failed = life, prints, actions, done, failed
         self._beliefs, self._plans = Beliefs(mind), Plans(mind)
         self._made: dict[Look, tuple[float, MindView]] = {}
         """The last looks, and when they were made in wall seconds."""
@@ -90,7 +94,7 @@ class Viewer:
             events=events,
             events_left_out=events_left_out,
             mailbox=len(mind.mailbox),
-            questions=questions_of(mind),
+            questions=questions_of(mind, self._life),
             plans=self._plans.shown(look),
             plan_count=len(mind.plans.plans),
             prints=tuple(self._prints),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import islice
 from typing import Any, Final, TypeVar
 
@@ -97,9 +98,10 @@ def events_of(mind: Mind, about: str) -> tuple[tuple[minds.EventView, ...], int]
     return _records(shown, minds.EventView), len(mind.events) - len(views)
 
 
-def questions_of(mind: Mind) -> tuple[minds.QuestionView, ...]:
-    """What others were asked and have not answered."""
-    return _records(mind.question_views()[:MOST_QUESTIONS], minds.QuestionView)
+def questions_of(mind: Mind, life: str) -> tuple[minds.QuestionView, ...]:
+    """What others were asked and have not answered; the ids of messages end with `life` on the way."""
+    views = mind.question_views()[:MOST_QUESTIONS]
+    return _records((replace(view, id=f"{view.id}.{life}") for view in views), minds.QuestionView)
 
 
 class Plans:

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import aclosing
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from commd.bus import Bus, open_bus
 from schemas import keys
@@ -17,7 +17,7 @@ from schemas.records import Health
 
 FLEET: Final = "looking"
 ANSWER_TIMEOUT: Final = 10.0
-_TRACES: Final = {"inputs": MindInputs, "decisions": MindDecisions, "deeds": MindDeeds}
+_TRACES: Final[dict[str, Any]] = {"inputs": MindInputs, "decisions": MindDecisions, "deeds": MindDeeds}
 
 
 @dataclass(frozen=True)
@@ -63,13 +63,18 @@ async def stretch(endpoint: str, agents: Sequence[str], onlooker: Onlooker, sett
     """Let somebody look on, and after `settle` seconds see what the agents' daemon does for so many more."""
     async with open_bus(endpoint, fleet=FLEET, name="onlooker", daemon="bench", stamp=time.time_ns) as bus:
         healths: dict[str, list[Health]] = {agent: [] for agent in agents}
-        for agent, heard in healths.items():
-            bus.subscribe(
-                keys.health(FLEET, agent, "agentd"), Health, lambda _, health, heard=heard: heard.append(health)
-            )  # type: ignore[misc]
         got: Counter[str] = Counter()
+
+        def health(key: str, record: Health) -> None:
+            healths[key.split("/")[2]].append(record)
+
+        def trace(key: str, _: object) -> None:
+            got[key.rsplit("/")[-1]] += 1
+
+        for agent in agents:
+            bus.subscribe(keys.health(FLEET, agent, "agentd"), Health, health)
         for part in onlooker.traces:
-            bus.subscribe(keys.trace(FLEET, "*", part), _TRACES[part], lambda key, _: got.update([key.rsplit("/")[-1]]))
+            bus.subscribe(keys.trace(FLEET, "*", part), _TRACES[part], trace)
         looks = [
             asyncio.create_task(_look(bus, agent, onlooker, got)) for agent in agents if onlooker.selector is not None
         ]
@@ -82,10 +87,6 @@ async def stretch(endpoint: str, agents: Sequence[str], onlooker: Onlooker, sett
             look.cancel()
         await asyncio.gather(*looks, return_exceptions=True)
         return _between(healths, got, seconds)
-
-
-def _agent(key: str) -> str:
-    return key.split("/")[2]
 
 
 def _between(healths: dict[str, list[Health]], got: Counter[str], lasted: float) -> Stretch:

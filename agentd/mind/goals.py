@@ -117,7 +117,7 @@ def perform(mind: Any, intention: Intention, action: Any) -> bool:
     number = intention.action = mind.action_count
     mind.performing[number] = intention
     mind.effects.append(PerformAction(number, name, args))
-    intention.waiting = f"action {name}"
+    intention.waiting, intention.since = f"action {name}", mind.now
     mind.waiting[intention.id] = (intention, None)
     return True
 

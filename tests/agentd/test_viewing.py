@@ -11,7 +11,7 @@ import pytest
 
 from agentd.language.term_text import flat_text, text
 from agentd.look import MOST_BELIEFS, BadParameter, Look
-from agentd.mind.inputs import BeliefAdded, GoalAdded, Mail, PerceptReplaced
+from agentd.mind.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptReplaced
 from agentd.mind.keeping import Keeper
 from agentd.viewing import Beliefs, Plans, decisions_of, events_of, intentions_of, questions_of
 from commd.bus import Bus
@@ -133,7 +133,7 @@ def test_a_huge_belief_is_cut_short() -> None:
 def test_a_question_is_shown_until_its_answer_comes() -> None:
     world = World(mind_of("!go. +!go <- .send([ana,eva], askOne, where(home,X), A, 5000); .print(A).", has_team=True))
     world.at(2.0)
-    asked = questions_of(world.mind)
+    asked = questions_of(world.mind, "5f")
     assert [(one.receiver, one.performative, one.asked, one.until) for one in asked] == [
         ("ana", "askOne", 0.0, 5.0),
         ("eva", "askOne", 0.0, 5.0),
@@ -142,9 +142,19 @@ def test_a_question_is_shown_until_its_answer_comes() -> None:
     assert asked[0].position == "test.asl:1"
     (intention,), left = intentions_of(world.mind)
     assert (intention.reason, intention.since, asked[0].intention, left) == ("answer of ana, eva", 0.0, intention.id, 0)
-    world.feed(Mail("ana", "tell", term("where(home,3)"), "mid1.ana", asked[0].id))
-    assert [one.receiver for one in questions_of(world.mind)] == ["eva"]
+    world.feed(Mail("ana", "tell", term("where(home,3)"), "mid1.ana", asked[0].id.removesuffix(".5f")))
+    assert [one.receiver for one in questions_of(world.mind, "5f")] == ["eva"]
     assert world.at(6.0).mind.questions == {}
+
+
+def test_an_intention_says_since_when_it_waits_for_its_action() -> None:
+    world = World(mind_of("!go. +!go <- .wait(3000); fly(1); fly(2)."))
+    world.at(3.0)
+    ((intention,), _) = intentions_of(world.mind)
+    assert (intention.state, intention.reason, intention.since) == ("waiting", "action fly", 3.0)
+    world.at(8.0).feed(ActionDone(1, True))
+    ((intention,), _) = intentions_of(world.mind)
+    assert intention.since == 8.0
 
 
 def test_the_events_that_wait_are_shown_the_next_one_first() -> None:

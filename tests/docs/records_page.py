@@ -91,10 +91,14 @@ def page() -> str:
     """The page."""
     parts = [_HEAD]
     for told in records():
-        rows = "".join(f"| `{name}` | {' | '.join(_cell(one) for one in rest)} |\n" for name, *rest in told.fields)
-        table = f"| field | type | default | meaning |\n|---|---|---|---|\n{rows}"
-        parts.append(f"\n## {told.name}\n\n{told.text}\n\n{_carried(told.name)}{table}")
+        parts.append(f"\n## {told.name}\n\n{told.text}\n\n{_carried(told.name)}{table(told)}")
     return "".join(parts)
+
+
+def table(told: Told) -> str:
+    """The fields of a record."""
+    rows = "".join(f"| `{name}` | {' | '.join(_cell(one) for one in rest)} |\n" for name, *rest in told.fields)
+    return f"| field | type | default | meaning |\n|---|---|---|---|\n{rows}"
 
 
 def _cell(text: str) -> str:

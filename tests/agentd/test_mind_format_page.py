@@ -1,0 +1,56 @@
+"""docs/mind-format.md tells the truth: its example is what an agent says, its tables are the records."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from agentd.tracing.given_terms import KINDS, UNWRITTEN
+from schemas import minds
+from tests.agentd.mind_format_page import PAGE, SHOWN, example, fields, part, script, shown, steady
+
+
+def test_the_example_is_what_an_agent_says_and_the_script_reads_it(tmp_path: Path, endpoint: str) -> None:
+    (tmp_path / "mind.py").write_text(script())
+    said: list[Any] = []
+
+    def run() -> None:
+        command = [sys.executable, str(tmp_path / "mind.py"), endpoint, "test/scout"]
+        said.append(subprocess.run(command, capture_output=True, text=True, timeout=60, check=False))
+
+    mind = example(endpoint, tmp_path, run)
+    assert shown(mind) == part("example"), "`python -m tests.agentd.mind_format_page` writes it anew"
+    (ended,) = said
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout.splitlines() == [belief["text"] for belief in mind["beliefs"]]
+
+
+def test_the_example_is_the_record_and_no_more() -> None:
+    said = json.loads(part("example").removeprefix("```json\n").removesuffix("```\n"))
+    view = msgspec.convert(said, minds.MindView, strict=True)
+    again = json.loads(msgspec.json.encode(view))
+    assert steady(again) == said, "no field is unknown to the record"
+
+
+def test_each_field_of_a_mind_is_told_with_its_meaning() -> None:
+    assert part("fields") == fields(), "`python -m tests.agentd.mind_format_page` writes it anew"
+    for name in SHOWN:
+        assert f"### {name}\n" in part("fields")
+
+
+def test_each_kind_of_input_and_deed_is_in_the_tables_and_no_other() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    rows = re.findall(
+        r"^\| (`\w+`(?:, `\w+`)*) \|", text.partition("An input has a `kind`")[2].partition("\n\nLiterals")[0], re.M
+    )
+    assert {name for row in rows for name in re.findall(r"\w+", row)} == {*KINDS, UNWRITTEN}
+    deeds = text.partition("**`trace/deeds`**")[2].partition("**`trace/decisions`**")[0]
+    told = {name for row in re.findall(r"^\| (`[^|]*`) \|", deeds, re.M) for name in re.findall(r"\w+", row)}
+    kinds = next(field for field in msgspec.structs.fields(minds.Deed) if field.name == "kind")
+    assert told == set(kinds.type.__args__)
