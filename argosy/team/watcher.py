@@ -47,7 +47,8 @@ class TeamWatcher:
         self._news = asyncio.Event()
         """Set when somebody came who has percepts to tell, or through whom they come."""
         self._listening = False
-        model.router(bus.router_up)
+        if bus.router_up:
+            model.router(up=True)
         bus.on_router(model.router)
         model.fleet = model.fleet or ("" if fleet == ANY else fleet)
         bus.watch(keys.alive(model.fleet or ANY, "*", "*", "*"), self._token)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
@@ -16,11 +16,12 @@ class Glyphs:
     under: str = "‹"
     """Between a goal and the one that waits for it."""
     cursor: str = "▌"
-    more: str = "…"
+    instead: Mapping[int, str] = field(default_factory=dict)
+    """What is written for marks in texts that this terminal does not have."""
 
 
 UNICODE = Glyphs()
-ASCII = Glyphs("*", "o", ">", "<", ">", "~")
+ASCII = Glyphs("*", "o", ">", "<", ">", {ord("→"): ">", ord("←"): "<", ord("…"): "~"})
 
 
 def glyphs_of(environment: Mapping[str, str], encoding: str) -> Glyphs:

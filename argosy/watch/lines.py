@@ -15,6 +15,7 @@ from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
+from argosy.watch.glyphs import Glyphs
 from argosy.watch.rows import Row
 
 
@@ -33,14 +34,14 @@ class Lines(ScrollView, can_focus=True):
         Binding("end,G", "ends(1)", show=False),
     ]
 
-    def __init__(self, *, id: str, wrap: bool = False, follow: bool = False) -> None:
+    def __init__(self, glyphs: Glyphs, *, id: str, wrap: bool = False, follow: bool = False) -> None:
         """`wrap`: what is too long goes on in the next line; `follow`: whoever is at the end stays there."""
         super().__init__(id=id)
         self.filter = ""
         """Words that a row must have to be shown."""
         self.hidden = 0
         """Rows that the filter leaves out."""
-        self._wrap = wrap
+        self._wrap, self._instead, self._mark = wrap, glyphs.instead, glyphs.cursor
         self._follows, self._at_end = follow, follow
         self._all: list[Row] = []
         self._rows: list[Row] = []
@@ -95,8 +96,12 @@ class Lines(ScrollView, can_focus=True):
     def _segments(self, text: Text) -> list[Segment]:
         console = self.app.console
         if not text.spans:  # rich leaves out the style of a text that has one style only
-            return [Segment(text.plain, console.get_style(text.style))]
-        return list(text.render(console))
+            segments = [Segment(text.plain, console.get_style(text.style))]
+        else:
+            segments = list(text.render(console))
+        if not self._instead:
+            return segments
+        return [Segment(one.text.translate(self._instead), one.style) for one in segments]
 
     def _lay_out(self) -> None:
         words = self.filter.lower().split()
@@ -137,14 +142,12 @@ class Choice(Lines):
             super().__init__()
             self.pane, self.key = pane, key
 
-    def __init__(self, *, id: str, cursor: str, wrap: bool = False) -> None:
-        """`cursor` is the mark of the chosen row."""
-        super().__init__(id=id, wrap=wrap)
+    def __init__(self, glyphs: Glyphs, *, id: str, wrap: bool = False) -> None:
+        super().__init__(glyphs, id=id, wrap=wrap)
         self.chosen = ""
         """The key of the chosen row."""
         self._by_hand = False
         """Whether somebody chose it; else it is the first, whatever comes before it."""
-        self._mark = cursor
 
     def action_step(self, by: int) -> None:
         keys = self._keys()

@@ -68,10 +68,10 @@ class Page(Screen[None]):
     ]
     DEFAULT_CSS = """
     Page { layout: vertical; }
-    Page > #title { height: 1; text-wrap: nowrap; text-overflow: ellipsis; }
+    Page > #title { height: 1; text-wrap: nowrap; text-overflow: clip; }
     Page > #banner { height: auto; max-height: 4; display: none; }
     Page > #body { height: 1fr; }
-    Page > #keys { height: 1; text-style: dim; text-wrap: nowrap; text-overflow: ellipsis; }
+    Page > #keys { height: 1; text-style: dim; text-wrap: nowrap; text-overflow: clip; }
     Page > #filter { height: 1; border: none; padding: 0; display: none; }
     """
     KEYS = ""

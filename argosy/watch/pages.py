@@ -22,6 +22,8 @@ from argosy.watch.rows import Row, head
 
 WIDE, HIGH = 120, 30
 """Columns and lines of a terminal from which on all panes of an agent are seen at once."""
+MOST_FLEET = 0.6
+"""Share of the screen that the fleet may take; the timeline has the rest."""
 HELP = """\
 argosy watch looks at a running fleet. It listens and asks, and orders nothing: `argosy stop` does that.
 
@@ -43,17 +45,13 @@ the mailboxes every 2 s. Ages of beliefs and intentions are seconds of the missi
 class Overview(Page):
     """The fleet above, what happens below."""
 
-    DEFAULT_CSS = """
-    Overview #team { height: auto; max-height: 65%; }
-    Overview #team Choice { height: auto; max-height: 100%; }
-    """
     KEYS = "enter look in  tab pane  / filter  space pause  ? help  q quit"
     LONG_KEYS = f"arrows choose  {KEYS}"
 
     def panes(self) -> Iterable[Widget]:
         """Return the fleet and its timeline."""
-        self._team = Choice(id="members", cursor=self.watch_app.glyphs.cursor)
-        self._events = Lines(id="events", follow=True)
+        self._team = Choice(self.watch_app.glyphs, id="members")
+        self._events = Lines(self.watch_app.glyphs, id="events", follow=True)
         self._events.filter = self.watch_app.filter
         self._happenings = Happenings()
         yield Pane("fleet", self._team, id="team")
@@ -70,7 +68,9 @@ class Overview(Page):
 
     def draw(self, model: TeamModel) -> None:
         """Show the fleet and what happens."""
-        self._team.show_rows(overview(model, self.size.width, self.watch_app.glyphs))
+        rows = overview(model, self.size.width, self.watch_app.glyphs)
+        self.query_one("#team").styles.height = max(3, min(len(rows) + 1, round(self.size.height * MOST_FLEET)))
+        self._team.show_rows(rows)
         self._events.show_rows(self._happenings.update(model))
 
     def on_choice_opened(self, event: Choice.Opened) -> None:
@@ -107,10 +107,13 @@ class AgentPage(Page):
 
     def panes(self) -> Iterable[Widget]:
         """Return mind, beliefs, decisions and timeline."""
-        cursor = self.watch_app.glyphs.cursor
-        self._mind, self._beliefs = Lines(id="rows-mind", wrap=True), Lines(id="rows-beliefs", wrap=True)
-        self._decisions = Choice(id="rows-decisions", cursor=cursor, wrap=True)
-        self._events = Lines(id="rows-happened", wrap=True, follow=True)
+        glyphs = self.watch_app.glyphs
+        self._mind, self._beliefs = (
+            Lines(glyphs, id="rows-mind", wrap=True),
+            Lines(glyphs, id="rows-beliefs", wrap=True),
+        )
+        self._decisions = Choice(glyphs, id="rows-decisions", wrap=True)
+        self._events = Lines(glyphs, id="rows-happened", wrap=True, follow=True)
         self._happenings = self._of_agent()
         yield Pane("1 mind", self._mind, id="mind")
         yield Pane("2 beliefs", self._beliefs, id="beliefs")
@@ -195,7 +198,7 @@ class Help(Page):
 
     def panes(self) -> Iterable[Widget]:
         """Return the text."""
-        self._text = Lines(id="text", wrap=True)
+        self._text = Lines(self.watch_app.glyphs, id="text", wrap=True)
         yield Pane("help", self._text, id="help")
 
     def on_mount(self) -> None:

@@ -52,7 +52,7 @@ def test_a_fleet_that_nobody_named_is_found_and_its_minds_are_looked_into(endpoi
             stack.callback(crowd.__exit__, None, None, None)
             await until(lambda: len(model.agents) == 3 and all(one.heard for one in model.agents.values()), "the minds")
             assert model.fleet == FLEET
-            assert model.agents["agent01"].robot == "uav01"
+            await until(lambda: model.agents["agent01"].robot == "uav01", "its robot, by the bridge's health")
             view = model.agents["agent01"].mind
             assert view is not None
             assert view.intentions[0].stack == ("+!visit(3)", "+!search")

@@ -36,7 +36,7 @@ def text_of(app: WatchApp) -> str:
 
 async def until(app: WatchApp, pilot: Pilot[None], words: str) -> None:
     """Wait until the screen has these words."""
-    for _ in range(200):
+    for _ in range(400):
         await pilot.pause(0.02)
         if words in text_of(app):
             return
@@ -55,7 +55,7 @@ def show(
     """Run the view and do something with it."""
 
     async def everything() -> None:
-        app = WatchApp(link or link_to(fleet), glyphs=glyphs, filter=filter, period=0.02)
+        app = WatchApp(link or link_to(fleet), glyphs=glyphs, filter=filter, period=0.1)
         async with asyncio.timeout(60), app.run_test(size=size) as pilot:
             await pilot.pause(0.1)
             await body(app, pilot)

@@ -1,0 +1,411 @@
+"""The view at several sizes, on keys, with a fleet on paper."""
+
+from __future__ import annotations
+
+import pytest
+from textual.pilot import Pilot
+
+from argosy.watch.app import WatchApp
+from argosy.watch.glyphs import ASCII, UNICODE, glyphs_of
+from schemas import keys
+from schemas.minds import (
+    BeliefView,
+    DecisionView,
+    Deed,
+    EventView,
+    FailureView,
+    IntentionView,
+    MindView,
+    PlanView,
+    QuestionView,
+    RejectedView,
+)
+from schemas.records import Queue
+from tests.argosy.team.fleet import Fleet, rescue
+from tests.argosy.watch.shown import lines_of, link_to, show, text_of, until
+
+
+def flying() -> Fleet:
+    """A scout that flies to a place, with mail waiting, and a rescuer whose mind nobody has seen."""
+    fleet = rescue().mind("scout", "+!visit(3)", "+!search", state="reasoning", cycle=120, time=33.0)
+    fleet.action("scout", 1, "goto", "running", -27.6035123456789, -48.5182, 20, feedback={"distance": 45.2})
+    fleet.mail("pi1", Queue(box="inbox", sender="rescuer1", receiver="scout", messages=3, oldest=4.0))
+    fleet.deed("scout", Deed(kind="print", text="hello there"))
+    return fleet.comes("rescuer1", "agentd").waits(1)
+
+
+def thinking() -> Fleet:
+    """A scout whose mind has something of everything."""
+    fleet = flying()
+    plan = PlanView(trigger="+!visit(N)", position="missions/scout.asl:30", bindings={"N": "3"})
+    other = PlanView(label="p1", trigger="+!visit(N)", position="missions/scout.asl:20", bindings={"N": "3"})
+    rejected = RejectedView(plan=other, why="context", literal="free(N)", filled="free(3)", message="free(3) fails")
+    view = MindView(
+        agent="scout",
+        cycle=121,
+        time=40.0,
+        state="reasoning",
+        intentions=(
+            IntentionView(
+                id=4,
+                state="waiting",
+                reason="action goto",
+                stack=("+!visit(3)", "+!search"),
+                at="scout.asl:31",
+                since=30.0,
+            ),
+        ),
+        beliefs=(
+            BeliefView(text="victim(3)[source(rescuer1)]", sources=("rescuer1",), since=38.0),
+            BeliefView(text="height(20)[source(self)]", sources=("self",), since=0.0),
+        ),
+        events=(EventView(text="+seen(9)"),),
+        mailbox=2,
+        questions=(
+            QuestionView(id="q", receiver="rescuer1", performative="askOne", content="at(X)", asked=35.0, until=45.0),
+        ),
+        decisions=(
+            DecisionView(
+                cycle=100,
+                time=30.0,
+                event="+!visit(3)",
+                kind="+!",
+                name="visit/1",
+                chosen=plan,
+                rejected=(rejected,),
+                outcome="running",
+            ),
+        ),
+        failures=(
+            FailureView(
+                cycle=90,
+                time=25.0,
+                formula="takeoff(20)",
+                position="scout.asl:9",
+                error="action_failed",
+                reason="not armed",
+            ),
+        ),
+        dropped={"events": 7},
+        done={"mission_done": False},
+    )
+    fleet.model.mind("scout", view, detailed=True)
+    return fleet
+
+
+def test_the_overview_shows_vehicles_agents_boards_and_what_happens() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        text = text_of(app)
+        assert "argosy watch sar  2 of 2 agents  1 of 1 robot  1 of 1 board" in text
+        assert "●  uav1  GUIDED  armed  20.0 m  0 m off  ▸ goto(-27.603512,-48.5182,20)  1.0 s" in text
+        assert "●  scout     reasoning  1  +!visit(3)  waits: for an action  uav.asl:41  mail 3" in text
+        assert "●  rescuer1                its mind has not been seen yet" in text
+        assert "●  pi1  3 messages waiting" in text
+        assert "scout  hello there" in text
+
+    show(flying(), body)
+
+
+@pytest.mark.parametrize("size", [(20, 6), (40, 12), (80, 24), (200, 60)])
+def test_no_line_is_longer_than_the_screen_and_the_keys_stay_at_its_end(size: tuple[int, int]) -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        for _ in range(2):
+            lines = lines_of(app)
+            assert len(lines) == size[1]
+            assert max(map(len, lines)) <= size[0]
+            assert "enter" in lines[-1] or "mind" in lines[-1]
+            await pilot.press("enter")
+            await pilot.pause(0.1)
+
+    show(thinking(), body, size)
+
+
+def test_enter_looks_into_the_agent_of_the_row_and_escape_comes_back() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        assert not app.link._looked_at["scout"]
+        await pilot.press("down", "down", "enter")
+        await until(app, pilot, "INTENTIONS 1")
+        assert app.link._looked_at["scout"] == 1
+        await pilot.press("escape")
+        await until(app, pilot, "TIMELINE")
+        assert not app.link._looked_at["scout"]
+
+    show(flying(), body)
+
+
+def test_enter_on_a_robot_looks_into_its_agent() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        await pilot.press("home", "enter")
+        await until(app, pilot, "scout  reasoning  with uav1")
+
+    show(flying(), body)
+
+
+def test_a_mind_shows_stack_action_event_question_mail_and_what_was_dropped() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        await pilot.press("down", "down", "enter")
+        await until(app, pilot, "INTENTIONS 1")
+        text = text_of(app)
+        assert "4  waiting  action goto  for 10 s  scout.asl:31" in text
+        assert "     ‹ +!search" in text
+        assert "▸ goto(-27.6035123456789,-48.5182,20)  running 1.0 s  distance 45.2" in text
+        assert "EVENTS THAT WAIT 1" in text
+        assert "to rescuer1    askOne at(X)  for 5.0 s, gives up in 5.0 s" in text
+        assert "MAIL 2 TAKEN IN AND NOT READ" in text
+        assert "rescuer1 > scout  3 messages in the inbox of pi1  oldest 4.0 s" in text
+        assert "7 events" in text
+        assert "○  mission_done  done when" in text
+
+    show(thinking(), body, (80, 40))
+
+
+def test_beliefs_stand_below_who_told_them_with_their_age() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        await pilot.press("down", "down", "enter", "2")
+        await until(app, pilot, "FROM RESCUER1 1")
+        assert "   victim(3)  2.0 s" in text_of(app)
+        assert "   height(20)  40 s" in text_of(app)
+
+    show(thinking(), body)
+
+
+def test_a_decision_tells_why_when_it_is_opened() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        await pilot.press("down", "down", "enter", "3")
+        await until(app, pilot, "takeoff(20) fails  action_failed: not armed  scout.asl:9")
+        await pilot.press("enter")
+        await until(app, pilot, "chosen: +!visit(N) (missions/scout.asl:30), with N = 3")
+        assert "not @p1 +!visit(N) (missions/scout.asl:20): free(N) does not hold, with N = 3" in text_of(app)
+        await pilot.press("enter")
+        await pilot.pause(0.1)
+        assert "chosen:" not in text_of(app)
+
+    show(thinking(), body, (100, 24))
+
+
+def test_a_large_screen_shows_all_panes_of_an_agent_at_once() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        await pilot.press("down", "down", "enter")
+        await until(app, pilot, "INTENTIONS 1")
+        for words in ("1 MIND", "2 BELIEFS", "3 DECISIONS", "4 TIMELINE", "FROM RESCUER1 1"):
+            assert words in text_of(app)
+
+    show(thinking(), body, (140, 40))
+
+
+def test_left_and_right_go_to_the_next_agent() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        await pilot.press("down", "down", "enter", "left")
+        await until(app, pilot, "rescuer1  its mind has not been seen yet")
+        assert app.link._looked_at["rescuer1"] == 1
+        assert not app.link._looked_at["scout"]
+
+    show(flying(), body)
+
+
+def test_a_filter_shows_what_has_its_words_and_says_how_much_it_leaves_out() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        await pilot.press("tab", "slash", *"hello", "enter")
+        await until(app, pilot, "filter: hello")
+        assert "scout  hello there" in text_of(app)
+        assert "vehicle connected" not in text_of(app)
+        assert "left out" in text_of(app)
+        await pilot.press("escape")
+        await until(app, pilot, "vehicle connected")
+
+    show(flying(), body, (80, 30))
+
+
+def test_a_filter_may_be_given_at_the_start_and_may_hide_words() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        assert "vehicle connected" not in text_of(app)
+        assert "agentd is there" in text_of(app)
+
+    show(flying(), body, filter="there -hello")
+
+
+def test_letters_that_are_keys_may_be_written_into_a_filter() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        await pilot.press("slash", *"qh 2", "escape")
+        assert "TIMELINE" in text_of(app)
+        assert app.is_running
+
+    show(flying(), body)
+
+
+def test_a_pause_holds_the_view_while_the_fleet_goes_on() -> None:
+    fleet = flying()
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        await pilot.press("space")
+        await until(app, pilot, "PAUSED")
+        fleet.percept("scout", "state", "RTL", True, True).deed("scout", Deed(kind="print", text="going home"))
+        await pilot.pause(0.2)
+        assert "GUIDED" in text_of(app)
+        assert "going home" not in text_of(app)
+        await pilot.press("space")
+        await until(app, pilot, "going home")
+        assert "PAUSED" not in text_of(app)
+        assert "RTL" in text_of(app)
+
+    show(fleet, body)
+
+
+def test_a_lost_router_is_said_at_once_with_how_long_and_is_over_when_it_is_back() -> None:
+    fleet = flying()
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        fleet.model.router(up=False)
+        fleet.waits(12)
+        await until(app, pilot, "ROUTER LOST for 12 s: all below is as it was")
+        fleet.model.router(up=True)
+        await pilot.pause(0.2)
+        assert "ROUTER LOST" not in text_of(app)
+        assert "it answers again, after 12.0 s" in text_of(app)
+
+    show(fleet, body)
+
+
+def test_what_is_old_says_how_old_it_is() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        text = text_of(app)
+        assert "as it was 9.0 s ago: its bridged is silent" in text
+        assert "tells nothing;  +!visit(3)" in text
+
+    show(flying().waits(8), body, (160, 24))
+
+
+def test_who_is_gone_is_shown_as_gone() -> None:
+    fleet = flying().goes("scout", "agentd").waits(4)
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        assert "○  scout" in text_of(app)
+        assert "its agentd is not there (gone for 4.0 s)" in text_of(app)
+        assert "1 of 2 agents" in text_of(app)
+
+    show(fleet, body)
+
+
+def test_a_mind_that_does_not_answer_is_called_silent() -> None:
+    fleet = flying().waits(6)
+    fleet.told("scout", "agentd").model.mind_unanswered("scout", "busy")
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        assert "SILENT for 7.0 s; was:" in text_of(app)
+
+    show(fleet, body)
+
+
+def test_that_nobody_is_there_is_said_and_after_a_while_what_to_do() -> None:
+    fleet = Fleet()
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        assert "nobody of fleet sar is there yet, waiting for 0.0 s" in text_of(app)
+        fleet.model.token(keys.alive("other", "x", "agentd", "b"), alive=True)
+        fleet.waits(15)
+        await until(app, pilot, "waiting for 15 s")
+        assert "at this router there is other: --fleet NAME" in text_of(app)
+        fleet.comes("scout", "agentd")
+        await until(app, pilot, "1 of 1 agent")
+        assert "nobody" not in text_of(app)
+
+    show(fleet, body)
+
+
+def test_that_there_is_no_router_is_said_with_the_reason() -> None:
+    fleet = Fleet()
+    link = link_to(fleet)
+    link.reached, link.problem = False, "no router at tcp/127.0.0.1:7447: Nobody listens there"
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        assert "no router yet, waiting for 0.0 s: no router at tcp/127.0.0.1:7447" in text_of(app)
+
+    show(fleet, body, link=link)
+
+
+def test_a_note_of_several_robots_is_said_once() -> None:
+    fleet = flying().comes("uav2", "bridged")
+    for robot in ("uav1", "uav2"):
+        fleet.told(robot, "bridged", notes=("failsafe: none",), percepts={"scout": "x"} if robot == "uav1" else {})
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        assert "!  uav1, uav2: failsafe: none" in text_of(app)
+
+    show(fleet, body)
+
+
+def test_members_stand_in_the_order_of_their_numbers() -> None:
+    fleet = Fleet()
+    for number in (10, 2, 1):
+        fleet.comes(f"uav{number}", "bridged")
+    assert list(fleet.model.robots) == ["uav1", "uav2", "uav10"]
+
+
+def test_fifty_agents_are_scrolled_through_with_the_keys() -> None:
+    fleet = Fleet()
+    for number in range(50):
+        fleet.comes(f"agent{number:02}", "agentd").mind(f"agent{number:02}", "+!search")
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        assert "agent49" not in text_of(app).partition("TIMELINE")[0]
+        await pilot.press("end")
+        await until(app, pilot, "▌●  agent49")
+        await pilot.press("enter")
+        await until(app, pilot, "agent49  waiting")
+
+    show(fleet, body)
+
+
+def test_the_help_tells_the_keys() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        await pilot.press("question_mark")
+        await until(app, pilot, "orders nothing")
+        await pilot.press("escape")
+        await until(app, pilot, "TIMELINE")
+
+    show(flying(), body)
+
+
+@pytest.mark.parametrize("key", ["q", "ctrl+c"])
+def test_the_view_is_left_by(key: str) -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        await pilot.press(key)
+        await pilot.pause(0.2)
+        assert not app.is_running
+
+    show(flying(), body)
+
+
+def test_a_console_without_unicode_gets_plain_marks_everywhere() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        for _ in range(3):
+            assert text_of(app).isascii()
+            await pilot.press("down", "down", "enter")
+            await pilot.pause(0.1)
+
+    show(thinking(), body, glyphs=ASCII)
+
+
+@pytest.mark.parametrize(
+    ("term", "encoding", "expected"),
+    [
+        ("xterm-256color", "utf-8", UNICODE),
+        ("screen", "UTF-8", UNICODE),
+        ("linux", "utf-8", ASCII),
+        ("xterm", "ascii", ASCII),
+    ],
+)
+def test_the_marks_are_those_that_the_terminal_has(term: str, encoding: str, expected: object) -> None:
+    assert glyphs_of({"TERM": term}, encoding) is expected
+
+
+def test_what_programs_say_is_no_command_to_the_terminal() -> None:
+    fleet = flying().mind("scout", "+!evil(\x1b[2J)", state="waiting")
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        assert "\x1b" not in text_of(app)
+        await pilot.press("down", "down", "enter")
+        await until(app, pilot, "INTENTIONS 1")
+        assert "\x1b" not in text_of(app)
+
+    show(fleet, body)
