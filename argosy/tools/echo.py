@@ -42,10 +42,9 @@ def run(args: Namespace) -> int:
     """Print what is said until ctrl-C, or until nobody reads any more."""
 
     async def echo(bus: Bus, where: Where) -> int:
-        expressions = key_expressions(args.key, where.fleet)
-        ears = Ears(bus, expressions)
+        ears = Ears(bus, key_expressions(args.key, where.fleet))
         show = _raw if args.raw else _json if args.json else _line(where)
-        noticing = asyncio.create_task(_notice(bus, where, expressions))
+        noticing = asyncio.create_task(_notice(bus, where, args.key))
         try:
             await _echo(ears, show, args.count, noticing)
         finally:
@@ -69,10 +68,10 @@ async def _echo(ears: Ears, show: Callable[[Heard], str], count: int | None, not
             return
 
 
-async def _notice(bus: Bus, where: Where, expressions: list[str]) -> None:
+async def _notice(bus: Bus, where: Where, text: str | None) -> None:
     """Say who is there if nothing is heard; and which boards are not."""
     await asyncio.sleep(QUIET)
-    await tell_who_is_there(bus, where, expressions)
+    await tell_who_is_there(bus, where, text)
     for line in await unreached(bus):
         print(f"note: {line}", file=sys.stderr)
 

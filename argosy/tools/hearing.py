@@ -48,7 +48,9 @@ class Heard:
 def add_key_argument(parser: ArgumentParser) -> None:
     """Declare what is listened to."""
     what = "a key expression such as 'argosy/*/*/status/**' or 'uav/percept/*', or the name of an agent, robot or board"
-    parser.add_argument("key", nargs="?", type=_key, metavar="KEY", help=f"{what} (default: everything)")
+    parser.add_argument(
+        "key", nargs="?", type=_key, metavar="KEY", help=f"{what} (default: everything but the course of minds)"
+    )
 
 
 def _key(text: str) -> str:
@@ -62,13 +64,20 @@ def _key(text: str) -> str:
 def key_expressions(text: str | None, fleet: str) -> list[str]:
     """Return what to listen to for what a user names."""
     within = f"{keys.ROOT}/{fleet}"
-    if text is None or text == "**":
+    if text is None or _NAME.fullmatch(text):
+        return what_is_told(fleet, text or "*")
+    if text == "**":
         return [f"{within}/**"]
-    if _NAME.fullmatch(text):
-        return [f"{within}/{text}/**"]
     if text == keys.ROOT or text.startswith((f"{keys.ROOT}/", "@")):
         return [text]
     return [f"{within}/{text}", text] if "/" in text else [f"{within}/{text}"]  # robots on Zenoh have keys of their own
+
+
+def what_is_told(fleet: str, name: str = "*") -> list[str]:
+    """Return the keys on which something is put under a name, but for the course of minds, told only to who listens."""
+    rests = [channel.key.split("/")[1:] for channel in keys.CHANNELS if channel.kind == "put"]
+    kinds = {rest[0]: "/**" if len(rest) > 1 else "" for rest in rests if rest[0] != "trace"}
+    return [f"{keys.ROOT}/{fleet}/{name}/{kind}{further}" for kind, further in kinds.items()]
 
 
 class Ears:
@@ -149,10 +158,11 @@ async def names_there(bus: Bus, fleet: str) -> dict[tuple[str, str], set[str]]:
     return found
 
 
-async def tell_who_is_there(bus: Bus, where: Where, expressions: Sequence[str]) -> None:
-    """Say on stderr that nothing is heard, and who could say something."""
+async def tell_who_is_there(bus: Bus, where: Where, text: str | None) -> None:
+    """Say on stderr that nothing is heard of what a user named, and who could say something."""
     there = await names_there(bus, where.fleet)
-    quiet = f"nothing was said on {' or '.join(expressions)} within {QUIET:g} s"
+    of = "" if text is None else f" by or to `{text}`" if _NAME.fullmatch(text) else f" on {text}"
+    quiet = f"nothing was said{of} within {QUIET:g} s"
     if not there:
         of = f"fleet `{where.fleet}`" if where.fleet != ANY else "any fleet"
         who = f"nobody of {of} is on the bus at {where.router}"

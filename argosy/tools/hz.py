@@ -107,8 +107,8 @@ def run(args: Namespace) -> int:
     """Print figures until ctrl-C; with `--once` returns 1 if nothing was heard."""
 
     async def measure(bus: Bus, where: Where) -> int:
-        expressions = key_expressions(args.key, where.fleet)
-        ears, rates, loop = Ears(bus, expressions), Rates(args.window), asyncio.get_running_loop()
+        ears, rates = Ears(bus, key_expressions(args.key, where.fleet)), Rates(args.window)
+        loop = asyncio.get_running_loop()
         redraw = sys.stdout.isatty() and not args.once
         every = TABLE_EVERY if redraw else args.window
         began, heard, noticed = loop.time(), False, False
@@ -120,7 +120,7 @@ def run(args: Namespace) -> int:
             heard = heard or bool(rows)
             if not heard and not noticed and (args.once or loop.time() - began >= QUIET):
                 noticed = True
-                await tell_who_is_there(bus, where, expressions)
+                await tell_who_is_there(bus, where, args.key)
             lines = table(rows) if rows else []
             if ears.dropped or rates.left_out:
                 lines.append(f"{ears.dropped + rates.left_out} records were left out: more is said than is counted")

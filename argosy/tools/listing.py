@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from argosy.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus, unreached
 from argosy.tools.echo import put_out
-from argosy.tools.hearing import Ears, names_there
+from argosy.tools.hearing import Ears, names_there, what_is_told
 from argosy.tools.reading import candidates
 from commd.bus import Bus, BusClosed
 from commd.process import EXIT_DONE, EXIT_FAILED
@@ -82,7 +82,7 @@ def run(args: Namespace) -> int:
 async def look_around(bus: Bus, fleet: str, seconds: float) -> tuple[dict[tuple[str, str], Name], int]:
     """Listen for so many wall seconds, and ask who is there. Returns the names, and how many records were left out."""
     names: dict[tuple[str, str], Name] = {}
-    ears, known, left_out = Ears(bus, [f"{ROOT}/{fleet}/**"]), 0, 0
+    ears, known, left_out = Ears(bus, what_is_told(fleet)), 0, 0
     until = asyncio.get_running_loop().time() + seconds
 
     async def listen() -> None:
@@ -128,10 +128,17 @@ def lines_of(fleet: str, name: str, found: Name, seconds: float, types: bool) ->
                     yield f"  query  action/{action}{_types(channel, types)}"
             else:
                 yield f"  query  {rest}{_types(channel, types)}"
+    if "agentd" in found.daemons:
+        for part in ("inputs", "decisions", "deeds"):
+            kind = _record(fleet, name, f"trace/{part}") if types else ""
+            yield f"  put    trace/{part}{kind}  while somebody listens"
     for rest, (count, size) in sorted(found.said.items()):
-        record = candidates(f"{ROOT}/{fleet}/{name}/{rest}")[:1] if types else ()
-        kind = f"  {record[0].__name__}" if record else ""
-        yield f"  put    {rest}{kind}  {count / seconds:.1f} Hz, {size} B"
+        yield f"  put    {rest}{_record(fleet, name, rest) if types else ''}  {count / seconds:.1f} Hz, {size} B"
+
+
+def _record(fleet: str, name: str, rest: str) -> str:
+    found = candidates(f"{ROOT}/{fleet}/{name}/{rest}")
+    return f"  {found[0].__name__}" if found else ""
 
 
 def _serves(channel: Channel, found: Name) -> bool:

@@ -119,7 +119,8 @@ def _small(record: Record) -> str:
 
 
 def _status(status: ActionStatus) -> str:
-    figures = "".join(f" {what}={value:.4g}" for what, value in status.feedback.items())
+    progress = {} if status.final else status.feedback
+    figures = "".join(f" {what}={value:.4g}" for what, value in progress.items())
     said = f": {status.reason}" if status.reason else ""
     return f"{called(status.name or '?', status.parameters)} {status.state.replace('_', ' ')}{figures}{said}"
 

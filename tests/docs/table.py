@@ -44,7 +44,6 @@ NOT_RUN: Final[dict[Key, str]] = {
     ("docs/install.md", "scp "): "a real board",
     ("docs/install.md", "ssh "): "a real board",
     ("docs/install.md", "sudo "): "a real board: the same without sudo in tests/test_wheel.py",
-    ("docs/keys.md", "zenoh "): "zenoh-cli is no dependency",
     ("docs/search-and-rescue.md", "make rescue"): "minutes: tests/argosy/test_rescue.py",
     ("docs/search-and-rescue.md", "argosy run"): "minutes: tests/argosy/test_rescue.py",
     ("docs/search-and-rescue.md", "argosy referee"): "judges a flight of minutes: tests/argosy/test_rescue.py",
@@ -132,6 +131,11 @@ STAYS: Final[dict[Key, Stay]] = {
     ("docs/drivers.md", "python room.py"): Stay(says=""),
     ("docs/mail.md", "argosy run examples/client/survey.yaml"): Stay(says="agentd scout: up", ends="itself"),
     ("docs/keys.md", "argosy run missions/single_uav.yaml"): Stay(says="agentd uav: up"),
+    ("docs/keys.md", "zenoh "): Stay(says='"daemon": "agentd"'),
+    ("docs/looking-in.md", "argosy run by-hand.yaml"): Stay(says="agentd uav: up", ends="itself"),
+    ("docs/looking-in.md", "zenoh --mode client --config look.json5 subscribe"): Stay(
+        says="argosy/by-hand/uav/health/agentd {"
+    ),
     ("docs/manifests.md", "argosy run missions/single_uav.yaml"): Stay(says="agentd uav: up"),
     ("docs/simulated-copter.md", "bridged simulate copter"): Stay(says="copter"),
     ("docs/howto/my-robot.md", "python examples/sprayer/tank.py"): Stay(says="waits"),

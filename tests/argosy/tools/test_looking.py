@@ -109,7 +109,7 @@ def test_a_reader_that_goes_ends_it_and_so_does_ctrl_c(endpoint: str) -> None:
 def test_when_nothing_is_heard_it_is_said_who_is_there(endpoint: str) -> None:
     with talking(endpoint, tell), running("argosy", "echo", "nobody", "--router", endpoint) as echo:
         echo.says(
-            "note: nothing was said on argosy/*/nobody/** within 3 s; fleet sar has uav1",
+            "note: nothing was said by or to `nobody` within 3 s; fleet sar has uav1",
         )
         assert echo.process.poll() is None, "it goes on listening"
 
@@ -190,9 +190,9 @@ def test_list_of_nobody_fails(endpoint: str) -> None:
 @pytest.mark.parametrize(
     ("text", "expressions"),
     [
-        (None, ["argosy/f/**"]),
+        (None, [f"argosy/f/*/{rest}" for rest in ("percept/**", "status/**", "services", "manifest", "health/**")]),
         ("**", ["argosy/f/**"]),
-        ("uav", ["argosy/f/uav/**"]),
+        ("uav", [f"argosy/f/uav/{rest}" for rest in ("percept/**", "status/**", "services", "manifest", "health/**")]),
         ("uav/percept/*", ["argosy/f/uav/percept/*", "uav/percept/*"]),
         ("argosy/*/uav/**", ["argosy/*/uav/**"]),
         ("@/*/router", ["@/*/router"]),
