@@ -11,11 +11,11 @@ import pytest
 from agentd import second_life, standalone
 from agentd.clocks import VirtualClock
 from agentd.language.compile import CompiledProgram
+from agentd.mind.inputs import Input, Mail
 from agentd.paths import SourcePaths
 from agentd.run import DEEPEST_CALLS
 from agentd.second_life import Life, digest_of
 from agentd.standalone import Team
-from agentd.mind.inputs import Input, Mail
 from agentd.tracing.given_terms import UNWRITTEN
 from agentd.tracing.sources import Sources
 from agentd.wire import BadTerm, from_wire, to_wire
