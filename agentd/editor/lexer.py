@@ -28,7 +28,7 @@ from agentd.projects.tokens import TOKEN
 Piece = tuple[int, Any, str]
 
 
-class AgentSpeakLexer(Lexer):
+class AgentSpeakLexer(Lexer):  # type: ignore[misc]
     """AgentSpeak in Jason's dialect."""
 
     name = "AgentSpeak"
@@ -44,7 +44,7 @@ class AgentSpeakLexer(Lexer):
             yield at, Text.Whitespace if of is None else Error if of == BROKEN else _type(of), piece
 
 
-class ProjectLexer(Lexer):
+class ProjectLexer(Lexer):  # type: ignore[misc]
     """Project files of Jason."""
 
     name = "Jason project"

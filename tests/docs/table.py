@@ -54,6 +54,8 @@ NOT_RUN: Final[dict[Key, str]] = {
     ("docs/howto/ardupilot.md", "sudo usermod"): "changes the machine",
     ("docs/howto/from-jason-ros.md", "argosy run missions/paper_uav.yaml"): "tests/argosy/test_paper_flight.py",
     ("docs/howto/from-jason-ros.md", "argosy run missions/paper_turtle.yaml"): "tests/bridged/test_turtle.py",
+    ("docs/editor.md", "mkdir -p ~/.vscode"): "the folder of an editor",
+    ("docs/editor.md", "cp -r deploy/editor"): "the folder of an editor; what is in it: tests/agentd/test_lexers.py",
     ("docs/why.md", "argosy why"): "asks a running fleet: tests/argosy/why",
     ("docs/howto/three-boards.md", "argosy run"): "minutes: tests/argosy/test_rescue.py",
     ("docs/howto/three-boards.md", "argosy wheelhouse"): "downloads: tests/test_wheel.py",
