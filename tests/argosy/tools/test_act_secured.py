@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import subprocess
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -12,6 +15,7 @@ from commd.client import join
 from schemas import keys
 from schemas.records import Perception
 from tests.attacks.world import NAME, TEXT, World
+from tests.docs.pages import blocks
 from tests.support.secured import Secured
 
 INJECT = TEXT.replace("mission: three", "mission: three\nfleet: three\ninject: true")
@@ -61,3 +65,32 @@ def test_an_operator_tells_percepts_and_an_observer_does_not(world: World) -> No
             assert percepts.of("victim") == [(1,)]
 
     asyncio.run(body())
+
+
+def test_an_observer_lists_what_all_boards_tell(world: World, capsys: pytest.CaptureFixture[str]) -> None:
+    observer = ["--mission", str(world.fleet.path), "--keys", str(world.fleet.keys("eye"))]
+    assert main(["list", *observer]) == 0
+    out, said = capsys.readouterr()
+    assert said == ""
+    heads = [line for line in out.splitlines() if not line.startswith(" ")]
+    assert {"three/pi1  board", "three/pi2  board", "three/pi3  board", "three/r1  robot"} <= set(heads)
+    assert "  query  percept/**" in out
+
+
+def test_zenoh_cli_reads_and_acts_with_an_operators_keys_and_the_settings_of_the_page(world: World) -> None:
+    [settings] = [block.text for block in blocks("docs/looking-in.md") if "root_ca_certificate" in block.text]
+    settings = settings.replace("tls/10.0.0.11:7447", world.fleet.link("pi1"))
+    file = world.fleet.folder / "operator.json5"
+    file.write_text(settings.replace("keys/", f"{world.fleet.keys('ops')}/"))
+
+    def zenoh(*words: str) -> str:
+        tool = str(Path(sys.executable).with_name("zenoh"))
+        command = [tool, "--mode", "client", "--config", str(file), *words]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert "argosy/three/r1/alive/bridged/" in zenoh("liveliness", "get", "-k", "argosy/**")
+    asked = ("-s", "argosy/three/a/action/cmd_vel", "-v", '{"parameters":[1,0,0]}', "--decoder", "json")
+    assert '"state": "succeeded"' in zenoh("get", *asked)
+    assert zenoh("get", "-s", "argosy/three/a/percept/pose", "--decoder", "argosy").startswith("pose(")
