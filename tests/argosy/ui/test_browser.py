@@ -30,15 +30,15 @@ home(-27.604033, -48.518363).
 +wind(How) <- .print("the wind is ", How).
 """
 HELPER = """\
-+visited(N)[source(S)] <- .send(S, tell, seen(N)); !write_home.
-+!write_home <- .send(ghost, tell, hello).
--!write_home <- .print("nobody is at home").
++visited(N)[source(S)] <- .send(S, tell, seen(N)); .send(ghost, tell, hello(N)).
 """
 MISSION = """\
 mission: patrol
 agents:
   scout: {program: scout.asl, robot: uav1}
   helper: {program: helper.asl}
+clients: {ghost: {}}                                  # who never comes
+mail: {ttl: 2s}
 robots:
   uav1:
     manifest: arducopter
@@ -138,7 +138,8 @@ async def _timeline_and_mail(seen: Seen) -> None:
     await seen.page.click("#tab-mail")
     await seen.shows(".lifeline", "helper")
     await seen.shows(".letter.arrow", "tell visited(1)")
-    await seen.shows(".letter.lost", "tell hello")
+    await seen.shows(".letter.flight", "tell hello(")
+    await seen.shows(".letter.lost", "tell hello(")
     await seen.page.locator(".letter.lost").first.click()
     await seen.shows("#mail .detail", "helper → ghost")
 
