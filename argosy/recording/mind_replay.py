@@ -62,7 +62,7 @@ def run_mind(args: Namespace) -> int:
     try:
         edited = {path: _text(path) for path in args.program}
         recording = open_recording(args.file)
-        asked = [_Asked(number, life, args, edited) for number, life in _lives(recording, args)]
+        asked = [_Asked(number, life, args, edited, last) for number, life, last in _lives(recording, args)]
     except (Refused, BadRecording) as error:
         print(error if isinstance(error, Refused) else f"error: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
@@ -84,14 +84,15 @@ def _text(path: Path) -> str:
         raise Refused(str(errors)) from None
 
 
-def _lives(recording: Recording, args: Namespace) -> list[tuple[int, lives.Life]]:
-    """Return the lives that were asked for with their numbers. Raises Refused."""
+def _lives(recording: Recording, args: Namespace) -> list[tuple[int, lives.Life, bool]]:
+    """Return the lives that were asked for with their numbers, and whether others follow. Raises Refused."""
     parsed = [keys.parse(topic.key) for topic in recording.topics if topic.record == MindInputs.__name__]
     known = sorted({one[1] for one in parsed if one is not None})
     if args.mind not in known:
         there = f"there are those of {', '.join(known)}" if known else "nor of any other agent"
         raise Refused(f"error: {args.file}: there are no inputs of {args.mind} in it, {there}")
-    found = list(enumerate(recording.lives(args.mind), 1))
+    lived = recording.lives(args.mind)
+    found = [(number, life, number < len(lived)) for number, life in enumerate(lived, 1)]
     if args.life is None:
         return found
     if not 1 <= args.life <= len(found):
@@ -108,6 +109,8 @@ class _Asked:
     args: Namespace
     edited: dict[Path, str]
     """The texts of the edited program."""
+    followed: bool = False
+    """Whether another life came after it."""
     texts: dict[str, str] = field(default_factory=dict)
     """The same by the recorded paths of the files whose place they take."""
     recorded: Named = str
@@ -183,6 +186,18 @@ class _Asked:
             found += [gap for gap in recording.end.gaps if gap.startswith(f"{agent} ") and self.life.boot in gap]
         return found
 
+    def _unheard(self) -> str:
+        """Return in words until when nobody listened, so that there is nothing to compare with; empty if always."""
+        batches = self.batches
+        silent = [index for index, batch in enumerate(batches) if not batch.digest]
+        if not silent:
+            return ""
+        until = max((step.now for batch in batches[: silent[-1] + 1] for step in batch.steps), default=0.0)
+        return (
+            f"nobody listened to what it decided in {len(silent)} of {len(batches)} batches, the last one at "
+            f"{until:.1f} s: record from before the agent begins"
+        )
+
     def _nothing(self, lacks: list[str]) -> int:
         print(f"{self.name}: nothing can be proved")
         for lack in lacks:
@@ -192,9 +207,8 @@ class _Asked:
     def _tell(self, result: Result, wall: float, lacks: list[str], foreign: list[str]) -> int:
         gone_in = sum(1 for batch in self.batches for one in batch.inputs if one.cycle <= result.cycles)
         told, notes = figures(result, gone_in, wall), list(result.notes)
-        if result.proven < result.batches and not self.edited and result.difference is None:
-            lacks = [*lacks, *notes]
-            notes = []
+        if not self.edited and result.difference is None and (unheard := self._unheard()):
+            lacks, notes = [*lacks, unheard], []
         if result.difference is not None:
             print(f"{self.name}: differs: the same for {told}")
             edited, shown = bool(self.edited), self.args.show
@@ -207,6 +221,8 @@ class _Asked:
         else:
             who = f"{self.name} with {', '.join(map(str, self.edited))}" if self.edited else self.name
             print(f"{who}: agrees: {told}")
+        if self.followed:
+            notes.append("it was started again: if it was killed, its last moments, 0.25 s at most, were not recorded")
         if foreign:
             notes.append(f"{', '.join(foreign)}: Python of other packages was run again, and may have asked the world")
         for note in notes:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,7 +43,7 @@ BUYER = """\
 @leave +!offer(Item, P)[source(Who)] <- .print(P, " is too much"); .send(Who, tell, refused(Item, P)).
 """
 AGREES = re.compile(
-    r"(\w+)(?: with \S+)?: agrees: \d+ cycles, \d+ inputs, (\d+) decisions, (\d+) effects up to [\d.]+ s of mission "
+    r"(\w+)(?: with \S+)?: agrees: \d+ cycles, \d+ inputs?, (\d+) decisions, (\d+) effects up to [\d.]+ s of mission "
     r"time, in [\d.]+ s\n"
 )
 
@@ -207,7 +209,7 @@ def test_what_nobody_listened_to_is_lived_again_but_not_proved(recorded: Recorde
     code, out, _ = replayed("buyer", path=path)
     assert code == 1
     assert "agrees" not in out
-    assert "nobody listened when they were made" in out
+    assert "nobody listened to what it decided in " in out
 
 
 def test_a_mind_that_could_not_be_recorded_says_why(recorded: Recorded, replayed: Replay) -> None:
@@ -254,3 +256,53 @@ def test_a_file_that_is_no_recording_is_refused(recorded: Recorded, replayed: Re
     code, out, err = replayed("buyer", path="lamp.yaml")
     assert (code, out) == (2, "")
     assert err == "error: lamp.yaml: no MCAP file: it does not begin as one\n"
+
+
+COUNT = """\
+mission: count
+agents:
+  counter: {program: counter.asl}
+done: ["counter: enough"]
+timeout: 60s
+restart: on-failure
+"""
+COUNTER = """\
+count(0).
+!go.
++restarted(_) <- !go.
++!go : count(N) & N >= 8 <- +enough.
++!go : count(N) <- -+count(N + 1); .random(Luck); .print("at ", N, ", ", Luck); .wait(500); !go.
+"""
+
+
+def test_each_life_of_a_mind_that_was_killed_and_came_back_agrees(
+    tmp_path: Path, free_port: Callable[[], int], capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "count.yaml").write_text(COUNT, encoding="utf-8")
+    (tmp_path / "counter.asl").write_text(COUNTER, encoding="utf-8")
+    command = [sys.executable, "-m", "argosy", "run", "count.yaml", "--plain", "--record", "count.mcap"]
+    command += ["--router", f"tcp/127.0.0.1:{free_port()}"]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None
+        pid, end = 0, time.monotonic() + 60
+        try:
+            for line in running.stdout:
+                if started := re.search(r"agentd counter: started, pid (\d+)", line):
+                    pid = pid or int(started[1])
+                if "counter: at 3," in line and pid > 0:
+                    os.kill(pid, signal.SIGKILL)
+                    pid = -1
+                assert time.monotonic() < end, "the mission has not ended within 60 s"
+            assert running.wait(30) == 0
+        finally:
+            if running.poll() is None:
+                running.terminate()
+                running.wait(30)
+    capfd.readouterr()
+    assert main(["replay", str(tmp_path / "count.mcap"), "--mind", "counter"]) == 0
+    lines = capfd.readouterr().out.splitlines(keepends=True)
+    assert AGREES.fullmatch(lines[0])
+    assert lines[1].startswith("  note: it was started again")
+    assert AGREES.fullmatch(lines[2].replace(", life 2", ""))
+    assert main(["replay", str(tmp_path / "count.mcap"), "--mind", "counter", "--life", "2", "--why", "restarted"]) == 0
+    assert "+restarted(2)" in capfd.readouterr().out
