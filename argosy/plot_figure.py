@@ -6,6 +6,7 @@ import re
 import warnings
 from dataclasses import dataclass
 from io import BytesIO
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
@@ -163,9 +164,11 @@ def _table(handles: list[Any], inner: float, size: float) -> tuple[int, int]:
     """Return columns and rows of a legend: as few rows as its panel is wide enough for."""
     entries = [_LETTER * size * len(handle.get_label()) + 3.4 * size for handle in handles]
     for columns in range(len(entries), 0, -1):
-        rows = -(-len(entries) // columns)
-        if sum(max(entries[at : at + rows]) for at in range(0, len(entries), rows)) <= inner or columns == 1:
-            return columns, rows
+        rows, longer = divmod(len(entries), columns)  # matplotlib fills columns, the first ones with one more
+        ends = list(accumulate(rows + (column < longer) for column in range(columns)))
+        widths = [max(entries[begin:end]) for begin, end in pairwise([0, *ends])]
+        if sum(widths) <= inner or columns == 1:
+            return columns, rows + bool(longer)
     return 1, 0
 
 

@@ -160,7 +160,12 @@ def _bars(axes: Any, state: str, ended: bool, drawn: list[tuple[float, float, in
 def _outcome_handle(state: str) -> Any:
     colour, mark, text = OUTCOMES.get(state, OPEN)  # type: ignore[call-overload]
     if mark:
-        style: dict[str, Any] = {"markeredgecolor": INK, "markersize": 3.2, "markeredgewidth": 0.9}
+        style: dict[str, Any] = {
+            "markeredgecolor": INK,
+            "markersize": 3.2,
+            "markeredgewidth": 0.9,
+            "solid_capstyle": "butt",
+        }
         return Line2D([], [], color=colour, linewidth=4, marker=mark, label=text, **style)
     return Patch(facecolor=colour, edgecolor=INK, linewidth=0.3, hatch="" if state else "////", label=text)
 

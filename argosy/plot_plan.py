@@ -17,7 +17,7 @@ LEAST = 20.0
 """Metres that are shown at least, so that a vehicle that stays in its place is no cloud of noise."""
 SEEN = "#ffe680"
 """Colour of what was seen."""
-MARGIN = 0.54
+MARGIN = 0.57
 """Half of what is shown by what there is."""
 MOST_LABELS = 12
 """Labels of one kind of place; where there are more, none are written."""
@@ -28,7 +28,7 @@ def shape(scene: Scene) -> float:
     points = _extent(scene)
     east, north = ([point[axis] for point in points] for axis in (0, 1))
     wide, high = max(max(east) - min(east), LEAST), max(max(north) - min(north), LEAST)
-    return min(HIGHEST, max(LOWEST, (high + 0.06 * wide) / wide))
+    return min(HIGHEST, max(LOWEST, (high + 0.04 * wide) / wide))
 
 
 def plan(axes: Any, scene: Scene, ratio: float) -> list[Any]:
@@ -90,7 +90,15 @@ def _places(axes: Any, scene: Scene, origin: tuple[float, float]) -> list[Any]:
             }
             axes.plot(x, y, linestyle="none", zorder=4, **style, **look)
             if place.label and len(places) <= MOST_LABELS:
-                axes.annotate(place.label, (x, y), (3.5, 2.5), textcoords="offset points", fontsize="smaller", zorder=7)
+                axes.annotate(
+                    place.label,
+                    (x, y),
+                    (3.5, 2.5),
+                    textcoords="offset points",
+                    fontsize="smaller",
+                    zorder=7,
+                    clip_on=True,
+                )
         legend: dict[str, Any] = {
             "markerfacecolor": "none" if target else SEEN if places[0].label else "#d0d7de",
             "markeredgecolor": INK,
