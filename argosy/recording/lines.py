@@ -7,6 +7,7 @@ import sys
 from typing import Self
 
 from argosy.recording import sizes
+from argosy.recording.of_a_run import ENDED
 from argosy.recording.recorder import Recorder
 
 REFRESH = 1.0
@@ -44,7 +45,7 @@ def summary(recorder: Recorder) -> list[str]:
     """Return what is said at the end."""
     many = f"{recorder.messages} message{'' if recorder.messages == 1 else 's'} in {recorder.seconds:.1f} s"
     files = str(recorder.path) if len(recorder.files) == 1 else f"{recorder.path} and {len(recorder.files) - 1} more"
-    lines = [f"{files}: {many}, {sizes.in_words(recorder.size)}; ended: {recorder.why}"]
+    lines = [f"{files}: {many}, {sizes.in_words(recorder.size)}{ENDED}{recorder.why}"]
     if recorder.dropped:
         lines.append(f"warning: {recorder.dropped} messages did not fit and are missing")
     if recorder.unread:

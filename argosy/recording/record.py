@@ -21,6 +21,7 @@ from argosy.recording.facts import Facts
 from argosy.recording.hearing import hear, wanted_keys
 from argosy.recording.intake import Intake
 from argosy.recording.lines import StatusLine, summary
+from argosy.recording.of_a_run import STARTED
 from argosy.recording.recorder import Limits, Recorder
 from argosy.recording.writer import COMPRESSIONS
 from commd.bus import Bus
@@ -29,12 +30,16 @@ from schemas.findings import Findings
 from schemas.mission import Mission, load_mission
 from schemas.release import RELEASE
 
+ENDS = {
+    signal.SIGINT: "ctrl-C",
+    signal.SIGTERM: "told to end (SIGTERM)",
+    signal.SIGHUP: "its terminal is gone (SIGHUP)",
+}
+"""What ends a recording, and how that is told."""
 NOBODY = 5.0
 """Wall seconds of silence after which it is told that nobody is there."""
 LAST_LOOK = 5.0
 """Wall seconds for what is still missing to be asked for, when it is told to end."""
-STARTED = "recording "
-"""How the line begins that says that everything is heard from now on."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -139,8 +144,8 @@ class _Recording:
     async def run(self, fleet: str, only: list[str]) -> int:
         """Record to the end. Returns the exit code."""
         loop, recorder = asyncio.get_running_loop(), self._recorder
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            loop.add_signal_handler(number, self._tell, "ctrl-C" if number == signal.SIGINT else number.name)
+        for number, why in ENDS.items():
+            loop.add_signal_handler(number, self._tell, why)
         recorder.start(partial(loop.call_soon_threadsafe, self._ended.set))
         hear(self._bus, fleet, only, recorder.intake)
         self._asker.start()

@@ -189,7 +189,7 @@ def test_inputs_that_nobody_keeps_any_more_are_told_as_missing(endpoint: str, tm
         assert f"warning: {told}" in out.splitlines()
         found = open_recording(path)
         assert found.end is not None
-        assert (found.end.gaps, found.end.why) == ((told,), "SIGTERM")
+        assert (found.end.gaps, found.end.why) == ((told,), "told to end (SIGTERM)")
         assert found.lives()[0].missing == [1, 2]
 
     on_a_bus(endpoint, body)
