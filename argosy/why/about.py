@@ -90,7 +90,11 @@ def _deeds(memory: Memory, subject: Subject, failed: set[str]) -> Iterator[Parag
         end = ends.get(deed.id)
         if end is not None and end.state != "succeeded" and deed.text in failed:
             continue
-        yield Paragraph("action", (Line(_deed(memory, deed, end)),), deed.time)
+        places = [
+            (place, plan) for plan in memory.view.plans for use, place in plan.uses.items() if _raises(subject, use)
+        ]
+        sites = [Line(f"It stands at {at}, in the plan {plan_words(plan)}.", 1, at) for at, plan in places[:MOST_SITES]]
+        yield Paragraph("action", (Line(_deed(memory, deed, end)), *sites), deed.time)
 
 
 def _deed(memory: Memory, deed: Deed, end: Deed | None) -> str:
@@ -154,6 +158,8 @@ def _program(memory: Memory, subject: Subject, happened: bool) -> Iterator[Parag
     name = f"{sign}{subject.name}"
     remembered = f"none of the last {many(len(view.decisions), 'decision')}" if view.decisions else "no decision"
     lines.append(Line(f"{remembered[:1].upper()}{remembered[1:]} was about {name}.", 0))
+    if not sign and any(sign_of(use)[0] for _, use, _ in sites) and not any(map(subject.is_of, _beliefs(view))):
+        lines.append(Line("It is not believed now.", 0))
     if sites:
         for plan, use, place in sites[:MOST_SITES]:
             lines.append(
@@ -164,6 +170,10 @@ def _program(memory: Memory, subject: Subject, happened: bool) -> Iterator[Parag
     elif plans:
         lines.append(Line("No plan of the agent raises it: others have to ask for it.", 1))
     yield Paragraph("plan", tuple(lines))
+
+
+def _beliefs(view: MindView) -> Iterator[str]:
+    return (belief.text for belief in view.beliefs)
 
 
 def _site(use: str) -> str:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import shutil
 import sys
 from argparse import ArgumentParser, Namespace
+from pathlib import Path
 
 import msgspec
 
 from argosy.operator_bus import Where, add_fleet_arguments, on_the_bus
-from argosy.why.explaining import LAST, explain
-from argosy.why.story import plain
+from argosy.why.explaining import LAST, explain, tell
+from argosy.why.story import Explanation, plain
 from argosy.why.subject import subject_of
 from commd.bus import Bus
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE
@@ -25,6 +26,10 @@ def add_arguments(parser: ArgumentParser) -> None:
     help_ = f"tell the last N things that happened, each with how often (default {LAST})"
     parser.add_argument("--last", type=_count, default=LAST, metavar="N", help=help_)
     parser.add_argument("--json", action="store_true", help="as JSON")
+    help_ = "ask a recording of `argosy record` in place of the running fleet: the mind lives again up to --at"
+    parser.add_argument("--recording", type=Path, metavar="FILE", help=help_)
+    help_ = "with --recording: as it was at this mission second (default: at the end)"
+    parser.add_argument("--at", type=float, metavar="S", help=help_)
     add_fleet_arguments(parser, "only this fleet (default: whichever has the agent)")
 
 
@@ -43,11 +48,34 @@ def run(args: Namespace) -> int:
     except Findings as findings:
         print(findings, file=sys.stderr)
         return EXIT_BAD_INPUT
+    if args.recording is not None:
+        return _of_recording(args)
+    if args.at is not None:
+        print("error: argosy why: --at needs --recording FILE", file=sys.stderr)
+        return EXIT_BAD_INPUT
 
     async def ask(bus: Bus, where: Where) -> int:
-        told = await explain(bus, where.fleet, args.agent, args.about, args.last)
-        columns = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-        print(msgspec.json.format(msgspec.json.encode(told)).decode() if args.json else plain(told, columns))
+        _show(await explain(bus, where.fleet, args.agent, args.about, args.last), args.json)
         return EXIT_DONE
 
     return on_the_bus(args, ask)
+
+
+def _of_recording(args: Namespace) -> int:
+    from argosy.recording.reader import BadRecording  # a running fleet needs no mcap
+    from argosy.why.recorded import NotRecorded, recorded_view
+
+    try:
+        view, notes = recorded_view(args.recording, args.agent, args.at)
+    except (BadRecording, NotRecorded) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
+    _show(tell(view, args.about, last=args.last), args.json)
+    return EXIT_DONE
+
+
+def _show(told: Explanation, as_json: bool) -> None:
+    columns = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    print(msgspec.json.format(msgspec.json.encode(told)).decode() if as_json else plain(told, columns))

@@ -100,7 +100,7 @@ def _went_wrong(made: DecisionView) -> bool:
         if made.failure.error in WITHOUT_PLAN:
             return False  # that of the goal without a plan is told
         return made.failure.given_up[:1] == (without_annotations(made.event),)
-    return made.outcome == "dropped" or made.chosen is None
+    return made.outcome == "dropped" or (made.chosen is None and made.kind[-1] in "!?")
 
 
 def _is_told(cycle: int, error: str, goals: set[int]) -> bool:
