@@ -34,7 +34,7 @@ class WatchApp(App[None]):
     ]
 
     def __init__(self, link: Link, *, glyphs: Glyphs = UNICODE, filter: str = "", period: float = PERIOD) -> None:
-        super().__init__()
+        super().__init__(ansi_color=True)  # said here, so that NO_COLOR takes all colours away and not only the hues
         self.link, self.glyphs, self.filter, self.period = link, glyphs, filter, period
         self._still: TeamModel | None = None
         self.theme = "ansi-dark"  # the terminal's own colours, light or dark

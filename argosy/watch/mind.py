@@ -33,8 +33,8 @@ def title(model: TeamModel, agent: TeamAgent) -> Text:
     return joined(
         (agent.name, "bold"),
         (view.state, {"reasoning": GOOD, "paused": WARN}.get(view.state, "")),
-        (f"on {agent.board}" if agent.board else "", DIM),
-        (f"with {agent.robot}" if agent.robot else "", DIM),
+        (f"board {agent.board}" if agent.board else "", DIM),
+        (f"robot {agent.robot}" if agent.robot else "", DIM),
         f"cycle {view.cycle}",
         f"{view.time:.0f} s of mission",
         (f"lag {span(agent.lag)}", BAD if agent.lag >= 1 else DIM),

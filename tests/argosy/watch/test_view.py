@@ -136,7 +136,7 @@ def test_enter_looks_into_the_agent_of_the_row_and_escape_comes_back() -> None:
 def test_enter_on_a_robot_looks_into_its_agent() -> None:
     async def body(app: WatchApp, pilot: Pilot[None]) -> None:
         await pilot.press("home", "enter")
-        await until(app, pilot, "scout  reasoning  with uav1")
+        await until(app, pilot, "scout  reasoning  robot uav1")
 
     show(flying(), body)
 

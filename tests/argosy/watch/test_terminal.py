@@ -1,0 +1,157 @@
+"""`argosy watch` as a user runs it: in a real terminal, with a real fleet."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.argosy.conftest import Start
+from tests.argosy.team.test_watcher import crowd_of
+from tests.argosy.watch.terminal import Terminal
+
+ROUTER = """
+import asyncio, sys, time
+from commd.bus import open_bus
+async def serve():
+    async with open_bus(sys.argv[1], fleet="crowd", name="board", daemon="commd", stamp=time.time_ns, mode="router"):
+        print("there", flush=True)
+        await asyncio.sleep(600)
+asyncio.run(serve())
+"""
+COLOUR = re.compile(rb"\x1b\[[0-9;]*(3[0-7]|38;[25]|9[0-7])[0-9;]*m")
+
+
+@pytest.fixture
+def router(endpoint: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A router in a process of its own."""
+    process = _router(endpoint)
+    yield process
+    process.kill()
+    process.wait()
+
+
+def _router(endpoint: str) -> subprocess.Popen[bytes]:
+    process = subprocess.Popen([sys.executable, "-c", ROUTER, endpoint], stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    assert process.stdout.readline() == b"there\n"
+    return process
+
+
+def watch(endpoint: str, *arguments: str, **terminal: object) -> Terminal:
+    return Terminal(["argosy", "watch", "--router", endpoint, *arguments], **terminal)  # type: ignore[arg-type]
+
+
+def test_a_real_flight_is_watched_and_its_agent_looked_into(single_uav: Path, endpoint: str, start: Start) -> None:
+    running = start(single_uav, "--speed", "3", "--plain", real_daemons=True)
+    with watch(endpoint, "--mission", str(single_uav), columns=120, lines=24) as terminal:
+        terminal.shows("1 of 1 agent  1 of 1 robot  1 of 1 board")
+        terminal.until(lambda text: re.search(r"uav1  GUIDED +armed", text) is not None, "the vehicle flies")
+        terminal.until(lambda text: re.search(r"● +uav +waiting +1 +\+!", text) is not None, "the agent's intention")
+        terminal.shows("▸ goto(")
+        terminal.press("\r")
+        terminal.shows("INTENTIONS 1")
+        terminal.shows("‹ +!fly_mission")
+        terminal.press("2")
+        terminal.shows("FROM PERCEPT")
+        terminal.press("3")
+        terminal.shows("+!fly_mission  by uav.asl:")
+        terminal.press("\x1b")
+        terminal.shows("TIMELINE")
+        terminal.press("q")
+        assert terminal.end() == 0
+    assert running.process.poll() is None, "the flight goes on"
+
+
+def test_a_router_that_is_lost_is_said_at_once_and_comes_back_by_itself(endpoint: str) -> None:
+    first = _router(endpoint)
+    try:
+        with watch(endpoint) as terminal, crowd_of(2, endpoint):
+            terminal.shows("2 of 2 agents  2 of 2 robots")
+            first.kill()
+            first.wait()
+            terminal.shows("ROUTER LOST for", 20)
+            terminal.until(lambda text: re.search(r"ROUTER LOST for [3-9]", text) is not None, "how long")
+            assert "2 of 2 agents" in terminal.text, "what was known last stays"
+            first = _router(endpoint)
+            terminal.until(lambda text: "ROUTER LOST" not in text, "the banner goes")
+            terminal.shows("it answers again")
+            terminal.press("q")
+            assert terminal.end() == 0
+    finally:
+        first.kill()
+        first.wait()
+
+
+def test_without_a_router_it_waits_visibly_and_begins_when_one_comes(endpoint: str) -> None:
+    with watch(endpoint) as terminal:
+        terminal.shows("no router yet, waiting for")
+        terminal.shows("Nobody listens there")
+        router = _router(endpoint)
+        try:
+            terminal.shows("nobody is there yet, waiting for")
+            with crowd_of(1, endpoint):
+                terminal.shows("1 of 1 agent")
+            terminal.press("\x03")
+            assert terminal.end() == 0
+        finally:
+            router.kill()
+            router.wait()
+
+
+def test_it_can_be_left_while_it_dials(endpoint: str) -> None:
+    with watch(endpoint) as terminal:
+        terminal.shows("no router yet")
+        terminal.press("q")
+        assert terminal.end() == 0
+
+
+@pytest.mark.parametrize("term", ["xterm-256color", "screen", "linux"])
+def test_it_works_in_terminals_of_all_kinds_and_follows_their_size(
+    router: subprocess.Popen[bytes], endpoint: str, term: str
+) -> None:
+    with crowd_of(2, endpoint), watch(endpoint, TERM=term) as terminal:
+        terminal.shows("+!visit(3)")
+        terminal.until(lambda text: text.count("GUIDED") == 2, "the vehicles")
+        assert (">" if term == "linux" else "▌") in terminal.text
+        assert COLOUR.search(terminal.output)
+        terminal.size(50, 12)
+        terminal.until(lambda text: "space pause" in text.splitlines()[-1], "the keys at the new end")
+        terminal.size(140, 40)
+        terminal.until(lambda text: "q quit" in text.splitlines()[-1], "the keys at the new end")
+        terminal.press("j\r")
+        terminal.shows("2 BELIEFS")
+        terminal.shows("seen(0,-27.6,-48.5)")
+        terminal.press("q")
+        assert terminal.end() == 0
+        if term == "linux":
+            assert not re.search(rb"\x1b\[[0-9;]*38;[25]", terminal.output), "eight colours are what it has"
+
+
+def test_no_color_is_honoured(router: subprocess.Popen[bytes], endpoint: str) -> None:
+    with crowd_of(1, endpoint), watch(endpoint, NO_COLOR="1") as terminal:
+        terminal.shows("+!visit(3)")
+        terminal.press("j\r")
+        terminal.shows("INTENTIONS 3")
+        terminal.press("q")
+        assert terminal.end() == 0
+        assert not COLOUR.search(terminal.output)
+
+
+def test_in_a_pipe_it_says_what_to_use_instead(endpoint: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "argosy", "watch", "--router", endpoint], capture_output=True, stdin=subprocess.DEVNULL
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith(b"error: argosy watch needs a terminal")
+
+
+def test_a_mission_that_cannot_be_read_is_told_in_a_line() -> None:
+    done = subprocess.run([sys.executable, "-m", "argosy", "watch", "--mission", "nowhere"], capture_output=True)
+    assert done.returncode == 2
+    assert b"no such file" in done.stderr
+    assert b"Traceback" not in done.stderr
