@@ -39,7 +39,7 @@ STEP_CYCLES: Final = 20
 class Stretch:
     """A stretch of a life: one batch."""
 
-    __slots__ = ("decided", "digest", "firsts", "inputs", "last", "lines", "number", "times", "weight")
+    __slots__ = ("decided", "digest", "firsts", "inputs", "last", "lines", "number", "times", "told", "weight")
 
     def __init__(self, number: int, listened: bool) -> None:
         self.number = number
@@ -53,6 +53,8 @@ class Stretch:
         """What was decided and done, while somebody listens."""
         self.decided, self.digest = 0, ""
         """So many lines there were, and their digest."""
+        self.told = listened
+        """Whether it is told as it ends."""
 
     def end(self, last: int) -> None:
         """It ends with this cycle."""
@@ -147,6 +149,7 @@ class Course:
             self._open = Stretch(self._open.number + 1, True)
             self._looks, self._step_at = -1, -1.0
         self._open.lines = [] if self.listened else None
+        self._open.told = self.listened
         if not self.listened and self._kept is None:
             self.on = False
 
@@ -176,6 +179,13 @@ class Course:
         if not self.listened:
             self.dropped += self._kept_inputs
             self.on = False
+
+    def untold(self) -> list[Stretch]:
+        """Return the batches since birth that were not told as they ended, each once."""
+        found = [stretch for stretch in self._kept or () if not stretch.told]
+        for stretch in found:
+            stretch.told = True
+        return found
 
     def since_birth(self) -> Iterator[MindInputs] | None:
         """Return all batches since birth; None if the beginning has been dropped."""

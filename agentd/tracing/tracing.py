@@ -26,6 +26,7 @@ from commd.clock import Clock
 from schemas import keys
 from schemas.codec import BadRecord
 from schemas.minds import Deed, MindDecisions, MindDeeds, MindInputs
+from schemas.records import Header
 
 log = logging.getLogger("trace")
 
@@ -69,6 +70,7 @@ class Tracing:
         self.lost = 0
         """Batches that could not be put."""
         self._bus, self._clock, self._mind, self._spawn = bus, clock, mind, spawn
+        self._life = life
         self._heard: set[Channel] = set()
         self._flushing = False
         self._per_view = 0.0001
@@ -161,6 +163,8 @@ class Tracing:
             case "inputs":
                 self.course.listen(self._put if somebody else None)
                 self._count()
+                if somebody:
+                    self._spawn(self._put_kept())
             case "decisions":
                 self._count()
             case "deeds":
@@ -214,13 +218,24 @@ class Tracing:
 
     def _put(self, stretch: Stretch) -> None:
         record = self.course.record(stretch)
-        self._bus.put(self._keys["inputs"], _headed(record, self._bus, self._mind.name))
+        self._bus.put(self._keys["inputs"], msgspec.structs.replace(record, header=self._header("inputs")))
+
+    async def _put_kept(self) -> None:
+        """Tell what was kept while nobody listened, without a long turn."""
+        for stretch in self.course.untold():
+            self._put(stretch)
+            await asyncio.sleep(0)
+
+    def _header(self, channel: Channel) -> Header:
+        """The next header on a channel; its `boot` is this life of the agent, of which a process may have several."""
+        header = self._bus.header(f"trace/{channel}", self._mind.name)
+        return msgspec.structs.replace(header, boot=self._life)
 
     def _put_deeds(self) -> None:
         deeds, left_out = self.deeds.take()
         if deeds or left_out:
             agent, now, speed = self._mind.name, self._clock.now(), self._clock.speed
-            header = self._bus.header("trace/deeds", agent)
+            header = self._header("deeds")
             record = MindDeeds(header=header, agent=agent, deeds=deeds, left_out=left_out, now=now, speed=speed)
             self._bus.put(self._keys["deeds"], record)
 
@@ -234,7 +249,7 @@ class Tracing:
             return
         begin = perf_counter()
         decisions, failures = decisions_of(mind, Look(last=shown))
-        header = self._bus.header("trace/decisions", mind.name)
+        header = self._header("decisions")
         record = MindDecisions(
             header=header,
             agent=mind.name,
@@ -258,12 +273,8 @@ class Tracing:
             return
         for batch in batches:
             try:
-                query.reply(_headed(batch, self._bus, self._mind.name), self._keys["inputs"])
+                query.reply(msgspec.structs.replace(batch, header=self._header("inputs")), self._keys["inputs"])
             except BadRecord as bad:
                 query.reply_error(str(bad))
                 return
             await asyncio.sleep(0)
-
-
-def _headed(record: MindInputs, bus: Bus, agent: str) -> MindInputs:
-    return msgspec.structs.replace(record, header=bus.header("trace/inputs", agent))

@@ -18,6 +18,8 @@ class Recorder:
     def __init__(self, bus: Bus, agent: str, *channels: str) -> None:
         """`channels`: those that are listened to; all if none are named."""
         self.batches: dict[int, MindInputs] = {}
+        self.life = ""
+        """The first life that it has heard of: further ones are left out."""
         self.decided: list[MindDecisions] = []
         self.told: list[MindDeeds] = []
         self._bus, self._agent = bus, agent
@@ -32,7 +34,9 @@ class Recorder:
             bus.subscribe(keys.trace(bus.fleet, agent, "deeds"), MindDeeds, lambda _, some: self.told.append(some))
 
     def _take(self, batch: MindInputs) -> None:
-        self.batches[batch.number] = batch
+        self.life = self.life or batch.header.boot
+        if batch.header.boot == self.life:
+            self.batches[batch.number] = batch
 
     async def catch_up(self) -> str:
         """Ask for what has been before; returns why there is none, empty if there is."""
