@@ -38,8 +38,12 @@ class Observer:
         """Set when somebody came who has percepts to tell, or through whom they come."""
         bus.watch(keys.alive(fleet, "*", "*", "*"), self._token)
         bus.subscribe(keys.health(fleet, "*", "*"), Health, picture.heard_health)
-        bus.subscribe(keys.percept(fleet, "*", "*"), Perception, picture.percept)
+        bus.subscribe(keys.percept(fleet, "*", "*"), Perception, self._percept)
         bus.subscribe(keys.status(fleet, "*", "*"), ActionStatus, picture.status)
+
+    def _percept(self, key: str, percept: Perception) -> None:
+        if percept.header.source:  # what people tell an agent by hand is nothing that its vehicle has told
+            self.picture.percept(key, percept)
 
     def _token(self, key: str, alive: bool) -> None:
         self.picture.token(key, alive)

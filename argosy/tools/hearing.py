@@ -91,7 +91,7 @@ class Ears:
         self._lock, self._called = Lock(), asyncio.Event()
         self._known: dict[tuple[str, int], None] | None = {} if isinstance(bus, FleetBus) else None
         """With several boards: what one of them has told."""
-        self._expressions = expressions
+        self._expressions, self._held = expressions, list[object]()
         if isinstance(bus, FleetBus):
             bus.boards.at_each(lambda _, its: self._listen(its))
         else:
@@ -120,7 +120,7 @@ class Ears:
 
     def _listen(self, bus: Bus) -> None:
         for expression in self._expressions:
-            bus.raw.tap(expression, self._take)
+            self._held.append(bus.raw.tap(expression, self._take))
 
     def _take(self, sample: zenoh.Sample) -> None:
         """On a thread of Zenoh's."""

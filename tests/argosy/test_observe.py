@@ -14,8 +14,10 @@ from argosy.observe import Observer
 from argosy.picture import Picture
 from commd import reminding
 from commd.bus import open_bus
+from schemas import keys
 from schemas.mission import read_mission
-from tests.support.buses import FLEET, session, until
+from schemas.records import Perception
+from tests.support.buses import FLEET, Connect, on_a_bus, session, subscribed, until
 
 MISSION = f"mission: {FLEET}\nagents: {{a: {{program: a.asl}}}}\n"
 
@@ -54,3 +56,22 @@ def test_that_the_router_is_away_and_back_is_told_in_the_run_and_in_the_log(
     asyncio.run(body())
     assert re.search(r"router back after=\d+\.\ds", caplog.text)
     assert caplog.text.count("router up") == 1
+
+
+def test_what_an_agent_is_told_by_hand_is_not_taken_for_its_vehicle(endpoint: str) -> None:
+    robot = "robots: {r: {manifest: arducopter, link: x}}"
+    text = MISSION.replace("a.asl", "a.asl, robot: r") + robot
+    picture = Picture(read_mission(text, Path("m.yaml")), Journal(lambda: 0.0), lambda: 0.0)
+
+    async def body(connect: Connect) -> None:
+        Observer(await connect("argosy", "argosy"), picture)
+        bridge, key = await connect("r", "bridged"), keys.percept(FLEET, "a", "altitude")
+        await subscribed(bridge, key)
+        bridge.put(key, Perception(header=bridge.header("percepts"), name="altitude", parameters=(5.0,)))
+        await until(lambda: picture.robots["r"].altitude == 5.0, "the vehicle's altitude is seen")
+        bridge.put(key, Perception(parameters=(99.0,)))
+        bridge.put(key, Perception(header=bridge.header("percepts"), name="altitude", parameters=(6.0,)))
+        await until(lambda: picture.robots["r"].altitude != 5.0, "the next one is seen")
+        assert picture.robots["r"].altitude == 6.0
+
+    on_a_bus(endpoint, body)
