@@ -64,6 +64,8 @@ def difference_lines(
         yield "what came in last before it:"
         yield from (f"  {_short(line)}" for line in inputs)
     most = max(0, shown)
+    if _alike(difference.recorded, difference.replayed):
+        yield "the same plan is chosen, but its body is another one"
     yield from _side("recorded", difference.recorded, difference.recorded_next[:most], recorded)
     yield from _side("edited" if edited else "now", difference.replayed, difference.replayed_next[:most], other)
 
@@ -80,6 +82,15 @@ def _side(who: str, act: Act | None, following: tuple[Act, ...], name: Named) ->
     if following:
         yield "  then"
         yield from (f"    {_short(name(f'{one.time:.3f} s  {one.text}'))}" for one in following)
+
+
+def _alike(one: Act | None, other: Act | None) -> bool:
+    """Whether two decisions are the same in words, places aside: the body of the plan was edited then."""
+    if one is None or other is None or one.decision is None or other.decision is None:
+        return False
+    made = one.decision, other.decision
+    heads = [(d.event, d.chosen.label, d.chosen.trigger, len(d.rejected)) for d in made if d.chosen is not None]
+    return len(heads) == 2 and heads[0] == heads[1]
 
 
 def told_decision(at: float, decision: DecisionView, name: Named) -> Iterator[str]:
