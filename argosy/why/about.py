@@ -10,7 +10,7 @@ from argosy.why.mails import MailFacts, question_paragraph
 from argosy.why.memory import Memory
 from argosy.why.present import doing, dropped, failure_paragraph
 from argosy.why.story import Line, Paragraph
-from argosy.why.subject import Subject, taken_apart
+from argosy.why.subject import Subject, parts_of
 from argosy.why.words import ago, event_words, failure_words, many, plan_words, shown, sign_of, span
 from schemas.minds import BeliefView, Deed, FailureView, IntentionView, MindView, PlanView
 from schemas.positions import did_you_mean
@@ -202,8 +202,7 @@ def _reason(message: str) -> str:
 
 
 def _fits(subject: Subject, plan: PlanView, sign: str = "") -> bool:
-    its, rest = sign_of(plan.trigger)
-    name, args = taken_apart(rest.partition("[")[0] if "(" not in rest else rest[: rest.rfind(")") + 1])
+    its, name, args = parts_of(plan.trigger)
     if name != subject.name or (subject.arity is not None and len(args) != subject.arity):
         return False
     return its == sign if sign else not subject.goal or subject.goal in its
@@ -214,17 +213,17 @@ def _raises(subject: Subject, use: str) -> bool:
 
 
 def _indicator(text: str) -> str:
-    name, args = taken_apart(text.partition("[")[0] if "(" not in text else text[: text.rfind(")") + 1])
+    _, name, args = parts_of(text)
     return f"{name}/{len(args)}"
 
 
 def names_of(view: MindView) -> list[str]:
     """All that can be asked about: goals, beliefs and actions of the agent."""
     names = {made.name.rpartition("/")[0] for made in view.decisions}
-    names |= {taken_apart(sign_of(plan.trigger)[1].partition("[")[0])[0] for plan in view.plans}
+    names |= {parts_of(plan.trigger)[1] for plan in view.plans}
     names |= {sign_of(use)[1].rpartition("/")[0] for plan in view.plans for use in plan.uses}
-    names |= {taken_apart(belief.text.partition("[")[0])[0] for belief in view.beliefs}
-    names |= {taken_apart(deed.text)[0] for deed in view.actions}
+    names |= {parts_of(belief.text)[1] for belief in view.beliefs}
+    names |= {parts_of(deed.text)[1] for deed in view.actions}
     return sorted(name for name in names if name)
 
 

@@ -9,7 +9,7 @@ from argosy.why.causes import raiser_words
 from argosy.why.deciding import waited_for
 from argosy.why.memory import Memory
 from argosy.why.story import Line, Paragraph
-from argosy.why.subject import taken_apart
+from argosy.why.subject import parts_of
 from argosy.why.words import ago, event_words, failure_words, plan_words, rejected_words, shown, span
 from schemas.minds import DecisionView, MindView, QuestionView
 from schemas.positions import did_you_mean
@@ -39,7 +39,7 @@ def question_paragraph(memory: Memory, question: QuestionView, facts: MailFacts)
     head = f"{ago(memory.now, question.asked)}: asked {question.receiver}{at}: {what}. No answer has come."
     lines = [Line(head, 0, question.position)]
     goal = next((i.stack[0] for i in memory.view.intentions if i.id == question.intention and i.stack), "")
-    who = raiser_words(goal) if goal else "the plan"
+    who = raiser_words(goal) if goal else "The plan"
     if question.until is None:
         lines.append(Line(f"{who} waits for it without a limit.", 1))
     else:
@@ -64,7 +64,7 @@ def _whereabouts(agent: str, question: QuestionView, facts: MailFacts) -> Iterat
     if mind is None:
         if home is None and facts.homes:
             hint = did_you_mean(receiver, facts.homes)
-            yield f"No board knows an agent `{receiver}`{hint}: there are {', '.join(sorted(facts.homes))}.", ""
+            yield f"No board knows an agent `{receiver}`{hint}{'' if hint.endswith('?') else '.'}", ""
         elif home is not None and home in facts.silent:
             yield f"{receiver} lives on {home}, which does not answer: {facts.silent[home]}.", ""
         else:
@@ -101,7 +101,7 @@ def _with_receiver(agent: str, question: QuestionView, mind: MindView, facts: Ma
     if mind.mailbox:
         yield f"{receiver} has it, and has not read it yet: {mind.mailbox} messages wait to be read.", ""
         return
-    name, args = taken_apart(question.content)
+    _, name, args = parts_of(question.content)
     made = _decision(agent, name, len(args), mind)
     if made is not None:
         yield from _decided(receiver, made, mind)

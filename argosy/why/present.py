@@ -9,7 +9,7 @@ from argosy.why.causes import cause_lines, raiser_words
 from argosy.why.deciding import aftermath, waited_for
 from argosy.why.memory import Memory
 from argosy.why.story import Line, Paragraph
-from argosy.why.subject import taken_apart
+from argosy.why.subject import parts_of
 from argosy.why.words import (
     ANSWERING,
     ago,
@@ -77,8 +77,8 @@ def _shape(intention: IntentionView) -> tuple[object, ...]:
 
 
 def _name(event: str) -> str:
-    sign, rest = sign_of(without_annotations(event))
-    return sign + taken_apart(rest)[0]
+    sign, name, _ = parts_of(event)
+    return sign + name
 
 
 def intention_lines(memory: Memory, intention: IntentionView) -> Iterator[Line]:

@@ -36,8 +36,7 @@ class Subject:
 
     def is_of(self, text: str) -> bool:
         """Whether an event, belief or formula written out is one that was asked about."""
-        sign, rest = sign_of(without_annotations(text))
-        name, args = taken_apart(rest)
+        sign, name, args = parts_of(text)
         if name != self.name or (self.arity is not None and self.arity != len(args)):
             return False
         if self.goal and sign and self.goal not in sign:
@@ -61,6 +60,12 @@ def subject_of(text: str) -> Subject:
         arity = len(args)
     goal = "!" if "!" in sign else "?" if "?" in sign else ""
     return Subject(text.strip(), written["name"], arity, args, goal, sign.startswith("-"))
+
+
+def parts_of(text: str) -> tuple[str, str, tuple[str, ...]]:
+    """Sign, functor and arguments of an event, a belief or a formula: `+!`, `go` and `3` of `+!go(3)[source(bob)]`."""
+    sign, rest = sign_of(without_annotations(text))
+    return (sign, *taken_apart(rest))
 
 
 def taken_apart(text: str) -> tuple[str, tuple[str, ...]]:
