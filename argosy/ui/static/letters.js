@@ -14,7 +14,9 @@ export class Letters {
     this.told = el("span", { class: "dim" });
     this.detail = el("div", { class: "detail data", role: "status" });
     this.heads = el("div", { class: "lifelines" });
-    this.chart = svg("svg", { class: "chart", role: "img", "aria-label": "messages between agents" });
+    this.lives = svg("g", {});
+    this.arrows = svg("g", {});
+    this.chart = svg("svg", { class: "chart", role: "group", "aria-label": "messages between agents" }, this.lives, this.arrows);
     this.scroll = el("div", { class: "scroll letters", tabindex: "0", "aria-label": "sequence chart" }, this.heads, this.chart);
     this.scroll.addEventListener("scroll", () => (this._bottom = this.scroll.scrollHeight - this.scroll.scrollTop - this.scroll.clientHeight < 30));
     this._bottom = true;
@@ -60,35 +62,44 @@ export class Letters {
     const height = TOP + inView.length * ROW + 10;
     put(this.chart, "width", width);
     put(this.chart, "height", height);
-    const shapes = lines.map((name) => svg("line", { class: "life", x1: x.get(name), x2: x.get(name), y1: 0, y2: height }));
-    inView.forEach((letter, index) => shapes.push(this._arrow(letter, x, TOP + (index + 0.7) * ROW, gap, now)));
-    this.chart.replaceChildren(...shapes);
+    keyed(this.lives, lines, (name) => name, () => svg("line", { class: "life", y1: 0 }), (life, name) => {
+      for (const [end, value] of Object.entries({ x1: x.get(name), x2: x.get(name), y2: height })) put(life, end, value);
+    });
+    // An arrow is drawn anew when something of it changes; the others stay, with the focus.
+    const rows = inView.map((letter, index) => ({ letter, key: [letter.number, x.get(letter.sender), x.get(letter.receiver), this._state(letter, now).join()].join(), index }));
+    keyed(this.arrows, rows, (row) => row.key, ({ letter }) => this._arrow(letter, x, gap, now), (group, { index }) => put(group, "transform", `translate(0 ${TOP + (index + 0.7) * ROW})`));
     if (inView.length === 0) say(this.detail, all ? "" : "no message between agents yet");
     if (this._bottom) this.scroll.scrollTop = this.scroll.scrollHeight;
   }
 
-  _arrow(letter, x, y, gap, now) {
+  // How a message is, and what is to be said of it besides its content.
+  _state(letter, now) {
+    if (letter.undelivered) return ["lost", `  ${letter.undelivered}`];
+    if (isFlying(letter)) {
+      const age = letter.sent ? now - letter.sent : 0;
+      return ["flight", age > FLIGHT ? `  on its way for ${span(age)}` : ""];
+    }
+    const late = letter.sent && letter.received ? letter.received - letter.sent : 0;
+    return ["arrow", late > FLIGHT ? `  took ${span(late)}` : ""];
+  }
+
+  _arrow(letter, x, gap, now) {
     const from = x.get(letter.sender), to = x.get(letter.receiver);
-    const state = letter.undelivered ? "lost" : isFlying(letter) ? "flight" : "arrow";
+    const [state, more] = this._state(letter, now);
     const direction = to > from ? 1 : -1;
     const self = from === to;
     const end = self ? from + 24 : letter.undelivered ? from + (to - from) * 0.62 : to;
     const told = `${letter.performative} ${letter.content}`;
-    const late = letter.sent && letter.received ? letter.received - letter.sent : 0;
-    const age = state === "flight" && letter.sent ? now - letter.sent : 0;
-    const more = letter.undelivered ? `  ${letter.undelivered}` : age > FLIGHT ? `  on its way for ${span(age)}` : late > FLIGHT ? `  took ${span(late)}` : "";
     const room = Math.max(8, Math.floor(((self ? gap : Math.abs(to - from)) - 16) / 5.9));
-    const group = svg("g", { class: `letter ${state}`, tabindex: "0", "data-id": letter.id, style: { "--tone": toneOf(this._wire.get(`agent/${letter.sender}`)?.robot || letter.sender) } });
     const time = this._time(letter.sent ?? letter.received);
-    group.append(
+    const tip = letter.undelivered ? `M${end - 5} -5L${end + 5} 5M${end - 5} 5L${end + 5} -5` : `M${end - 7 * direction} -4L${end} 0L${end - 7 * direction} 4`;
+    const group = svg("g", { class: `letter ${state}`, tabindex: "0", role: "button", "data-id": letter.id, style: { "--tone": toneOf(this._wire.get(`agent/${letter.sender}`)?.robot || letter.sender) } },
       svg("title", {}, `${letter.sender} → ${letter.receiver}: ${told}${more}`),
-      svg("rect", { class: "hit", x: 0, y: y - ROW * 0.7, width: "100%", height: ROW }),
-      svg("text", { class: "time", x: 4, y: y + 3 }, time),
-      svg("line", { x1: from, x2: end, y1: y, y2: y }),
-      letter.undelivered
-        ? svg("path", { class: "end", d: `M${end - 5} ${y - 5}L${end + 5} ${y + 5}M${end - 5} ${y + 5}L${end + 5} ${y - 5}` })
-        : svg("path", { class: "end", d: `M${end - 7 * direction} ${y - 4}L${end} ${y}L${end - 7 * direction} ${y + 4}` }),
-      svg("text", { class: "content", x: self ? from + 28 : (from + to) / 2, y: y - 5, "text-anchor": self ? "start" : "middle" }, shortened(told + more, room)),
+      svg("rect", { class: "hit", x: 0, y: -ROW * 0.7, width: "100%", height: ROW }),
+      svg("text", { class: "time", x: 4, y: 3 }, time),
+      svg("line", { x1: from, x2: end, y1: 0, y2: 0 }),
+      svg("path", { class: "end", d: tip }),
+      svg("text", { class: "content", x: self ? from + 28 : (from + to) / 2, y: -5, "text-anchor": self ? "start" : "middle" }, shortened(told + more, room)),
     );
     const show = () => this._show(letter, told, more, time);
     group.addEventListener("click", show);

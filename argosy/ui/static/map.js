@@ -7,6 +7,7 @@ const L = window.L;
 const METRES = 111320; // of a degree of latitude
 const MOST_POINTS = 2000; // of a track
 const STEP = 0.5; // m that a vehicle moves before its track gets a point
+const LETTER = 6.2; // px of a character of a label, about
 const CROWD = 12; // with more vehicles, only the chosen one tells all on its label
 
 export class FleetMap {
@@ -50,6 +51,7 @@ export class FleetMap {
     if (changed.has("tracks")) for (const vehicle of this.vehicles.values()) vehicle.begun = false;
     const targets = new Map();
     for (const mark of wire.get("marks")?.marks ?? []) if (mark.kind === "target") targets.set(mark.agents[0], mark);
+    put(this.map.getContainer(), "data-crowd", robots.length > CROWD);
     for (const robot of placed) this._vehicle(robot, wire, targets, selected, robots.length > CROWD);
     for (const [name, vehicle] of this.vehicles) if (!placed.some((robot) => robot.name === name)) this._forget(name, vehicle);
     if (changed.has("marks") || !this._marked) this._marks(wire.get("marks"));
@@ -185,11 +187,7 @@ export class FleetMap {
     for (const { at } of vehicles) taken.push([at.x - 9, at.y - 9, at.x + 9, at.y + 9]);
     for (const { vehicle, at } of vehicles) {
       const text = vehicle.label.textContent;
-      if (vehicle.sized !== text) {
-        vehicle.sized = text;
-        vehicle.size = [vehicle.label.offsetWidth, vehicle.label.offsetHeight];
-      }
-      const [width, height] = vehicle.size;
+      const [width, height] = [text.length * LETTER + 10, 16]; // asking the browser would make it lay out the page
       const places = [[13, -height / 2], [-13 - width, -height / 2], [-width / 2, 12], [-width / 2, -12 - height], [13, 10], [13, -10 - height], [-13 - width, 10], [-13 - width, -10 - height], [13, 28], [13, -28 - height]];
       const free = ([dx, dy]) => taken.every(([left, top, right, bottom]) => at.x + dx + width < left || at.x + dx > right || at.y + dy + height < top || at.y + dy > bottom);
       if (vehicle.place && free(vehicle.place)) vehicle.chosen = vehicle.place;

@@ -11,7 +11,7 @@ const KINDS = {
   fleet: ["came", "went", "told", "operator"],
 };
 const SIGNS = { action: "▸", outcome: "▪", print: "“", log: "≡", sent: "", received: "", undelivered: "✕", operator: "!", came: "+", went: "−", told: "·" };
-const ROWS = 400;
+const ROWS = 300;
 
 export class Timeline {
   constructor(element, actions) {
