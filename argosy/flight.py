@@ -158,11 +158,14 @@ class Flight:
         """Wait until a recorder hears everything: agents that come later are recorded from their birth on."""
         recording = self.status.setup.recording
         for child in recorders:
-            await self._wait_for(child.name, lambda child=child: self.status.serves(child) or not child.alive)  # type: ignore[misc]
+            with suppress(StartupFailed):
+                await self._wait_for(child.name, lambda child=child: self.status.serves(child) or not child.alive)  # type: ignore[misc]
             if self.status.serves(child):
                 self._journal.add(child.name, "up", "good")
             elif recording is not None and recording.asked_for:
                 raise StartupFailed(f"{child.name} {child.how_it_ended()}")
+            elif child.alive:
+                self._journal.add(child.name, f"has not begun within {STARTUP_PATIENCE:g} s", "warning")
 
     async def _heartbeats(self) -> None:
         for name, robot in self._mission.robots.items():

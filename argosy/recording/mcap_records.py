@@ -115,7 +115,10 @@ def _decoded(opcode: int, length: int, file: BinaryIO) -> Iterator[Schema | Chan
 
 
 def _of_chunk(chunk: Chunk) -> Iterator[Schema | Channel | Message]:
-    stream, size = get_chunk_data_stream(chunk)
+    try:
+        stream, size = get_chunk_data_stream(chunk)
+    except Exception as error:  # each compression has errors of its own
+        raise ValueError(f"a chunk cannot be unpacked: {error}") from None
     data = stream.read(size)
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
         raise ValueError("a chunk has another checksum")

@@ -55,6 +55,8 @@ class Player:
     figures: Figures = field(default_factory=Figures)
     tokens: dict[str, Token] = field(default_factory=dict)
     """Those that stand for recorded daemons now, by key."""
+    declared: set[str] = field(default_factory=set)
+    """All that ever stood for one: a token that was taken back is seen for a moment longer."""
     _publishers: dict[str, Publisher] = field(default_factory=dict)
 
     async def play(self, part: Part) -> None:
@@ -126,6 +128,7 @@ class Player:
             return
         key = self._renamed(seen.key)
         if seen.alive and key not in self.tokens:
+            self.declared.add(key)
             self.tokens[key] = self.bus.token(key)
         elif not seen.alive and key in self.tokens:
             self.bus.withdraw(self.tokens.pop(key))

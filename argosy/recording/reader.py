@@ -160,7 +160,7 @@ class Recording:
             facts = facts or mine
             self.files.append(path)
             following = self.end.following if self.end is not None else ""
-            path = path.with_name(following) if following else None
+            path = path.with_name(Path(following).name) if following else None
             if path is not None and not path.exists():
                 self.missing = f"{path}: is missing, in which the recording goes on"
                 path = None
@@ -192,7 +192,10 @@ class Recording:
                     except ValueError as error:
                         raise BadRecording(f"{file.path}: {error}") from None
                 case Metadata(name=name) if name == END:
-                    self.end = end_of(record.metadata)
+                    try:
+                        self.end = end_of(record.metadata)
+                    except ValueError as error:
+                        raise BadRecording(f"{file.path}: how it ended cannot be read: {error}") from None
         if file.damage is not None and facts is not None:
             self.missing = self._what_is_missing(file, facts)
         return facts

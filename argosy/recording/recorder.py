@@ -125,7 +125,7 @@ class Recorder:
             self._record()
             self._close(self._why)
         except OSError as error:
-            self.problem = f"cannot write {self._writer.path}: {error.strerror or error}"
+            self.problem = f"cannot write {error.filename or self._writer.path}: {error.strerror or error}"
             self._writer.abandon()
         except Exception as error:  # a defect must not end in silence
             self.problem = f"defect in argosy: {type(error).__name__}: {error}"

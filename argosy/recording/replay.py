@@ -152,7 +152,7 @@ async def _somebody(bus: Bus, fleets: Iterable[str], player: Player) -> list[str
     for fleet in fleets:
         found += [
             f"{who} of fleet `{fleet}`"
-            for who in foreign(await bus.tokens(keys.alive(fleet, "*", "*", "*")), player.tokens)
+            for who in foreign(await bus.tokens(keys.alive(fleet, "*", "*", "*")), player.declared)
         ]
     return found
 

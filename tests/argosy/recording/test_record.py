@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import re
 import signal
+import sys
 import time
 from collections.abc import Callable
+from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 
 from argosy.recording.reader import open_recording
-from argosy.recording.recorder import PERIOD
-from argosy.recording.records import TokenSeen
+from argosy.recording.recorder import NOTES, PERIOD
+from argosy.recording.records import RecorderNote, TokenSeen
 from commd.bus import Bus, Query, open_bus
 from schemas import keys
 from schemas.codec import codec
@@ -19,7 +23,7 @@ from schemas.minds import MindInputs
 from schemas.records import Health, LiveManifest, ManifestChange, Perception, Record
 from tests.argosy.recording.files import stretch, validated
 from tests.argosy.recording.recorders import argosy, recording
-from tests.support.buses import FLEET, Connect, on_a_bus, subscribed, until
+from tests.support.buses import FLEET, Connect, on_a_bus, session, subscribed, until
 
 ALTITUDE = keys.percept(FLEET, "uav1", "altitude")
 INPUTS = keys.trace(FLEET, "uav", "inputs")
@@ -296,5 +300,59 @@ def test_a_recorder_of_nobody_says_so(endpoint: str, tmp_path: Path, free_port: 
             code, out, _ = await recorder.end()
         assert code == 0
         assert ": 0 messages in " in out
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_router_that_goes_and_comes_is_noted_and_what_came_meanwhile_asked_for(endpoint: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            router = await stack.enter_async_context(AsyncExitStack())
+            await router.enter_async_context(session(endpoint, "board", "commd", router=True))
+            recorder = await stack.enter_async_context(recording(endpoint, path))
+            await router.aclose()
+            await seen(path, NOTES, 1)
+            async with (
+                session(endpoint, "board", "commd", router=True),
+                session(endpoint, "uav1", "bridged") as bus,
+            ):
+                await subscribed(bus, ALTITUDE)
+                bus.put(ALTITUDE, altitude(bus, 1))
+                await seen(path, ALTITUDE, 1)
+                code, _, _ = await recorder.end()
+        assert code == 0
+        notes = [note.text for _, note in open_recording(path).typed(RecorderNote)]
+        assert notes == ["the router is lost: nothing is heard", "the router is back"]
+
+    asyncio.run(body())
+
+
+def test_on_a_terminal_one_line_tells_how_it_goes(endpoint: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+
+    async def body(connect: Connect) -> None:
+        ours, its = os.openpty()
+        command = [sys.executable, "-m", "argosy", "record", "--fleet", FLEET, "--router", endpoint, "-o", str(path)]
+        process = await asyncio.create_subprocess_exec(*command, stdout=asyncio.subprocess.PIPE, stderr=its)
+        os.close(its)
+        os.set_blocking(ours, False)
+        shown = b""
+        try:
+            async with asyncio.timeout(30):
+                while b"dropped" not in shown:
+                    with suppress(BlockingIOError, OSError):
+                        shown += os.read(ours, 1000)
+                    await asyncio.sleep(0.05)
+            process.send_signal(signal.SIGTERM)
+            out, _ = await asyncio.wait_for(process.communicate(), 20)
+        finally:
+            if process.returncode is None:
+                process.kill()
+                await process.wait()
+            os.close(ours)
+        assert re.search(rb"\r\x1b\[K\d+ s  \d+ messages/s  \d+ B  0 dropped", shown)
+        assert out.decode().splitlines()[-1].endswith("; ended: told to end (SIGTERM)")
 
     on_a_bus(endpoint, body)

@@ -1,0 +1,49 @@
+"""A recorder with an observer's keys hears every board of a fleet, each record once, and minds from their birth."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from pathlib import Path
+
+from argosy.recording.reader import open_recording
+from schemas import keys
+from schemas.records import Health
+from tests.argosy.recording.files import validated
+from tests.argosy.recording.recorders import argosy
+from tests.support.buses import until
+from tests.support.secured import Secured
+
+PROGRAM = "!go. +!go <- +beat; .wait(200); -beat; !go."
+
+
+def heard(path: Path, key: str) -> int:
+    """How many messages on a key are in a file by now."""
+    return sum(topic.messages for topic in open_recording(path).topics if topic.key == key)
+
+
+def test_a_recorder_with_keys_hears_each_board(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+
+    async def record(fleet: Secured) -> None:
+        arguments = ("--mission", fleet.path, "--keys", fleet.keys("eye"), "-o", path)
+        async with argosy("record", *arguments) as recorder:
+            await recorder.until("recording ", 40)
+            for agent in ("a", "b"):
+                await until(lambda agent=agent: heard(path, keys.trace("three", agent, "inputs")) > 3, f"{agent}", 60)  # type: ignore[misc]
+                await until(lambda agent=agent: heard(path, keys.health("three", agent, "agentd")) > 3, f"{agent}", 60)  # type: ignore[misc]
+            code, _, err = await recorder.end(seconds=40)
+        assert code == 0
+        assert "board pi3 is not reached" in err
+
+    with Secured() as fleet:
+        (fleet.folder / "nothing.asl").write_text(PROGRAM)
+        fleet.routers(["pi1", "pi2"])
+        fleet.start("pi1", "agentd").says("agents=a")
+        fleet.start("pi2", "agentd").says("agents=b")
+        asyncio.run(record(fleet))
+    recording = open_recording(path)
+    assert {life.agent: life.whole for life in recording.lives()} == {"a": True, "b": True}
+    said = Counter((m.key, one.header.boot, one.header.seq) for m, one in recording.typed(Health))
+    assert set(said.values()) == {1}
+    assert validated(path) > 20
