@@ -48,7 +48,7 @@ class Teller:
 
     def _deed(self, agent: str, deed: Deed, at: float) -> None:
         self._letters.deed(agent, deed, at)
-        what, level, text = _what(deed), _level(deed), _text(deed)
+        what, level, text = _what(deed), _level(deed), _text(agent, deed)
         if what in ("action", "outcome") and not self._is_new(what, deed.id):
             return
         self._timeline.add(
@@ -96,11 +96,11 @@ def _level(deed: Deed) -> Level:
     return "info"
 
 
-def _text(deed: Deed) -> str:
+def _text(agent: str, deed: Deed) -> str:
     why = f": {deed.reason}" if deed.reason else ""
     match deed.kind:
         case "sent":
-            return f"→ {deed.other} {deed.performative} {deed.text}"
+            return f"→ {deed.other} {deed.performative} {deed.text.removesuffix(f'[source({agent})]')}"
         case "received":
             text = deed.text.removesuffix(f"[source({deed.other})]")
             return f"← {deed.other} {deed.performative} {text}"

@@ -73,6 +73,10 @@ class Lines(ScrollView, can_focus=True):
     def action_ends(self, which: int) -> None:
         self._go_to(0 if which < 0 else len(self._lines))
 
+    def _to_end(self) -> None:
+        if self._at_end:
+            self._go_to(len(self._lines))
+
     def _go_to(self, line: int) -> None:
         last = max(0, len(self._lines) - self.size.height)
         self._at_end = self._follows and line >= last
@@ -111,7 +115,7 @@ class Lines(ScrollView, can_focus=True):
         self._lines = [(number, line) for number, row in enumerate(self._rows) for line in self._folded(row, width)]
         self.virtual_size = Size(self.size.width, len(self._lines))
         if self._at_end:
-            self._go_to(len(self._lines))
+            self.call_after_refresh(self._to_end)  # the size that it may scroll in is known then
         self.refresh()
 
     def _folded(self, row: Row, width: int) -> list[Text]:

@@ -8,7 +8,7 @@ from agentd.why import decision_lines, failure_lines
 from argosy.team import TeamAgent, TeamModel
 from argosy.watch.glyphs import Glyphs
 from argosy.watch.rows import BAD, DIM, GOOD, WARN, Row, head, joined, said
-from argosy.watch.words import count, place, span
+from argosy.watch.words import count, place, places, span
 from schemas.minds import DecisionView, FailureView, IntentionView, MindView
 
 MOST_OUTCOMES = 5
@@ -150,7 +150,7 @@ def beliefs(agent: TeamAgent) -> list[Row]:
     if agent.detail is None:
         return [Row(Text("not asked for yet", WARN))]
     groups: dict[str, list[Row]] = {}
-    for belief in view.beliefs:
+    for belief in view.believed:
         age = f"{span(view.time - belief.since)}" if belief.since is not None else ""
         row = Row(joined(f"  {_without_source(belief.text, belief.sources)}", (age, DIM)), indent=4)
         groups.setdefault(", ".join(belief.sources) or "nobody says who told it", []).append(row)
@@ -184,7 +184,7 @@ def decisions(agent: TeamAgent, opened: set[str]) -> list[Row]:
         rows.append(_failure(one, key) if isinstance(one, FailureView) else _decision(one, key))
         if key in opened:
             lines = failure_lines(one) if isinstance(one, FailureView) else decision_lines(one)  # type: ignore[arg-type]
-            rows += [Row(said(f"      {line.removeprefix('why: ')}"), indent=10) for line in lines]
+            rows += [Row(said(f"      {places(line.removeprefix('why: '))}"), indent=10) for line in lines]
             if isinstance(one, DecisionView) and one.dropped_by:
                 rows.append(Row(said(f"      dropped by {one.dropped_by}"), indent=10))
     return rows or [Row(Text("no decision is remembered", DIM))]
@@ -195,6 +195,8 @@ def _decision(view: DecisionView, key: str) -> Row:
     rejected = f"{len(view.rejected)} not" if view.rejected else ""
     outcome = {"failed": BAD, "none": BAD, "dropped": WARN, "ended": GOOD}.get(view.outcome, "")
     word = "no plan" if view.outcome == "none" else view.outcome
+    if view.outcome == "none" and not {"!", "?"} & set(view.kind):
+        outcome = DIM  # most beliefs come and go without one
     return Row(
         joined(
             (f"{view.time:8.1f} s", DIM),

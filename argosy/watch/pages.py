@@ -92,7 +92,7 @@ class AgentPage(Page):
         Binding("right", "neighbour(1)", show=False),
     ]
     DEFAULT_CSS = """
-    AgentPage #body.wide { layout: grid; grid-size: 2 2; grid-columns: 3fr 2fr; grid-rows: 3fr 2fr; grid-gutter: 0 1; }
+    AgentPage #body.wide { layout: grid; grid-size: 2 2; grid-columns: 3fr 2fr; grid-rows: 1fr 1fr; grid-gutter: 0 1; }
     """
     KEYS = "1 mind  2 beliefs  3 decisions  4 timeline  / filter  space pause  esc back"
     LONG_KEYS = f"{KEYS}  tab pane  left right other agents  ? help  q quit"
@@ -162,10 +162,17 @@ class AgentPage(Page):
         agent = model.agents.get(self.agent)
         if agent is None:
             return
-        self._mind.show_rows(mind.mind(model, agent, self.watch_app.glyphs))
-        self._beliefs.show_rows(mind.beliefs(agent))
-        self._decisions.show_rows(mind.decisions(agent, self._opened))
-        self._events.show_rows(self._happenings.update(model))
+        if self._seen("mind"):
+            self._mind.show_rows(mind.mind(model, agent, self.watch_app.glyphs))
+        if self._seen("beliefs"):
+            self._beliefs.show_rows(mind.beliefs(agent))
+        if self._seen("decisions"):
+            self._decisions.show_rows(mind.decisions(agent, self._opened))
+        if self._seen("happened"):
+            self._events.show_rows(self._happenings.update(model))
+
+    def _seen(self, pane: str) -> bool:
+        return not self.query_one(f"#{pane}").has_class("behind")
 
     def on_choice_opened(self, event: Choice.Opened) -> None:
         """Tell why, or no longer."""
@@ -176,6 +183,7 @@ class AgentPage(Page):
         """Go to a pane."""
         self._shown = self.ORDER[number]
         self._arrange()
+        self.redraw()
         self.query_one(f"#{self._shown}", Pane).lines.focus()
 
     def action_neighbour(self, by: int) -> None:

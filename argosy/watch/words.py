@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 
+_FOLDERS = re.compile(r"[^\s(,]*/(?=[^\s/(,]+:\d)")
 _LONG = re.compile(r"(\.\d{6})\d+")
 
 
@@ -37,3 +38,8 @@ def count(number: int, what: str) -> str:
 def rounded(text: str) -> str:
     """Return a text whose numbers have six digits behind the point at most: degrees to 0.1 m."""
     return _LONG.sub(r"\1", text)
+
+
+def places(text: str) -> str:
+    """Return a text whose `file:line` have no folders."""
+    return _FOLDERS.sub("", text)

@@ -55,7 +55,7 @@ def thinking() -> Fleet:
                 since=30.0,
             ),
         ),
-        beliefs=(
+        believed=(
             BeliefView(text="victim(3)[source(rescuer1)]", sources=("rescuer1",), since=38.0),
             BeliefView(text="height(20)[source(self)]", sources=("self",), since=0.0),
         ),
@@ -174,8 +174,8 @@ def test_a_decision_tells_why_when_it_is_opened() -> None:
         await pilot.press("down", "down", "enter", "3")
         await until(app, pilot, "takeoff(20) fails  action_failed: not armed  scout.asl:9")
         await pilot.press("enter")
-        await until(app, pilot, "chosen: +!visit(N) (missions/scout.asl:30), with N = 3")
-        assert "not @p1 +!visit(N) (missions/scout.asl:20): free(N) does not hold, with N = 3" in text_of(app)
+        await until(app, pilot, "chosen: +!visit(N) (scout.asl:30), with N = 3")
+        assert "not @p1 +!visit(N) (scout.asl:20): free(N) does not hold, with N = 3" in text_of(app)
         await pilot.press("enter")
         await pilot.pause(0.1)
         assert "chosen:" not in text_of(app)
@@ -407,5 +407,23 @@ def test_what_programs_say_is_no_command_to_the_terminal() -> None:
         await pilot.press("down", "down", "enter")
         await until(app, pilot, "INTENTIONS 1")
         assert "\x1b" not in text_of(app)
+
+    show(fleet, body)
+
+
+def test_the_timeline_follows_what_happens_unless_one_has_scrolled_back() -> None:
+    fleet = flying()
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        await pilot.press("down", "down", "enter", "4")
+        for number in range(100):
+            fleet.deed("scout", Deed(kind="print", text=f"line {number}"))
+        await until(app, pilot, "line 99")
+        await pilot.press("pageup", "pageup")
+        fleet.deed("scout", Deed(kind="print", text="line 100"))
+        await pilot.pause(0.3)
+        assert "line 100" not in text_of(app)
+        await pilot.press("end")
+        await until(app, pilot, "line 100")
 
     show(fleet, body)
