@@ -6,19 +6,21 @@ heard.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from copy import copy
 from functools import partial
-from typing import Literal, TypeVar
+from typing import Literal
+
+from msgspec.structs import replace
 
 from argosy.journal import Level
 from argosy.picture import OPERATOR, without_figures
 from argosy.roll import Roll, Row
-from argosy.seen import ActionSeen, ActionsSeen
+from argosy.seen import ActionSeen, ActionsSeen, written
 from argosy.team.letters import Letters
-from argosy.team.members import Member, TeamAgent, TeamBoard, TeamRobot
+from argosy.team.members import Member, TeamAgent, TeamRobot
 from argosy.team.places import Places
+from argosy.team.roster import Roster
 from argosy.team.telling import Teller
 from argosy.team.timeline import Timeline
 from commd.presence import ROUTER_GRACE
@@ -27,17 +29,12 @@ from schemas.minds import MindDeeds, MindView
 from schemas.mission import Mission
 from schemas.records import ActionStatus, BoardServices, Health, Mailboxes, Perception
 
-MOST = 500
-"""Members of one kind that are kept; those that went first are forgotten first."""
 SILENCE = 5.0
 """Seconds without an answer from a mind, while the router is there, after which it counts as silent."""
 BLOCKED = "no action is taken: "
 """How a bridge's note begins while an order of the operator, or the loss of the agent, stands above the agents."""
 OTHERS = 20
 """Other fleets whose names are kept."""
-
-M = TypeVar("M", bound=Member)
-_NUMBERS = re.compile(r"(\d+)")
 
 
 class TeamModel:
@@ -49,38 +46,32 @@ class TeamModel:
         """Empty until one is known."""
         self.other_fleets: set[str] = set()
         """Further fleets at the same router."""
-        self.agents: dict[str, TeamAgent] = {}
-        self.robots: dict[str, TeamRobot] = {}
-        self.boards: dict[str, TeamBoard] = {}
-        self.clients: dict[str, Member] = {}
-        """Programs that act as agents, and what else holds a name on the bus."""
+        self._roster = roster = Roster(mission)
+        self.agents, self.robots, self.boards, self.clients = (
+            roster.agents,
+            roster.robots,
+            roster.boards,
+            roster.clients,
+        )
+        """Clients are programs that act as agents, and what else holds a name on the bus."""
         self.timeline, self.letters, self.places, self._actions = Timeline(), Letters(), Places(), ActionsSeen()
         self.router_up = True
         self.router_since: float | None = None
         """Unix seconds at which the router was lost or came back; None = it has been there all the time."""
         self.version = 0
         """Counts up with whatever is taken in."""
-        self.eyes: dict[str, str] = {}
-        """The agent or client through whom each robot is seen, and the robot."""
-        self.forgotten = 0
-        """Members that are not kept any more."""
         self._roll = Roll(mission, now)
         self._tell = Teller(self.timeline, self.letters, now)
-        self._boards_of: dict[str, str] = {}
-        self._named: list[str] = []
-        """The members that the mission names, in its order."""
-        if mission is not None:
-            self._expect(mission)
 
-    def _expect(self, mission: Mission) -> None:
-        self._named = [*mission.board_names, *mission.robots, *mission.agents]
-        for board in mission.board_names:
-            self.boards[board] = TeamBoard(board, board=board)
-        for name, robot in mission.robots.items():
-            self.robots[name] = TeamRobot.named(name, robot.board)
-            self._has(name, tuple(mission.agents_of(name)))
-        for name, agent in mission.agents.items():
-            self.agents[name] = TeamAgent(name, board=agent.board, robot=agent.robot or "")
+    @property
+    def eyes(self) -> dict[str, str]:
+        """The agent or client through whom each robot is seen, and the robot."""
+        return self._roster.eyes
+
+    @property
+    def forgotten(self) -> int:
+        """How many members are not kept any more."""
+        return self._roster.forgotten
 
     @property
     def actions(self) -> dict[str, ActionSeen]:
@@ -121,7 +112,7 @@ class TeamModel:
             return
         self.version += 1
         name, daemon = parsed[1], parsed[2][1]
-        member = self._member(name, daemon)
+        member = self._roster.member(name, daemon)
         known = {without_figures(note) for note in member.notes}
         for note in health.notes:
             if without_figures(note) not in known:
@@ -129,7 +120,7 @@ class TeamModel:
         self._roll.heard(key, health)
         if isinstance(member, TeamRobot):
             if health.percepts:
-                self._has(name, tuple(health.percepts))
+                self._roster.has(name, tuple(health.percepts))
             self._ordered(member, health.notes)
 
     def percept(self, key: str, percept: Perception) -> None:
@@ -137,8 +128,13 @@ class TeamModel:
         name = self._name(key)
         if name is None:
             return
+        if not percept.name:
+            percept = replace(percept, name=key.rpartition("/")[2])
         self.places.percept(name, percept, self._positions, self.now())
-        if name in self.eyes:
+        if not percept.header.source:  # it is an agent's matter alone: no robot has said so
+            text = f"{percept.update} {written(percept.name, percept.parameters)}"
+            self.timeline.add(self.now(), name, "operator", f"a percept by hand: {text}", "warning")
+        elif name in self.eyes:
             self.robots[self.eyes[name]].seen.percept(percept, self.now(), self._tell)
 
     def status(self, key: str, status: ActionStatus) -> None:
@@ -158,7 +154,7 @@ class TeamModel:
     def mind(self, agent: str, view: MindView, *, detailed: bool = False) -> None:
         """An agent showed its mind; `detailed`: with its plans and all decisions that it keeps."""
         self.version += 1
-        member = self._member(agent, "agentd")
+        member = self._roster.member(agent, "agentd")
         assert isinstance(member, TeamAgent)
         if member.silent is not None:
             self._tell(agent, f"its mind answers again, after {self.now() - member.silent:.0f} s", "good")
@@ -197,10 +193,8 @@ class TeamModel:
     def services(self, key: str, told: BoardServices) -> None:
         """A board told which agents live on it."""
         name = self._name(key)
-        for agent in told.agents if name is not None else ():
-            self._boards_of[agent] = name or ""
-            if agent in self.agents:
-                self.agents[agent].board = name or ""
+        if name is not None:
+            self._roster.live_on(name, told.agents)
 
     def router(self, up: bool) -> None:
         """The router was lost or came back."""
@@ -222,7 +216,7 @@ class TeamModel:
         rows = {(row.name, row.daemon): row for row in self._roll.rows()}
         for (name, daemon), row in rows.items():
             if not (coming_back and row.standing == "missing"):
-                self._stands(self._member(name, daemon), row)
+                self._stands(self._roster.member(name, daemon), row)
         if not coming_back:
             for members in (self.agents, self.robots, self.boards, self.clients):
                 for member in members.values():
@@ -249,50 +243,6 @@ class TeamModel:
         self.version += 1
         return parsed[1]
 
-    def _member(self, name: str, daemon: str) -> Member:
-        """Return a member, made if it is not known yet."""
-        match daemon:
-            case "agentd":
-                board = self._boards_of.get(name, "")
-                return self._kept(self.agents, name, lambda: TeamAgent(name, board=board, robot=self._robot_of(name)))
-            case "bridged":
-                return self._kept(self.robots, name, lambda: TeamRobot.named(name))
-            case "commd":
-                return self._kept(self.boards, name, lambda: TeamBoard(name, board=name))
-        return self._kept(self.clients, name, lambda: Member(name, daemon))
-
-    def _kept(self, members: dict[str, M], name: str, make: Callable[[], M]) -> M:
-        if name not in members:
-            if len(members) >= MOST:
-                gone = [one for one in members.values() if not one.there]
-                del members[min(gone or members.values(), key=lambda one: one.since or 0.0).name]
-                self.forgotten += 1
-            members[name] = made = make()
-            self._put_in_order(members)
-            return made
-        return members[name]
-
-    def _put_in_order(self, members: dict[str, M]) -> None:
-        """Keep those of the mission as it has them, then the others by name, `uav2` before `uav10`."""
-        known = {name: place for place, name in enumerate(self._named)}
-        last = len(known)
-        for name in sorted(members, key=lambda one: (known.get(one, last), _numbered(one))):
-            members[name] = members.pop(name)
-
-    def _robot_of(self, agent: str) -> str:
-        return next((name for name, robot in self.robots.items() if agent in robot.agents), "")
-
-    def _has(self, robot: str, agents: tuple[str, ...]) -> None:
-        """A robot has these agents."""
-        member = self.robots[robot]
-        if member.agents == agents:
-            return
-        member.agents = agents
-        self.eyes = {one.agents[0]: name for name, one in self.robots.items() if one.agents}
-        for agent in agents:
-            if agent in self.agents:
-                self.agents[agent].robot = robot
-
     def _ordered(self, robot: TeamRobot, notes: tuple[str, ...]) -> None:
         """Tell from its bridge's notes whether an operator's order stands above the agents."""
         blocked = next((note.removeprefix(BLOCKED) for note in notes if note.startswith(BLOCKED)), "")
@@ -302,8 +252,3 @@ class TeamModel:
         """Return where the fleet is."""
         known = (one.seen.position or one.seen.home for one in self.robots.values())
         return {position for position in known if position is not None}
-
-
-def _numbered(name: str) -> list[tuple[int, str]]:
-    """Return a name so that numbers in it are compared as numbers."""
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in _NUMBERS.split(name)]

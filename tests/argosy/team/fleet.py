@@ -6,7 +6,7 @@ from argosy.team import TeamModel
 from schemas import keys
 from schemas.minds import BeliefView, Deed, IntentionView, MindDeeds, MindView
 from schemas.mission import Mission
-from schemas.records import ActionStatus, Health, Mailboxes, Perception, Queue, State
+from schemas.records import ActionStatus, Header, Health, Mailboxes, Perception, Queue, State
 from schemas.terms import Term
 
 FLEET = "sar"
@@ -39,7 +39,7 @@ class Fleet:
 
     def percept(self, agent: str, name: str, *parameters: Term, **fields: object) -> Fleet:
         """An agent perceives something."""
-        told = Perception(name=name, parameters=parameters, **fields)  # type: ignore[arg-type]
+        told = Perception(header=Header(source="bridge"), name=name, parameters=parameters, **fields)  # type: ignore[arg-type]
         self.model.percept(keys.percept(FLEET, agent, name), told)
         return self
 
@@ -53,7 +53,7 @@ class Fleet:
         """An agent shows its mind."""
         running = (IntentionView(id=1, state="waiting", reason="for an action", stack=stack, at="uav.asl:41"),)
         beliefs = (BeliefView(text="height(20)", sources=("self",), since=3.0),)
-        view = MindView(agent=agent, intentions=running if stack else (), beliefs=beliefs, **fields)  # type: ignore[arg-type]
+        view = MindView(agent=agent, intentions=running if stack else (), believed=beliefs, **fields)  # type: ignore[arg-type]
         self.model.mind(agent, view)
         return self
 

@@ -9,7 +9,7 @@ from argosy.team.members import TRACK
 from schemas import keys
 from schemas.minds import Deed
 from schemas.mission import load_mission
-from schemas.records import BoardServices, Queue
+from schemas.records import BoardServices, Perception, Queue
 from tests.argosy.team.fleet import FLEET, HOME, Fleet, rescue
 
 MISSION = load_mission(Path(__file__).parents[3] / "missions" / "search_and_rescue.yaml")
@@ -188,6 +188,14 @@ def test_victims_and_targets_are_places_and_numbers_that_are_no_place_are_not() 
         ("goto", False, "failed"),
         ("victim", False, ""),
     ]
+
+
+def test_a_percept_by_hand_is_told_and_moves_no_robot() -> None:
+    fleet = rescue()
+    by_hand = Perception(name="", parameters=(0.0,))
+    fleet.model.percept(keys.percept(FLEET, "scout", "altitude"), by_hand)
+    assert fleet.model.robots["uav1"].seen.altitude == 20.0
+    assert texts(fleet)[-1] == "scout: a percept by hand: replace altitude(0)"
 
 
 def test_a_percept_that_replaces_all_of_its_name_leaves_one_place_present() -> None:
