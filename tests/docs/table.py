@@ -56,6 +56,8 @@ NOT_RUN: Final[dict[Key, str]] = {
     ("docs/howto/from-jason-ros.md", "argosy run missions/paper_turtle.yaml"): "tests/bridged/test_turtle.py",
     ("docs/editor.md", "mkdir -p ~/.vscode"): "the folder of an editor",
     ("docs/editor.md", "cp -r deploy/editor"): "the folder of an editor; what is in it: tests/agentd/test_lexers.py",
+    ("docs/watch.md", "pip install"): _NETWORK,
+    ("docs/watch.md", "argosy watch"): "wants a terminal: tests/argosy/watch/test_terminal.py",
     ("docs/why.md", "argosy why"): "asks a running fleet: tests/argosy/why",
     ("docs/howto/three-boards.md", "argosy run"): "minutes: tests/argosy/test_rescue.py",
     ("docs/howto/three-boards.md", "argosy wheelhouse"): "downloads: tests/test_wheel.py",
