@@ -75,7 +75,7 @@ class Viewer:
     def view(self, look: Look = EVERYTHING) -> MindView:
         """What the agent believes and intends now."""
         mind, paused_for, now = self._mind, self._control.left, self._clock.now()
-        beliefs, beliefs_left_out = self._beliefs.shown(look, now)
+        believed, beliefs_left_out = self._beliefs.shown(look, now)
         intentions, intentions_left_out = intentions_of(mind)
         events, events_left_out = events_of(mind, look.about)
         decisions, failures = decisions_of(mind, look)
@@ -87,7 +87,8 @@ class Viewer:
             time=now,
             state="paused" if self._control.paused else "reasoning" if mind.ready else "waiting",
             paused_for=paused_for,
-            beliefs=beliefs,
+            beliefs=tuple(one.text for one in believed),
+            believed=believed,
             beliefs_left_out=beliefs_left_out,
             intentions=intentions,
             intentions_left_out=intentions_left_out,

@@ -13,7 +13,16 @@ from agentd.language.printer import source_text
 from agentd.language.terms import Literal
 from agentd.look import EVERYTHING, MOST_BELIEFS, Look
 from agentd.mind import Mind
-from agentd.mind.decision_views import DecisionView, Views, is_about, plan_view, written
+from agentd.mind.decision_views import (
+    DecisionView,
+    FailureView,
+    PlanView,
+    RejectedView,
+    Views,
+    is_about,
+    plan_view,
+    written,
+)
 from agentd.mind.decisions import record_of
 from agentd.mind.plan_uses import plan_context, plan_uses
 from agentd.mind.snapshot import belief_text, believed, sources_of
@@ -176,16 +185,50 @@ def _seen_again(views: Views, record: Any, before: Any) -> minds.DecisionView | 
     view = views.of(record)
     if isinstance(view, DecisionView):
         return decision_record(view)
-    failure: minds.FailureView = _record(view, minds.FailureView)
-    return failure
+    return failure_record(view)
 
 
 def decision_record(view: DecisionView) -> minds.DecisionView:
     """A decision as a record, with not too many plans."""
-    record: minds.DecisionView = _record(view, minds.DecisionView)
-    if len(record.rejected) <= MOST_PLANS and len(record.untried) <= MOST_PLANS:
-        return record
-    return msgspec.structs.replace(record, rejected=record.rejected[:MOST_PLANS], untried=record.untried[:MOST_PLANS])
+    failure = None if view.failure is None else failure_record(view.failure)
+    return minds.DecisionView(
+        cycle=view.cycle,
+        time=view.time,
+        event=view.event,
+        kind=view.kind,
+        name=view.name,
+        source=view.source,
+        intention=view.intention,
+        goal=view.goal,
+        cause=view.cause,
+        asked_at=view.asked_at,
+        rejected=tuple(map(_rejected, view.rejected[:MOST_PLANS])),
+        chosen=None if view.chosen is None else _plan_record(view.chosen),
+        untried=tuple(map(_plan_record, view.untried[:MOST_PLANS])),
+        outcome=view.outcome,  # type: ignore[arg-type]
+        failure=failure,
+        dropped_by=view.dropped_by,
+    )
+
+
+def _rejected(view: RejectedView) -> minds.RejectedView:
+    return minds.RejectedView(
+        plan=_plan_record(view.plan),
+        why=view.why,  # type: ignore[arg-type]
+        literal=view.literal,
+        filled=view.filled,
+        message=view.message,
+    )
+
+
+def _plan_record(view: PlanView) -> minds.PlanView:
+    return minds.PlanView(label=view.label, trigger=view.trigger, position=view.position, bindings=view.bindings)
+
+
+def failure_record(view: FailureView) -> minds.FailureView:
+    """A failure as a record."""
+    record: minds.FailureView = _record(view, minds.FailureView)
+    return record
 
 
 def drops_of(mind: Mind) -> tuple[minds.DropView, ...]:

@@ -145,7 +145,7 @@ class Picture:
             if holds and not agent.done.get(formula):
                 self.journal.add(agent.name, f"done: {formula}", "good")
         agent.done, agent.failed = dict(view.done), dict(view.failed)
-        agent.beliefs = tuple(belief.text for belief in view.beliefs)
+        agent.beliefs = view.beliefs
 
     def agent_ended(self, name: str) -> None:
         """An agent's process is dead: what its mind was is not what it is, should it come again."""

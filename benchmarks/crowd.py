@@ -160,7 +160,7 @@ async def _tokens(stack: AsyncExitStack, made: Boards, tokens: int) -> float:
         bus.token(keys.alive(FLEET, f"x{number}", "client", bus.boot))
     while time.monotonic() < begun + 60:
         async for reply in bus.query(keys.mind(FLEET, "a0"), None, MindView, 5):
-            believed = [one.text for one in reply.record.beliefs] if reply.record is not None else []
+            believed = reply.record.beliefs if reply.record is not None else ()
             if sum(belief.startswith("online(x") for belief in believed) == tokens:
                 return time.monotonic() - begun
         await asyncio.sleep(0.05)

@@ -185,7 +185,10 @@ class MindView(Record, frozen=True, kw_only=True):
     """`reasoning`: there is something to do; `waiting`: for an input or a time; `paused`: by the operator."""
     paused_for: float | None = None
     """Wall seconds until it goes on by itself, if it is paused."""
-    beliefs: tuple[BeliefView, ...] = ()
+    beliefs: tuple[str, ...] = ()
+    """The texts of what is believed, with annotations."""
+    believed: tuple[BeliefView, ...] = ()
+    """The same beliefs in the same order, with who told them and since when."""
     beliefs_left_out: int = 0
     """So many more are believed than are shown."""
     intentions: tuple[IntentionView, ...] = ()
@@ -262,7 +265,7 @@ class MindBirth(Record, frozen=True, kw_only=True):
     """Why this mind cannot be lived again, in words; empty = it can."""
 
 
-class MindStep(Record, frozen=True, kw_only=True, array_like=True):
+class MindStep(Record, frozen=True, kw_only=True):
     """The time from some cycle on. Those between two steps had times between, which made no difference to the mind."""
 
     first: int

@@ -8,6 +8,7 @@ from agentd.language import syntax
 from agentd.language.instantiate import instantiate
 from agentd.language.numbers import number_text
 from agentd.language.signatures import DEFAULT
+from agentd.language.sources import SELF
 from agentd.language.terms import (
     ARITHMETIC,
     EMPTY,
@@ -28,6 +29,8 @@ from agentd.language.terms import (
 
 _LONGEST_FLAT: Final = 100
 """Characters of a string in a term that `flat_text` writes."""
+_EXACT: Final = 2.0**53
+"""Up to here a float that is whole is the number that it shows."""
 _MOST_FLAT: Final = 12
 """Arguments and annotations of its structures."""
 
@@ -46,23 +49,38 @@ def flat_text(term: Any, depth: int = 4) -> str | None:
     """
     kind = type(term)
     if kind is float:
-        return number_text(term)
+        return str(int(term)) if term.is_integer() and -_EXACT < term < _EXACT else number_text(term)
     if kind is str:
         return f'"{term}"' if len(term) <= _LONGEST_FLAT else None
-    if kind is not Literal or not depth or len(term.args) > _MOST_FLAT or len(term.annots) > _MOST_FLAT:
+    if kind is not Literal or not depth:
         return None
     found: str = term.sig.name
     if term.args:
-        args = [flat_text(arg, depth - 1) for arg in term.args]
-        if None in args:
+        args = _flat_texts(term.args, depth)
+        if args is None:
             return None
-        found += f"({','.join(args)})"  # type: ignore[arg-type]
-    if term.annots:
-        annots = [flat_text(annot, depth - 1) for annot in term.annots]
-        if None in annots:
+        found += f"({args})"
+    annots = term.annots
+    if annots is SELF:
+        found += "[source(self)]"
+    elif annots:
+        written = _flat_texts(annots, depth)
+        if written is None:
             return None
-        found += f"[{','.join(annots)}]"  # type: ignore[arg-type]
+        found += f"[{written}]"
     return found
+
+
+def _flat_texts(terms: tuple[Any, ...], depth: int) -> str | None:
+    if len(terms) > _MOST_FLAT:
+        return None
+    found = []
+    for term in terms:
+        one = flat_text(term, depth - 1)
+        if one is None:
+            return None
+        found.append(one)
+    return ",".join(found)
 
 
 def printed(term: Any) -> str:

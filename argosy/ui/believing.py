@@ -40,11 +40,11 @@ class Believing:
     async def _ask(self, bus: Bus, model: TeamModel, name: str) -> None:
         agent = model.agents[name]
         if agent.detail is not None and (agent.detailed or 0.0) > model.now() - EACH:  # a page looks at it anyway
-            self.beliefs[name] = agent.detail.beliefs
+            self.beliefs[name] = agent.detail.believed
             return
         key = keys.mind(model.fleet, name) + "?last=0"
         with suppress(BusClosed):
             async with aclosing(bus.query(key, None, MindView, ANSWER_TIMEOUT)) as replies:
                 async for reply in replies:
                     if reply.record is not None:
-                        self.beliefs[name] = reply.record.beliefs
+                        self.beliefs[name] = reply.record.believed

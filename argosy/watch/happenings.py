@@ -20,15 +20,17 @@ class Happenings:
         self._number = 0
         self._model: TeamModel | None = None
         self.rows: list[Row] = []
+        self._entries: list[tuple[float, int, Row]] = []
 
     def update(self, model: TeamModel) -> list[Row]:
         """Return the rows for what the model has now."""
         if model is not self._model:  # paused, or going on again
-            self._model, self._number, self.rows = model, 0, []
-        new = [_row(one) for one in model.timeline.since(self._number) if self._concerns(one)]
+            self._model, self._number, self._entries, self.rows = model, 0, [], []
+        new = [(one.at, one.number, _row(one)) for one in model.timeline.since(self._number) if self._concerns(one)]
         self._number = model.timeline.number
-        if new:
-            self.rows = [*self.rows, *new][-MOST:]
+        if new:  # agents tell their deeds a moment later than bridges: by time, not as they were told
+            self._entries = sorted([*self._entries, *new], key=lambda entry: entry[:2])[-MOST:]
+            self.rows = [row for _, _, row in self._entries]
         return self.rows
 
     def _concerns(self, entry: Entry) -> bool:

@@ -125,7 +125,7 @@ def _believed(memory: Memory, subject: Subject) -> Iterator[Paragraph]:
     view = memory.view
     if subject.goal == "!":
         return
-    beliefs = [belief for belief in view.beliefs if subject.is_of(belief.text)]
+    beliefs = [belief for belief in view.believed if subject.is_of(belief.text)]
     lines = [Line(_belief(memory, belief)) for belief in beliefs[:MOST_BELIEFS]]
     if len(beliefs) > MOST_BELIEFS:
         lines.append(Line(f"And {many(len(beliefs) - MOST_BELIEFS, 'more belief')} of that name."))
@@ -173,7 +173,7 @@ def _program(memory: Memory, subject: Subject, happened: bool) -> Iterator[Parag
 
 
 def _beliefs(view: MindView) -> Iterator[str]:
-    return (belief.text for belief in view.beliefs)
+    return iter(view.beliefs)
 
 
 def _site(use: str) -> str:
@@ -222,7 +222,7 @@ def names_of(view: MindView) -> list[str]:
     names = {made.name.rpartition("/")[0] for made in view.decisions}
     names |= {parts_of(plan.trigger)[1] for plan in view.plans}
     names |= {sign_of(use)[1].rpartition("/")[0] for plan in view.plans for use in plan.uses}
-    names |= {parts_of(belief.text)[1] for belief in view.beliefs}
+    names |= {parts_of(belief)[1] for belief in view.beliefs}
     names |= {parts_of(deed.text)[1] for deed in view.actions}
     return sorted(name for name in names if name)
 

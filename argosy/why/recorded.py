@@ -91,7 +91,7 @@ def _actions(recording: Recording, life: Life, at: float | None) -> Iterable[Dee
 
 def _view(lived: Lived, at: float | None, actions: Iterable[Deed]) -> MindView:
     mind, now = lived.mind, lived.now if at is None else max(lived.now, at)
-    beliefs, beliefs_left_out = Beliefs(mind).shown(LOOK, now)
+    believed, beliefs_left_out = Beliefs(mind).shown(LOOK, now)
     intentions, intentions_left_out = intentions_of(mind)
     events, events_left_out = events_of(mind, "")
     decisions, failures = decisions_of(mind, LOOK)
@@ -101,7 +101,8 @@ def _view(lived: Lived, at: float | None, actions: Iterable[Deed]) -> MindView:
         cycle=mind.cycle,
         time=now,
         state="reasoning" if mind.ready else "waiting",
-        beliefs=beliefs,
+        beliefs=tuple(one.text for one in believed),
+        believed=believed,
         beliefs_left_out=beliefs_left_out,
         intentions=intentions,
         intentions_left_out=intentions_left_out,

@@ -22,7 +22,7 @@ from commd.bus import Bus, Query, open_bus
 from commd.clock import Clock
 from commd.process import report_health
 from schemas import keys
-from schemas.minds import BeliefView, IntentionView, MindView
+from schemas.minds import IntentionView, MindView
 from schemas.mission import load_mission
 from schemas.records import ActionStatus, Outcome, Perception, StopOrder
 from schemas.terms import Term
@@ -114,7 +114,7 @@ async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
             intentions=() if done or FAULT == "aimless" else (running,),
             done={"mission_done": done},
             failed={"mission_failed(_)": done and FAULT == "gives-up"},
-            beliefs=(BeliefView(text='mission_failed("too windy")[source(self)]'),) if done else (),
+            beliefs=('mission_failed("too windy")[source(self)]',) if done else (),
         )
         query.reply(view)
 

@@ -10,7 +10,7 @@ from argosy.picture import Picture
 from argosy.processes import Setup
 from argosy.status import Status
 from schemas import keys
-from schemas.minds import BeliefView, IntentionView, MindView
+from schemas.minds import IntentionView, MindView
 from schemas.mission import load_mission
 from schemas.records import ActionStatus, Health, Perception, State
 from schemas.terms import Term
@@ -50,7 +50,7 @@ class Recording:
             MindView(
                 agent="uav",
                 failed={"mission_failed(_)": True},
-                beliefs=tuple(BeliefView(text=text) for text in beliefs),
+                beliefs=beliefs,
             )
         )
 

@@ -29,7 +29,7 @@ async def answer(bus: Bus, what: str, *names: str) -> Any:
         case "mind", (agent,):
             async for reply in bus.query(keys.mind(bus.fleet, agent), None, MindView, PATIENCE):
                 if reply.record is not None:
-                    return [belief.text for belief in reply.record.beliefs]
+                    return list(reply.record.beliefs)
             return None
         case "alive", ():
             return await bus.tokens(keys.alive(bus.fleet, "*", "*", "*"), PATIENCE)

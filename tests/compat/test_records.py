@@ -21,6 +21,8 @@ OLDER = json.loads((DATA / "records-0.1.0.json").read_text())
 NEWER = recorded()
 CHOICES_OF_NEWER: dict[str, set[str]] = {}
 """Choices of a field that the older version has not, and refuses, by record; each stands in docs/versions.md."""
+MISSED_BY_OLDER = {"Perception": {"name"}}
+"""Fields that only the older version must have, by record; who leaves them out stands in docs/versions.md."""
 
 
 def test_the_recorded_version_has_the_same_major_version() -> None:
@@ -67,7 +69,8 @@ def test_older_reads_what_it_knows_of_each_record_of_newer(name: str, read_by_ol
     said = [json.loads(one["json"]) for one in NEWER[name] for _ in range(2)]
     for sent, understood in zip(said, read, strict=True):
         if isinstance(understood, str):
-            assert any(choice in CHOICES_OF_NEWER.get(name, ()) for choice in sent.values()), understood
+            left_out = MISSED_BY_OLDER.get(name, set()) - sent.keys()
+            assert left_out or any(choice in CHOICES_OF_NEWER.get(name, ()) for choice in sent.values()), understood
             continue
         assert _within(understood, sent)
         assert set(understood) == set(sent) & set(known)

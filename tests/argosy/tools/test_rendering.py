@@ -16,7 +16,6 @@ from schemas import keys
 from schemas.codec import Wire, codec
 from schemas.manifest import ActionDescription
 from schemas.minds import (
-    BeliefView,
     DecisionView,
     Deed,
     IntentionView,
@@ -133,7 +132,7 @@ RECORDS: list[tuple[str, Record, str]] = [
             agent="uav",
             cycle=7,
             state="reasoning",
-            beliefs=(BeliefView(text="a"),),
+            beliefs=("a",),
             beliefs_left_out=2,
             intentions=(IntentionView(id=1, state="waiting", stack=("+!b", "+!a")),),
         ),

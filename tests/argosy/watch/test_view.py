@@ -411,6 +411,18 @@ def test_what_programs_say_is_no_command_to_the_terminal() -> None:
     show(fleet, body)
 
 
+def test_what_was_told_late_stands_where_it_happened() -> None:
+    fleet = flying().waits(10)
+    fleet.deed("scout", Deed(kind="print", text="second", time=99.0))
+    fleet.deed("scout", Deed(kind="print", text="first", time=96.0), now=100.0, speed=1.0)
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        text = text_of(app)
+        assert 0 < text.index("first") < text.index("second")
+
+    show(fleet, body)
+
+
 def test_the_timeline_follows_what_happens_unless_one_has_scrolled_back() -> None:
     fleet = flying()
 
