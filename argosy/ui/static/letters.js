@@ -42,7 +42,7 @@ export class Letters {
     if (!this._wire || width < 100) return;
     this._drawn = performance.now();
     const now = this._wire.now();
-    let letters = this._wire.of("letter").sort((one, other) => one.number - other.number);
+    let letters = this._wire.of("letter").sort((one, other) => at(one) - at(other) || one.number - other.number);
     const all = letters.length;
     if (this.one.checked && this._selected) letters = letters.filter((one) => [one.sender, one.receiver].includes(this._selected));
     letters = letters.slice(-ROWS);
@@ -121,4 +121,8 @@ export class Letters {
 
 function isFlying(letter) {
   return !letter.undelivered && !letter.received;
+}
+
+function at(letter) {
+  return letter.sent ?? letter.received ?? 0;
 }

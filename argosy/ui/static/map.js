@@ -189,7 +189,8 @@ export class FleetMap {
       const text = vehicle.label.textContent;
       const [width, height] = [text.length * LETTER + 10, 16]; // asking the browser would make it lay out the page
       const places = [[13, -height / 2], [-13 - width, -height / 2], [-width / 2, 12], [-width / 2, -12 - height], [13, 10], [13, -10 - height], [-13 - width, 10], [-13 - width, -10 - height], [13, 28], [13, -28 - height]];
-      const free = ([dx, dy]) => taken.every(([left, top, right, bottom]) => at.x + dx + width < left || at.x + dx > right || at.y + dy + height < top || at.y + dy > bottom);
+      const size = this.map.getSize();
+      const free = ([dx, dy]) => at.x + dx > 0 && at.x + dx + width < size.x && at.y + dy > 0 && at.y + dy + height < size.y && taken.every(([left, top, right, bottom]) => at.x + dx + width < left || at.x + dx > right || at.y + dy + height < top || at.y + dy > bottom);
       if (vehicle.place && free(vehicle.place)) vehicle.chosen = vehicle.place;
       else vehicle.chosen = places.find(free) ?? places[0];
       vehicle.place = vehicle.chosen;

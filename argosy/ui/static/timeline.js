@@ -56,8 +56,9 @@ export class Timeline {
       if (words && !`${event.who} ${event.text}`.toLowerCase().includes(words)) continue;
       shown.push(event);
     }
-    keyed(this.list, shown.reverse(), (event) => event.n, (event) => this._row(event));
-    const newest = shown.at(-1)?.n ?? 0;
+    shown.sort((one, other) => one.at - other.at || one.n - other.n); // what an agent did is told some time later
+    keyed(this.list, shown, (event) => event.n, (event) => this._row(event));
+    const newest = shown.reduce((most, event) => Math.max(most, event.n), 0);
     if (this._bottom) this._down();
     else {
       const more = shown.filter((event) => event.n > this._seen).length;
