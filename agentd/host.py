@@ -106,7 +106,7 @@ class Part:
 
 
 Ran: TypeAlias = Callable[[int, float, list[Effect]], None]
-"""Hears of each run of a mind: its first cycle, its time and its effects."""
+"""Hears of runs of a mind, their first cycle, time and effects: of each in which the time mattered, and of the last."""
 
 
 def reason(mind: Mind, clock: Clock, share: int = 1, ran: Ran | None = None) -> list[Effect]:
@@ -115,14 +115,19 @@ def reason(mind: Mind, clock: Clock, share: int = 1, ran: Ran | None = None) -> 
     `share`: so many agents of this process reason one after the other, and have the time of a slice together.
     """
     until, last, batch = clock.wall() + LONGEST_SLICE / max(1, share), mind.cycle + SLICE, 1
+    timers, looks = mind.timers, mind.timers.looks
     while True:
-        first, now = mind.cycle + 1, clock.now()
-        effects = mind.run(now, min(batch, last - mind.cycle))
-        if ran is not None:
-            ran(first, now, effects)
+        before, now = mind.cycle, clock.now()
+        effects = mind.run(now, min(batch, last - before))
         batch = min(2 * batch, BATCH)
         if effects or not mind.ready or mind.cycle >= last or clock.wall() >= until:
+            if ran is not None:
+                ran(before + 1, now, effects)
             return effects
+        if timers.looks != looks:
+            looks = timers.looks
+            if ran is not None:
+                ran(before + 1, now, effects)
 
 
 class Host:

@@ -23,7 +23,7 @@ from agentd.mind.failed import Failed
 from agentd.mind.inputs import TimeRead, TooDeep
 from agentd.mind.keeping import Keeper
 from agentd.restart import come_back, raise_interrupted
-from agentd.tracing.acts import decision_line, digest, effect_text
+from agentd.tracing.acts import DecisionLines, digest, effect_text
 from agentd.tracing.birth import unpack, zone_of
 from agentd.tracing.given_terms import Unreadable, read
 from agentd.tracing.readings import CameBack, Given, Interrupted, MailRefused, NamesRead
@@ -68,6 +68,7 @@ class Life:
         self.lasts: deque[tuple[int, Given]] = deque(maxlen=5)
         """What went in last."""
         self._done: list[Done] = []
+        self._line = DecisionLines().of
         self._steps: deque[tuple[int, float]] = deque()
         self._given: deque[tuple[int, Given]] = deque()
         self._times: deque[float] = deque()
@@ -123,7 +124,7 @@ class Life:
         self._did(mail)
 
     def _decided(self, entry: Any) -> None:
-        self._done.append(Done(self.mind.cycle, self.now, entry, decision_line(entry)))
+        self._done.append(Done(self.mind.cycle, self.now, entry, self._line(entry)))
 
     def _did(self, effect: Effect) -> None:
         cycle = self.mind.cycle

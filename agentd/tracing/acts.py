@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from hashlib import blake2b
-from typing import Any
+from typing import Any, Final
 
 from agentd.language.terms import Literal
 from agentd.mind.decisions import Failure
@@ -23,15 +23,34 @@ from agentd.mind.frames import PLAN
 from agentd.mind.holding import short_text
 
 
-def decision_line(entry: Any) -> str:
-    """A record of `agentd.mind.decisions.Decisions` as a line; it is quick rather than readable."""
-    if type(entry) is Failure:
-        return f"{entry.cycle} failure {entry.intention} {entry.failed.error}"
-    relevant, args = entry[2][0], entry[2][1]
-    frame, rejected = entry[6], entry[5]
-    place = "-" if frame is None else frame[PLAN].syntax.position
-    tried = 0 if rejected is None else len(rejected)
-    return f"{entry[0]} {relevant.text}{relevant.sig.indicator} {' '.join(map(_brief, args))} {tried} {place}"
+class DecisionLines:
+    """Writes records of `agentd.mind.decisions.Decisions` as lines; it is quick rather than that they are readable."""
+
+    def __init__(self) -> None:
+        self._known: dict[Any, str] = {None: "-"}
+        """The texts of events and of the places of plans."""
+
+    def of(self, entry: Any) -> str:
+        """A record as a line."""
+        if type(entry) is Failure:
+            return f"{entry.cycle} failure {entry.intention} {entry.failed.error}"
+        relevant, args, _, _ = entry[2]
+        frame, rejected, known = entry[6], entry[5], self._known
+        plan = None if frame is None else frame[PLAN]
+        try:
+            event, place = known[relevant], known[plan]
+        except KeyError:
+            event, place = self._learn(relevant, plan)
+        terms = " ".join(map(_brief, args)) if args else ""
+        return f"{entry[0]} {event} {terms} {0 if rejected is None else len(rejected)} {place}"
+
+    def _learn(self, relevant: Any, plan: Any) -> tuple[str, str]:
+        if len(self._known) > MOST_KNOWN:  # a program may add plans for ever
+            self._known = {None: "-"}
+        event = self._known[relevant] = f"{relevant.text}{relevant.sig.indicator}"
+        place = "-" if plan is None else str(plan.syntax.position)
+        self._known[plan] = place
+        return event, place
 
 
 def _brief(term: Any) -> str:
@@ -44,6 +63,9 @@ def _brief(term: Any) -> str:
     if kind is Literal:
         return str(term.sig.indicator) if term.args else str(term.sig.functor)
     return kind.__name__
+
+
+MOST_KNOWN: Final = 10_000
 
 
 def effect_text(effect: Effect) -> str:

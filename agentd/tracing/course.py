@@ -14,7 +14,7 @@ from typing import Any, Final
 from agentd.language.terms import EMPTY, List, Literal, deref
 from agentd.mind import Mind
 from agentd.mind.inputs import Mail
-from agentd.tracing.acts import decision_line, digest, effect_text
+from agentd.tracing.acts import DecisionLines, digest, effect_text
 from agentd.tracing.given_terms import Included, written
 from agentd.tracing.readings import Given, NamesRead
 from schemas.minds import MindBirth, MindInputs, MindStep
@@ -86,6 +86,7 @@ class Course:
         self._kept_inputs = self._kept_bytes = 0
         self._names: tuple[str, ...] | None = None
         """Who could be sent to when the mind asked last."""
+        self._line = DecisionLines().of
         self._looks = -1
         self._step_at, self._step_from = -1.0, 0
         self._open = Stretch(0, False)
@@ -116,7 +117,7 @@ class Course:
     def decided(self, entry: Any) -> None:
         """The mind has decided something (`agentd.mind.decisions`)."""
         if self._open.lines is not None:
-            self._open.lines.append(decision_line(entry))
+            self._open.lines.append(self._line(entry))
 
     def did(self, cycle: int, effect: Any) -> None:
         """The mind has done something."""
