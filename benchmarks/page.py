@@ -175,7 +175,7 @@ def text_of(figures: list[Figures], loaded: list[tuple[str, int]], seconds: floa
     machine = f"{os.cpu_count()} cores, Python {platform.python_version()}, aiohttp {version('aiohttp')}"
     return "\n".join(
         (
-            f"`python -m benchmarks.page --out docs/ui.md`, {seconds:g} s for each row ({machine}):",
+            f"`make bench-page`, {seconds:g} s for each row ({machine}):",
             "",
             f"| fleet | page | server | its memory | to the page | largest message | page's thread | {FRAME} |",
             "|---|---|---|---|---|---|---|---|",
