@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from importlib.metadata import version
 
 from commd.command_line import check_command
@@ -123,96 +124,25 @@ COMMANDS = {
 }
 
 
+ELSEWHERE = {
+    "status": "fleet_status",
+    "record": "recording.record",
+    "replay": "recording.replay",
+    "why": "why.command",
+    "watch": "watch.command",
+    "echo": "tools.echo",
+    "hz": "tools.hz",
+    "list": "tools.listing",
+    "act": "tools.act",
+    "ui": "ui.command",
+}
+"""The modules of commands that are not called as the command is."""
+
+
 def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callable[[argparse.Namespace], int]]:
-    match name:
-        case "run":
-            from argosy import run
-
-            return run.add_arguments, run.run
-        case "board":
-            from argosy import board
-
-            return board.add_arguments, board.run
-        case "simulate":
-            from argosy import simulate
-
-            return simulate.add_arguments, simulate.run
-        case "status":
-            from argosy import fleet_status
-
-            return fleet_status.add_arguments, fleet_status.run
-        case "doctor":
-            from argosy import doctor
-
-            return doctor.add_arguments, doctor.run
-        case "record":
-            from argosy.recording import record
-
-            return record.add_arguments, record.run
-        case "replay":
-            from argosy.recording import replay
-
-            return replay.add_arguments, replay.run
-        case "metrics":
-            from argosy import metrics
-
-            return metrics.add_arguments, metrics.run
-        case "why":
-            from argosy.why import command as why
-
-            return why.add_arguments, why.run
-        case "mail":
-            from argosy import mail
-
-            return mail.add_arguments, mail.run
-        case "plot":
-            from argosy import plot
-
-            return plot.add_arguments, plot.run
-        case "watch":
-            from argosy.watch import command
-
-            return command.add_arguments, command.run
-        case "referee":
-            from argosy import referee
-
-            return referee.add_arguments, referee.run
-        case "wheelhouse":
-            from argosy import wheelhouse
-
-            return wheelhouse.add_arguments, wheelhouse.run
-        case "units":
-            from argosy import units
-
-            return units.add_arguments, units.run
-        case "echo":
-            from argosy.tools import echo
-
-            return echo.add_arguments, echo.run
-        case "hz":
-            from argosy.tools import hz
-
-            return hz.add_arguments, hz.run
-        case "list":
-            from argosy.tools import listing
-
-            return listing.add_arguments, listing.run
-        case "act":
-            from argosy.tools import act
-
-            return act.add_arguments, act.run
-        case "ui":
-            from argosy.ui import command
-
-            return command.add_arguments, command.run
-        case "check":
-            from argosy import check
-
-            return check.add_arguments, check.run
-        case _:
-            from argosy import stop
-
-            return stop.add_arguments, stop.run
+    """Return what declares the arguments of a command, and what runs it; only its own module is imported."""
+    module = import_module(f"argosy.{ELSEWHERE.get(name, name)}")
+    return module.add_arguments, module.run
 
 
 if __name__ == "__main__":

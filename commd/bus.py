@@ -94,7 +94,9 @@ class Query(Generic[R]):
     @property
     def parameters(self) -> dict[str, str]:
         """What stands behind the `?` of the selector, `a=b;c=d`; one without `=` has an empty value."""
-        return dict(self._query.parameters)
+        text = str(self._query.parameters)
+        pairs = (part.partition("=") for part in text.split(";") if part)
+        return {name: value for name, _, value in pairs}
 
     @property
     def concrete(self) -> bool:
