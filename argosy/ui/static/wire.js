@@ -57,7 +57,7 @@ export class Wire {
       if (!answer.ok) return { ok: false, reason: (await answer.text()).trim() || `status ${answer.status}` };
       return await answer.json();
     } catch {
-      return { ok: false, reason: "argosy ui does not answer: NOT known whether it was done", lost: true };
+      return { ok: false, reason: "the page's server does not answer: NOT known whether it was done", lost: true };
     }
   }
 
