@@ -18,7 +18,7 @@ TICK = 0.25
 """Wall seconds between two looks at who is due."""
 DETAIL, SUMMARY, MAIL = 0.5, 2.0, 2.0
 """Wall seconds between two looks at a mind that is looked at, at each other mind, and at the mailboxes."""
-DECISIONS = 60
+DECISIONS = 30
 """Decisions that a detailed view is asked for."""
 ANSWER_TIMEOUT = 2.0
 AT_ONCE = 32
