@@ -78,8 +78,10 @@ class Beliefs:
         """
         base = self._mind.beliefs
         text, stays = belief_text(fact)
-        since = base.since(fact) if base.dated else new if self._whole and stays else None
-        return minds.BeliefView(text=text, sources=sources_of(fact), since=since), stays
+        since, known = base.since(fact)
+        if not base.dated and self._whole and stays:
+            since = new
+        return minds.BeliefView(text=text, sources=sources_of(fact), since=since), stays and known
 
 
 def intentions_of(mind: Mind) -> tuple[tuple[minds.IntentionView, ...], int]:

@@ -317,9 +317,9 @@ class BeliefBase:
     def mark(self, now: float) -> None:
         """Note that what is new since the last mark has come by now, in mission seconds, if it is `dated`."""
 
-    def since(self, fact: Literal) -> float | None:
-        """Since when a fact is believed, in mission seconds; None if nobody knows."""
-        return None
+    def since(self, fact: Literal) -> tuple[float | None, bool]:
+        """Since when a fact is believed, in mission seconds; None if nobody knows. And whether that will stay so."""
+        return None, True
 
     def facts(self) -> Iterator[Literal]:
         """Every fact, predicate by predicate in the order in which they were first mentioned."""

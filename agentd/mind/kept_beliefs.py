@@ -72,6 +72,10 @@ class _Book:
             return None
         return marks[bisect_left(marks, rank, key=itemgetter(0))][1]
 
+    def is_marked(self, rank: int) -> bool:
+        """Whether what is known of the time of an entry is all that will ever be known."""
+        return rank <= self._marks[-1][0]
+
     def rank(self, last: bool) -> int:
         """The rank of a new entry."""
         if self.restoring is not None:
@@ -171,14 +175,15 @@ class KeptBeliefs(BeliefBase):
         """Note that what is new since the last mark has come by now (mission seconds): after each run of the mind."""
         self._book.mark(now)
 
-    def since(self, fact: Literal) -> float | None:
+    def since(self, fact: Literal) -> tuple[float | None, bool]:
         """Since when a fact is believed, in mission seconds, to within a run of the mind and later within a few.
 
-        None if nobody knows: it is of a former life. A source that has joined since then changes nothing.
+        None if nobody knows: it is of a former life. A source that has joined since then changes nothing. And whether
+        this is all that will be known: what is newer than the last mark gets its time by the next one.
         """
         predicate = self._predicates[fact.sig]
         rank = predicate.ranks.get(fact.args) if isinstance(predicate, KeptPredicate) else None
-        return None if rank is None else self._book.since(rank)
+        return (None, True) if rank is None else (self._book.since(rank), self._book.is_marked(rank))
 
     # --- keeping ---
 

@@ -303,3 +303,11 @@ def test_whoever_asks_all_the_time_is_shown_the_same_look_again(tmp_path: Path, 
 )
 def test_the_quick_way_to_a_text_leads_to_the_same_text(written: str) -> None:
     assert flat_text(term(written)) in (None, text(term(written)))
+
+
+def test_a_belief_that_is_looked_at_before_its_time_is_known_gets_it_later() -> None:
+    world = kept("map(1).")
+    beliefs = Beliefs(world.mind)
+    assert [view.since for view in beliefs.shown(Look(), 0.0)[0]] == [None]
+    run(world, 2.0)
+    assert [view.since for view in beliefs.shown(Look(), 2.0)[0]] == [2.0]
