@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from argparse import ArgumentParser, Namespace
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -125,7 +126,11 @@ def read_scene(recording: Recording, fleet: str | None = None) -> Scene:
         raise NothingToPlot(f"there are several fleets in it, say which by --fleet: {', '.join(fleets)}")
     whose = fleet or (fleets[0] if fleets else "*")
     title, robot_of, agents = _team(recording, whose)
-    return SceneReader(title, robot_of, agents).read(_heard(recording, whose))
+    unread: Counter[str] = Counter()
+    scene = SceneReader(title, robot_of, agents).read(_heard(recording, whose, unread))
+    for name, count in unread.items():
+        scene.notes.append(f"{count} of its records {name} cannot be read: another version of Argosy wrote them")
+    return scene
 
 
 def _team(recording: Recording, fleet: str) -> tuple[str, dict[str, str], list[str]]:
@@ -145,12 +150,14 @@ def _team(recording: Recording, fleet: str) -> tuple[str, dict[str, str], list[s
     return facts.mission or fleet, {name: name for name in seen}, []
 
 
-def _heard(recording: Recording, fleet: str) -> Iterator[_Heard]:
-    """Yield what a plot shows, in order, with mission seconds since the beginning of the recording."""
+def _heard(recording: Recording, fleet: str, unread: Counter[str]) -> Iterator[_Heard]:
+    """Yield what a plot shows, in order, with mission seconds since the beginning; count what cannot be read."""
     speed = next((deeds.speed for _, deeds in recording.typed(MindDeeds)), recording.facts.speed)
     only = (f"{keys.ROOT}/{fleet}/**",)
     for message in recording.messages(only=only, records=(Perception, ActionStatus, MindDeeds)):
-        if (record := message.record) is not None:
+        if (record := message.record) is None:
+            unread[message.name] += 1
+        else:
             late = (message.at - message.stamp) / SECOND  # what a query answered was said long ago
             yield _Heard((message.seconds - (late if 0 < late < PROMPT else 0)) * speed, message.key, record)
 

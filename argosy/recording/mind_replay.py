@@ -7,25 +7,19 @@ what is missing and up to when it could be proved, and the exit code is 1.
 from __future__ import annotations
 
 import sys
-import time
 from argparse import ArgumentParser, Namespace
-from collections.abc import Callable, Collection
-from dataclasses import dataclass, field
-from itertools import takewhile
 from pathlib import Path
 
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file
 from agentd.plugins import discover
-from agentd.replaying import CannotReplay, Result, acts, compare, replay
-from agentd.stdlib.registry import ACTIONS, FUNCTIONS
 from argosy.recording import lives
-from argosy.recording.lives import in_words
-from argosy.recording.mind_words import SHOWN, Named, difference_lines, figures, nearer, told_decision
+from argosy.recording.mind_proof import OTHER_VERSION, LifeAgain
+from argosy.recording.mind_words import SHOWN
 from argosy.recording.reader import BadRecording, Recording, open_recording
-from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from commd.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas import keys
-from schemas.minds import MindBirth, MindDecisions, MindInputs
+from schemas.minds import MindDecisions, MindInputs
 
 
 def add_mind_arguments(parser: ArgumentParser) -> None:
@@ -62,15 +56,16 @@ def run_mind(args: Namespace) -> int:
     try:
         edited = {path: _text(path) for path in args.program}
         recording = open_recording(args.file)
-        asked = [_Asked(number, life, args, edited, last) for number, life, last in _lives(recording, args)]
+        asked = [LifeAgain(number, life, args, edited, last) for number, life, last in _lives(recording, args)]
     except (Refused, BadRecording) as error:
         print(error if isinstance(error, Refused) else f"error: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
     if recording.missing:
         print(f"warning: {recording.missing}", file=sys.stderr)
     discover()
+    unread = _unread(recording, args.mind)
     decisions = [record for _, record in recording.typed(MindDecisions) if record.agent == args.mind]
-    return max((one.live_again(recording, decisions) for one in asked), default=EXIT_DONE)
+    return max((one.live_again(recording, decisions, unread) for one in asked), default=EXIT_DONE)
 
 
 def _text(path: Path) -> str:
@@ -92,6 +87,8 @@ def _lives(recording: Recording, args: Namespace) -> list[tuple[int, lives.Life,
         there = f"there are those of {', '.join(known)}" if known else "nor of any other agent"
         raise Refused(f"error: {args.file}: there are no inputs of {args.mind} in it, {there}")
     lived = recording.lives(args.mind)
+    if not lived:
+        raise Refused(f"error: {args.file}: no inputs of {args.mind} can be read: {OTHER_VERSION}")
     found = [(number, life, number < len(lived)) for number, life in enumerate(lived, 1)]
     if args.life is None:
         return found
@@ -100,144 +97,7 @@ def _lives(recording: Recording, args: Namespace) -> list[tuple[int, lives.Life,
     return [found[args.life - 1]]
 
 
-@dataclass
-class _Asked:
-    """A life that is to be lived again."""
-
-    number: int
-    life: lives.Life
-    args: Namespace
-    edited: dict[Path, str]
-    """The texts of the edited program."""
-    followed: bool = False
-    """Whether another life came after it."""
-    texts: dict[str, str] = field(default_factory=dict)
-    """The same by the recorded paths of the files whose place they take."""
-    recorded: Named = str
-    """Name the places of the recorded program."""
-    other: Named = str
-    """And of the program that lives now."""
-
-    @property
-    def name(self) -> str:
-        """The agent's, with the number of this life if it is not the first."""
-        return self.life.agent if self.number == 1 else f"{self.life.agent}, life {self.number}"
-
-    @property
-    def batches(self) -> list[MindInputs]:
-        """What there is without a gap from birth on, and within `--until`."""
-        whole = takewhile(lambda pair: pair[0] == pair[1].number, enumerate(self.life.batches))
-        return list(takewhile(self._in_time, (batch for _, batch in whole)))
-
-    def _in_time(self, batch: MindInputs) -> bool:
-        until = self.args.until
-        return until is None or batch.birth is not None or not batch.steps or batch.steps[0].now <= until
-
-    def live_again(self, recording: Recording, decisions: list[MindDecisions]) -> int:
-        """Live it again and tell what came of it. Returns the exit code."""
-        batches, lacks = self.batches, self._lacks(recording)
-        if not batches or batches[0].birth is None:
-            return self._nothing(lacks)
-        self._take_names(batches[0].birth)
-        known, begun = {*ACTIONS, *FUNCTIONS}, time.monotonic()
-        try:
-            result = self._result(batches, [one for one in decisions if one.header.boot == self.life.boot])
-            wall = time.monotonic() - begun
-            if self.args.why:
-                self._tell_decisions(batches, result)
-        except CannotReplay as error:
-            return self._nothing([self.other(str(error))])
-        foreign = sorted({str(name) for name in {*ACTIONS, *FUNCTIONS} - known})
-        return self._tell(result, wall, lacks, foreign)
-
-    def _take_names(self, birth: MindBirth) -> None:
-        """Find whose place each edited file takes: that of the recorded one of its name, or of the main program."""
-        names = {Path(path).name: path for path in birth.files}
-        places = {names.get(path.name, birth.program): path for path in self.edited}
-        self.texts = {place: self.edited[path] for place, path in places.items()}
-        self.recorded = nearer(birth.files, {})
-        self.other = nearer(birth.files, {place: str(path) for place, path in places.items()})
-
-    def _result(self, batches: list[MindInputs], decisions: list[MindDecisions]) -> Result:
-        show: Callable[[MindInputs], None] | None = None
-        if sys.stderr.isatty():
-            show = lambda batch: print(f"\r\x1b[Kbatch {batch.number} of {len(batches)}", end="", file=sys.stderr)  # noqa: E731
-        try:
-            if self.edited:
-                return compare(batches, decisions, files=self.texts, progress=show)
-            return replay(batches, decisions, progress=show)
-        finally:
-            if show is not None:
-                print("\r\x1b[K", end="", file=sys.stderr)
-
-    def _lacks(self, recording: Recording) -> list[str]:
-        """Return in words what is missing of it."""
-        there, agent = self.life.batches, self.life.agent
-        if not there or there[0].birth is None:
-            missing = _batches(range(there[0].number) if there else [])
-            return [f"the beginning of its life is missing, {missing} of its inputs: begin to record sooner"]
-        lost = self.life.missing
-        found = [f"{_batches(lost)} of its inputs {'is' if len(lost) == 1 else 'are'} missing"] if lost else []
-        if self.args.until is not None:
-            return found
-        if recording.missing:
-            found.append("the recording was cut off: what went in after its end is not known")
-        elif recording.end is not None and not self.life.missing:
-            found += [gap for gap in recording.end.gaps if gap.startswith(f"{agent} ") and self.life.boot in gap]
-        return found
-
-    def _unheard(self) -> str:
-        """Return in words until when nobody listened, so that there is nothing to compare with; empty if always."""
-        batches = self.batches
-        silent = [index for index, batch in enumerate(batches) if not batch.digest]
-        if not silent:
-            return ""
-        until = max((step.now for batch in batches[: silent[-1] + 1] for step in batch.steps), default=0.0)
-        return (
-            f"nobody listened to what it decided in {len(silent)} of {len(batches)} batches, the last one at "
-            f"{until:.1f} s: record from before the agent begins"
-        )
-
-    def _nothing(self, lacks: list[str]) -> int:
-        print(f"{self.name}: nothing can be proved")
-        for lack in lacks:
-            print(f"  {lack}")
-        return EXIT_FAILED
-
-    def _tell(self, result: Result, wall: float, lacks: list[str], foreign: list[str]) -> int:
-        gone_in = sum(1 for batch in self.batches for one in batch.inputs if one.cycle <= result.cycles)
-        told, notes = figures(result, gone_in, wall), list(result.notes)
-        if not self.edited and result.difference is None and (unheard := self._unheard()):
-            lacks, notes = [*lacks, unheard], []
-        if result.difference is not None:
-            print(f"{self.name}: differs: the same for {told}")
-            edited, shown = bool(self.edited), self.args.show
-            for line in difference_lines(result.difference, self.recorded, self.other, edited=edited, shown=shown):
-                print(f"  {line}")
-        elif lacks:
-            print(f"{self.name}: the same for {told}, but not all of it is proved:")
-            for lack in lacks:
-                print(f"  {lack}")
-        else:
-            who = f"{self.name} with {', '.join(map(str, self.edited))}" if self.edited else self.name
-            print(f"{who}: agrees: {told}")
-        if self.followed:
-            notes.append("it was started again: if it was killed, its last moments, 0.25 s at most, were not recorded")
-        if foreign:
-            notes.append(f"{', '.join(foreign)}: Python of other packages was run again, and may have asked the world")
-        for note in notes:
-            print(f"  note: {note}")
-        return EXIT_DONE if result.agrees and not lacks else EXIT_FAILED
-
-    def _tell_decisions(self, batches: list[MindInputs], result: Result) -> None:
-        """Tell the decisions about a name, up to the difference if there is one."""
-        last = result.difference.cycle if result.difference is not None else None
-        for act in acts(batches, files=self.texts or None, until=last):
-            if act.decision is not None and act.decision.name.partition("/")[0] == self.args.why:
-                for line in told_decision(act.time, act.decision, self.other):
-                    print(line)
-
-
-def _batches(numbers: Collection[int]) -> str:
-    """Return which batches these are, in words."""
-    return f"batch{'' if len(numbers) == 1 else 'es'} {in_words(numbers)}" if numbers else "all"
+def _unread(recording: Recording, agent: str) -> int:
+    """Return how many batches of an agent's inputs do not decode."""
+    only = (keys.trace("*", agent, "inputs"),)
+    return sum(message.record is None for message in recording.messages(only=only, records=(MindInputs,)))

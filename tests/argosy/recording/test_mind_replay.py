@@ -215,6 +215,25 @@ def test_what_nobody_listened_to_is_lived_again_but_not_proved(recorded: Recorde
     assert "nobody listened to what it decided in " in out
 
 
+def test_inputs_that_this_version_cannot_read_are_told_and_never_agree(recorded: Recorded, replayed: Replay) -> None:
+    recording, one, all_of_them = open_recording(recorded.path), "one.mcap", "all.mcap"
+    for name in (one, all_of_them):
+        writer = RecordingWriter(recorded.path.with_name(name), recording.facts, overwrite=True)
+        for message in recording.messages():
+            data = message.data
+            if message.key.endswith("buyer/trace/inputs") and (name == all_of_them or b'"number":2' in data):
+                data = b'{"number": "two"}'
+            writer.add(Heard(message.at, message.key, data, message.track.encoding, "put"))
+        writer.close(End("done", recording.last))
+    code, out, _ = replayed("buyer", path=one)
+    assert code == 1
+    assert "agrees" not in out
+    assert "1 batch of its inputs cannot be read: another version of Argosy wrote them" in out
+    code, out, err = replayed("buyer", path=all_of_them)
+    assert (code, out) == (2, "")
+    assert err.startswith("error: all.mcap: no inputs of buyer can be read: another version of Argosy")
+
+
 def test_a_mind_that_could_not_be_recorded_says_why(recorded: Recorded, replayed: Replay) -> None:
     def unknown(batch: MindInputs) -> MindInputs:
         if batch.birth is None:
