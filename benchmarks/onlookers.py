@@ -36,9 +36,10 @@ class Onlooker:
 
 NOBODY: Final = Onlooker("nobody", "nobody")
 ONLOOKERS: Final = (
+    Onlooker("control", "nobody again: what the method itself is off by"),
     Onlooker("run", "`argosy run`: the mind without decisions, 2 Hz", "?last=0"),
-    Onlooker("watch", "`argosy watch`: the mind with its plans and 60 decisions, 2 Hz", "?plans=true;last=60"),
-    Onlooker("ui", "`argosy ui`: the same, and its deeds", "?plans=true;last=60", traces=("deeds",)),
+    Onlooker("watch", "`argosy watch`: the mind with its plans and 30 decisions, 2 Hz", "?plans=true;last=30"),
+    Onlooker("ui", "`argosy ui`: the same, and its deeds", "?plans=true;last=30", traces=("deeds",)),
     Onlooker("greedy", "somebody who asks 50 times a second", "", 50.0),
     Onlooker("recorder", "`argosy record`: inputs, decisions and deeds", traces=("inputs", "decisions", "deeds")),
 )
