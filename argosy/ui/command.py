@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import os
 import signal
 import socket
 import sys
@@ -19,6 +20,7 @@ from argosy.operator_bus import add_fleet_arguments, where
 from argosy.ui.doors import Doors, is_loopback
 from argosy.ui.following import Following
 from argosy.ui.server import application
+from commd.logs import one_line
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from commd.tls import identity_of
 from schemas.findings import Findings
@@ -52,6 +54,7 @@ def _port(text: str) -> int:
 def run(args: Namespace) -> int:
     """Serve the page until ctrl-C or SIGTERM."""
     logging.getLogger("bus").setLevel(logging.ERROR)  # what it would say of the router, the page and Link say
+    _tell_defects_in_a_line(logging.getLogger("aiohttp.server"))
     if args.tiles is not None and not args.tiles.is_dir():
         print(f"error: --tiles: {args.tiles} is no folder", file=sys.stderr)
         return EXIT_BAD_INPUT
@@ -62,6 +65,20 @@ def run(args: Namespace) -> int:
     except Findings as findings:
         print(findings, file=sys.stderr)
         return EXIT_BAD_INPUT
+
+
+def _tell_defects_in_a_line(log: logging.Logger) -> None:
+    """Say of an error of ours what and where, not all the ways that led there, unless somebody looks for it."""
+
+    class Line(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            error = record.exc_info[1] if record.exc_info else None
+            what = f"{type(error).__name__}: {error}" if error is not None else record.getMessage()
+            print(f"argosy ui: defect: {one_line(what)}; ARGOSY_DEBUG=1 shows where", file=sys.stderr, flush=True)
+
+    if not os.environ.get("ARGOSY_DEBUG") and not log.handlers:
+        log.addHandler(Line(logging.ERROR))
+        log.propagate = False
 
 
 async def _serve(args: Namespace, following: Following) -> int:

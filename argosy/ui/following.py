@@ -87,9 +87,11 @@ class Following:
             self._marked, self._marks = now, marks(self.model, self._believing.beliefs)
         entries = self.model.timeline.since(self._entry)
         self._entry = self.model.timeline.number
-        for entry in entries:
-            if entry.what == "print":
-                self._said[entry.who] = entry.text
+        self._said |= {
+            entry.who: entry.text for entry in entries if entry.what == "print" and entry.who in self.model.agents
+        }
+        for gone in self._said.keys() - self.model.agents.keys():
+            del self._said[gone]
         self._take_letters()
         self.shown.show(self._parts(), [_happened(entry) for entry in entries])
 

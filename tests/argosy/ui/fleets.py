@@ -21,13 +21,13 @@ HOME = (-27.604033, -48.518363)
 class Robot:
     """A bridge that answers orders, and tells what its vehicle does."""
 
-    def __init__(self, bus: Bus, name: str, agent: str, answer: Outcome | None) -> None:
+    def __init__(self, bus: Bus, name: str, agent: str, answer: Outcome | None, fleet: str = FLEET) -> None:
         self.bus, self.name, self.agent = bus, name, agent
         self.answer = answer
         """None: it does not answer at all."""
         self.orders: list[str] = []
-        bus.serve(keys.stop(FLEET, name), StopOrder, self._told)
-        bus.token(keys.alive(FLEET, name, "bridged", bus.boot))
+        bus.serve(keys.stop(fleet, name), StopOrder, self._told)
+        bus.token(keys.alive(fleet, name, "bridged", bus.boot))
 
     async def _told(self, query: Query[StopOrder]) -> None:
         assert query.record is not None

@@ -11,6 +11,7 @@ import pytest
 
 from argosy.operator_bus import ANY, Where
 from schemas.records import Outcome
+from tests.argosy.team.fleet import Fleet
 from tests.argosy.ui.fleets import HOME, fleet, router
 from tests.argosy.ui.serving import served
 from tests.support.buses import session, subscribed, until
@@ -198,5 +199,31 @@ def test_whoever_comes_back_gets_no_event_twice() -> None:
                     await again.hear()
             assert [one["text"] for one in again.events] == ["line 5"]
             assert json.dumps(feed.events[0])
+
+    asyncio.run(body())
+
+
+def test_of_fifty_agents_a_page_is_told_what_changed_and_nothing_else() -> None:
+    async def body() -> None:
+        async with served() as browser:
+            await browser.enter()
+            following = browser.following
+            paper = Fleet()
+            following.model = paper.model
+            for number in range(50):
+                paper.comes(f"uav{number}", "bridged").comes(f"agent{number}", "agentd")
+                paper.told(f"uav{number}", "bridged", percepts={f"agent{number}": "b:1:0"})
+                paper.mind(f"agent{number}", "+!visit(3)").percept(f"agent{number}", "state", "GUIDED", True, True)
+                paper.percept(f"agent{number}", "global_pos", -27.6, -48.5 + number / 1000)
+            async with browser.feed("agent7") as feed:
+                await feed.until("robot/uav49", mode="GUIDED")
+                assert feed.sizes[0] < 100_000
+                assert len([key for key in feed.parts if key.startswith("agent/")]) == 50
+                while (await feed.hear()).keys() != {"now"}:
+                    pass
+                paper.percept("agent7", "global_pos", -27.7, -48.5).waits(1.0)
+                told = await feed.hear()
+                assert list(told["set"]) == ["robot/uav7"]
+                assert feed.sizes[-1] < 1_000
 
     asyncio.run(body())
