@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -23,6 +24,7 @@ from agentd.mind.failed import Failed
 from agentd.mind.inputs import TimeRead, TooDeep
 from agentd.mind.keeping import Keeper
 from agentd.restart import come_back, raise_interrupted
+from agentd.run import DEEPEST_CALLS
 from agentd.tracing.acts import DecisionLines, digest, effect_text
 from agentd.tracing.birth import unpack, zone_of
 from agentd.tracing.given_terms import Unreadable, read
@@ -63,6 +65,7 @@ class Life:
             raise CannotReplay(f"the recording of {first.agent} begins with batch {first.number}: its birth is missing")
         if first.birth.unknown:
             raise CannotReplay(f"{first.agent} cannot live again: {first.birth.unknown}")
+        sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))  # as deep as where it lived
         self.agent, self.birth, self.number = first.agent, first.birth, -1
         self.now = first.birth.start
         self.lasts: deque[tuple[int, Given]] = deque(maxlen=5)

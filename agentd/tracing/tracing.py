@@ -32,10 +32,10 @@ log = logging.getLogger("trace")
 
 PERIOD: Final = 0.25
 """Wall seconds between two batches."""
-PATIENCE: Final = 0.002
+PATIENCE: Final = 0.001
 """Wall seconds that the decisions of a batch may take to be put into words; the rest is left out and counted."""
 LEAST: Final = 20
-MOST: Final = 200
+MOST: Final = 100
 """So many decisions are in a batch at least and at most, if there were so many."""
 TOO_LATE: Final = (
     f"the beginning of this life is not kept any more: more than {MOST_KEPT} inputs, or as much mail, have come since; "
