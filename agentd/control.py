@@ -52,11 +52,16 @@ class Control:
         allowed: bool,
         *,
         wall: Callable[[], float],
+        now: Callable[[], float],
         feed: Callable[[Input], None],
         changed: Callable[[str], None],
     ) -> None:
-        """`wall` tells wall seconds; `feed` gives the mind an input; `changed` hears of each order, in words."""
-        self._mind, self._allowed, self._wall, self._feed, self._changed = mind, allowed, wall, feed, changed
+        """`wall` tells wall seconds, `now` mission seconds; `feed` gives the mind an input.
+
+        `changed` hears of each order, in words.
+        """
+        self._mind, self._allowed, self._wall, self._now = mind, allowed, wall, now
+        self._feed, self._changed = feed, changed
         self._since = self._until = 0.0
         """When the pause began and when it ends by itself, if there is one."""
         self._paused = False
@@ -142,7 +147,8 @@ class Control:
             return Outcome(ok=False, reason="it is not paused: only then it can be stepped")
         step = asyncio.get_running_loop().create_future()
         self._steps.append(step)
-        idle = not self._mind.ready
+        due = self._mind.wake_at
+        idle = not self._mind.ready and (due is None or due > self._now())
         self._told("step")
         try:
             async with asyncio.timeout(STEP_PATIENCE):

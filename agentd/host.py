@@ -213,7 +213,9 @@ class Host:
             self._tasks.spawn,
             self._interrupted,
         )
-        self._control = Control(bus, self._mind, part.inject, wall=clock.wall, feed=self._feed, changed=self._ordered)
+        self._control = Control(
+            bus, self._mind, part.inject, wall=clock.wall, now=clock.now, feed=self._feed, changed=self._ordered
+        )
         self._viewer = Viewer(
             bus,
             self._mind,

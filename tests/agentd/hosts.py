@@ -65,7 +65,7 @@ class Hosted:
 
     @property
     def beliefs(self) -> tuple[str, ...]:
-        return tuple(belief.text for belief in self.host.view().beliefs)
+        return self.host.view().beliefs
 
     def tell(self, mail: Mail) -> None:
         """Hand it a message that does not come by the bus."""

@@ -93,6 +93,9 @@ def test_a_step_is_one_cycle(tmp_path: Path, endpoint: str) -> None:
             assert outcome.ok
             assert outcome.reason.startswith(f"cycle {cycle + step}")
         assert bob.agent.host.view().cycle == cycle + 3
+        await asyncio.sleep(0.1)
+        assert (await bob.order("step")).reason == f"cycle {cycle + 4}", "its timer was due"
+        cycle += 1
         together = await asyncio.gather(*(bob.order("step") for _ in range(10)))
         assert all(outcome.ok for outcome in together)
         assert bob.agent.host.view().cycle == cycle + 13
