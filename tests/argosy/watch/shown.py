@@ -57,7 +57,8 @@ def show(
     async def everything() -> None:
         app = WatchApp(link or link_to(fleet), glyphs=glyphs, filter=filter, period=0.1)
         async with asyncio.timeout(60), app.run_test(size=size) as pilot:
-            await pilot.pause(0.1)
+            await until(app, pilot, "argosy watch")
+            await pilot.pause(0.2)
             await body(app, pilot)
 
     asyncio.run(everything())

@@ -300,7 +300,7 @@ def test_that_nobody_is_there_is_said_and_after_a_while_what_to_do() -> None:
     fleet = Fleet()
 
     async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        assert "nobody of fleet sar is there yet, waiting for 0.0 s" in text_of(app)
+        await until(app, pilot, "nobody of fleet sar is there yet, waiting for 0.0 s")
         fleet.model.token(keys.alive("other", "x", "agentd", "b"), alive=True)
         fleet.waits(15)
         await until(app, pilot, "waiting for 15 s")
