@@ -23,7 +23,7 @@ MOST_KEPT: Final = 5_000
 """Inputs that are kept since birth while nobody listens, or for who comes later."""
 MOST_BYTES: Final = 1_000_000
 """Bytes that they take, roughly."""
-INPUT_BYTES: Final = 200
+INPUT_BYTES: Final = 300
 """What an input takes, roughly, besides the content of mail."""
 PART_BYTES: Final = 60
 """What a part of a term takes."""
