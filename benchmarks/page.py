@@ -172,7 +172,10 @@ async def measured(seconds: float) -> tuple[list[Figures], list[tuple[str, int]]
 def text_of(figures: list[Figures], loaded: list[tuple[str, int]], seconds: float) -> str:
     """Return the figures as Markdown."""
     total, leaflet = sum(size for _, size in loaded), sum(size for name, size in loaded if "leaflet" in name)
-    machine = f"{os.cpu_count()} cores, Python {platform.python_version()}, aiohttp {version('aiohttp')}"
+    load = os.getloadavg()[0]  # with the crowd and the browser of this measurement in it
+    machine = (
+        f"load {load:.0f} on {os.cpu_count()} cores, Python {platform.python_version()}, aiohttp {version('aiohttp')}"
+    )
     return "\n".join(
         (
             f"`make bench-page`, {seconds:g} s for each row ({machine}):",

@@ -13,12 +13,15 @@ import time
 import webbrowser
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
+from typing import Any
 
+import zenoh
 from aiohttp import web
 
 from argosy.operator_bus import add_fleet_arguments, where
 from argosy.ui.doors import Doors, is_loopback
 from argosy.ui.following import Following
+from argosy.ui.link import all_let_go
 from argosy.ui.server import application
 from commd.logs import one_line
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
@@ -61,10 +64,15 @@ def run(args: Namespace) -> int:
     try:
         place, mission = where(args), load_mission(args.mission) if args.mission else None
         identity = identity_of(place.tls, time.time()).name if place.tls is not None else ""
-        return asyncio.run(_serve(args, Following(place, mission, identity, tiles=args.tiles is not None)))
+        code = asyncio.run(_serve(args, Following(place, mission, identity, tiles=args.tiles is not None)))
     except Findings as findings:
         print(findings, file=sys.stderr)
         return EXIT_BAD_INPUT
+    if not all_let_go():  # a router that hangs
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
 
 
 def _tell_defects_in_a_line(log: logging.Logger) -> None:
@@ -81,6 +89,14 @@ def _tell_defects_in_a_line(log: logging.Logger) -> None:
         log.propagate = False
 
 
+def _left_over(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Tell in a line of an error that nobody waited for; that a router was not reached is told by the link already."""
+    error = context.get("exception")
+    if not isinstance(error, zenoh.ZError):
+        what = f"{type(error).__name__}: {error}" if error is not None else context["message"]
+        print(f"argosy ui: defect: {one_line(what)}", file=sys.stderr, flush=True)
+
+
 async def _serve(args: Namespace, following: Following) -> int:
     try:
         listening = await asyncio.to_thread(_socket, args.listen, args.port)
@@ -94,6 +110,7 @@ async def _serve(args: Namespace, following: Following) -> int:
     runner = web.AppRunner(app, access_log=None, shutdown_timeout=LEAVE)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
+    loop.set_exception_handler(_left_over)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         with contextlib.suppress(ValueError):  # not in the main thread: a test
             loop.add_signal_handler(number, stop.set)

@@ -16,6 +16,7 @@ from aiohttp import web
 from argosy.operator_bus import Where
 from argosy.ui.doors import Doors
 from argosy.ui.following import Following
+from argosy.ui.link import all_let_go
 from argosy.ui.server import application
 from schemas.mission import Mission
 from tests.support.ports import free_port
@@ -120,3 +121,4 @@ async def served(
             link.cancel()
             await asyncio.gather(link, return_exceptions=True)
         await runner.cleanup()
+        assert await asyncio.to_thread(all_let_go, 20)

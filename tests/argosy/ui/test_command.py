@@ -61,6 +61,20 @@ def test_ctrl_c_ends_it(endpoint: str) -> None:
         assert "Traceback" not in ui.text
 
 
+def test_it_ends_well_while_a_session_is_being_opened() -> None:
+    with socket.socket() as mute:  # takes the connection and says nothing
+        mute.bind(("127.0.0.1", 0))
+        mute.listen()
+        router = f"tcp/127.0.0.1:{mute.getsockname()[1]}"
+        with running("argosy", "ui", "--router", router, "--port", "0") as ui:
+            address(ui)
+            mute.settimeout(20)
+            mute.accept()[0].close()
+            ui.signal(signal.SIGTERM)
+            assert ui.ends() == 0, ui.text
+            assert "FATAL" not in ui.text
+
+
 def test_a_port_that_is_taken_is_one_line(endpoint: str, capsys: pytest.CaptureFixture[str]) -> None:
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
