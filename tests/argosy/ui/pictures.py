@@ -6,7 +6,6 @@ import asyncio
 import re
 import shutil
 import signal
-import sys
 import tempfile
 from pathlib import Path
 
@@ -105,4 +104,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
