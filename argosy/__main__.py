@@ -8,10 +8,13 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.metadata import version
+from typing import NoReturn
 
 from commd.command_line import check_command
 
 EXIT_FAILED, EXIT_BAD_USAGE, EXIT_INTERRUPTED = 1, 2, 130
+LETTING_GO = 2.5
+"""Wall seconds that sessions have to open or to close when nobody wants them any more."""
 EXTRAS = {
     "rich": "operator",
     "psutil": "operator",
@@ -55,6 +58,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_FAILED
     finally:
         _leave_no_broken_pipe()
+
+
+def command() -> NoReturn:
+    """Run the command line as a process, to its end."""
+    code = main()
+    if (process := sys.modules.get("commd.process")) is not None:  # it may have been on the bus
+        process.end_with_threads(code, LETTING_GO)
+    sys.exit(code)
 
 
 def _run(given: list[str]) -> int:
@@ -146,4 +157,4 @@ def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callabl
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command()

@@ -24,7 +24,7 @@ from commd.raw import RawBus, matching
 from commd.reach import why_not
 from commd.reminding import Reminder
 from commd.routers import addresses_to_come
-from commd.session import session_config
+from commd.session import LEAVING, OPENING, session_config
 from commd.tasks import Tasks
 from commd.tls import Tls
 from commd.versions import Strangers
@@ -614,7 +614,7 @@ class Bus:
             _leave(self._session)
             self._soon(lambda _: closed.set())(None)
 
-        Thread(target=close, name="leaving", daemon=True).start()
+        Thread(target=close, name=LEAVING, daemon=True).start()
         try:
             await asyncio.wait_for(closed.wait(), CLOSE_PATIENCE)
         except TimeoutError:
@@ -646,7 +646,7 @@ async def _open(config: zenoh.Config, stop: asyncio.Event | None) -> zenoh.Sessi
         if session is not None and not opened.done():
             opened.set_result(session)
         elif session is not None:  # too late
-            Thread(target=_leave, args=(session,), name="leaving", daemon=True).start()
+            Thread(target=_leave, args=(session,), name=LEAVING, daemon=True).start()
         elif error is not None and not opened.done():
             opened.set_exception(error)
 
@@ -659,7 +659,7 @@ async def _open(config: zenoh.Config, stop: asyncio.Event | None) -> zenoh.Sessi
         with suppress(RuntimeError):  # the loop has ended
             loop.call_soon_threadsafe(settle, session, error)
 
-    Thread(target=open_it, name="opening", daemon=True).start()
+    Thread(target=open_it, name=OPENING, daemon=True).start()
     told = asyncio.Event() if stop is None else stop
     stopping = asyncio.ensure_future(told.wait())
     try:
@@ -668,6 +668,7 @@ async def _open(config: zenoh.Config, stop: asyncio.Event | None) -> zenoh.Sessi
         return await asyncio.wait_for(opened, STOP_PATIENCE)
     finally:
         stopping.cancel()
+        opened.cancel()  # what comes of it now is nobody's: a session that opens late is closed
 
 
 async def _absent(endpoint: str, listen: Sequence[str]) -> list[str]:

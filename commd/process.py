@@ -21,6 +21,7 @@ from commd.lag import loop_lag
 from commd.lives import end_lives
 from commd.logs import begin_logging, handler_of_this_process, one_line
 from commd.output import flush, stderr
+from commd.session import sessions_under_way, still_there
 from commd.tls import Tls, tls_in
 from commd.versions import OtherMajor
 from schemas import keys
@@ -68,7 +69,7 @@ def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> in
     was started from is gone) set `stop`. Returns the exit code, unless threads that are no daemons outlive it: then the
     process ends here."""
     code = _run(name, main)
-    _end_with_threads(code)
+    end_with_threads(code)
     return code
 
 
@@ -119,14 +120,15 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
         flush()
 
 
-def _end_with_threads(code: int) -> None:
-    """End the process at once if threads would keep it: what an extension leaves running must not outlive its end."""
-    until = time.monotonic() + LINGER
+def end_with_threads(code: int, seconds: float = LINGER) -> None:
+    """End the process here, without the interpreter's own end, if threads are left that would keep it or abort it.
+
+    What an extension leaves running must not outlive its end; Zenoh's opening and closing of a session must not be cut.
+    """
     others = [one for one in threading.enumerate() if not one.daemon and one is not threading.main_thread()]
-    for one in others:
-        one.join(max(0.0, until - time.monotonic()))
-    if left := [one.name for one in others if one.is_alive()]:
-        log.warning("ending although threads still run: %s", ", ".join(left))
+    if left := still_there([*others, *sessions_under_way()], seconds):
+        if any(one in others for one in left):
+            log.warning("ending although threads still run: %s", ", ".join(one.name for one in left))
         flush()
         os._exit(code)
 

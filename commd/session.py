@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import threading
+import time
 from collections.abc import Sequence
 from typing import Any, Literal
 
@@ -19,6 +21,8 @@ OPEN_TIMEOUT_MS = 1_000
 """One attempt to reach the router. Attempts repeat, so that a stop is noticed in between."""
 
 
+OPENING, LEAVING = "opening", "leaving"
+"""Names of the threads in which sessions are opened and closed: Zenoh may be long about both."""
 RETRY = {"period_init_ms": RETRY_MS, "period_max_ms": RETRY_MS, "period_increase_factor": 1}
 NOBODY_IS_SOUGHT = {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}}
 READ_ONLY = {"enabled": True, "permissions": {"read": True, "write": False}}
@@ -84,3 +88,19 @@ def session_config(
         else:
             config.insert_json5(key, json.dumps(value))
     return config
+
+
+def sessions_under_way() -> list[threading.Thread]:
+    """Return the threads of this process in which Zenoh opens or closes a session.
+
+    While one is left, the interpreter may not end: it would end that thread within Zenoh, which aborts the process.
+    """
+    return [one for one in threading.enumerate() if one.name in (OPENING, LEAVING)]
+
+
+def still_there(threads: Sequence[threading.Thread], seconds: float) -> list[threading.Thread]:
+    """Wait for threads to end, at most so many seconds for all of them. Returns those that have not."""
+    until = time.monotonic() + seconds
+    for one in threads:
+        one.join(max(0.0, until - time.monotonic()))
+    return [one for one in threads if one.is_alive()]

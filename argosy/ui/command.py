@@ -21,7 +21,6 @@ from aiohttp import web
 from argosy.operator_bus import add_fleet_arguments, where
 from argosy.ui.doors import Doors, is_loopback
 from argosy.ui.following import Following
-from argosy.ui.link import all_let_go
 from argosy.ui.server import application
 from commd.logs import one_line
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
@@ -64,15 +63,10 @@ def run(args: Namespace) -> int:
     try:
         place, mission = where(args), load_mission(args.mission) if args.mission else None
         identity = identity_of(place.tls, time.time()).name if place.tls is not None else ""
-        code = asyncio.run(_serve(args, Following(place, mission, identity, tiles=args.tiles is not None)))
+        return asyncio.run(_serve(args, Following(place, mission, identity, tiles=args.tiles is not None)))
     except Findings as findings:
         print(findings, file=sys.stderr)
         return EXIT_BAD_INPUT
-    if not all_let_go():  # a router that hangs
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(code)
-    return code
 
 
 def _tell_defects_in_a_line(log: logging.Logger) -> None:

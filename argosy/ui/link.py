@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import sys
-import threading
 import time
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
@@ -15,9 +14,6 @@ from schemas import keys
 
 AGAIN = 2.0
 """Wall seconds after which the router is dialled again, and after which a fleet is looked for again."""
-
-LETTING_GO = 2.5
-"""Wall seconds that sessions under way have to open or to close, when nobody wants them any more."""
 
 
 class Link:
@@ -102,15 +98,3 @@ class Link:
             print(f"argosy ui: {problem}; it is tried again", file=sys.stderr, flush=True)
         if problem != self.problem:
             self.problem, self.changed = problem, time.time()
-
-
-def all_let_go(seconds: float = LETTING_GO) -> bool:
-    """Wait for threads in which Zenoh opens or closes a session. Returns whether all have ended.
-
-    While one is left, the interpreter may not end: it would end that thread within Zenoh, which aborts the process.
-    """
-    until = time.monotonic() + seconds
-    others = [one for one in threading.enumerate() if one.name in ("opening", "leaving")]
-    for one in others:
-        one.join(max(0.0, until - time.monotonic()))
-    return not any(one.is_alive() for one in others)

@@ -6,8 +6,6 @@ import asyncio
 import logging
 import os
 import sys
-import threading
-import time
 from argparse import ArgumentParser, Namespace
 
 from argosy.operator_bus import Where, add_fleet_arguments, where
@@ -15,9 +13,6 @@ from argosy.watch.glyphs import glyphs_of
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.findings import Findings
 from schemas.mission import Mission, load_mission
-
-DIAL_END = 3.0
-"""Wall seconds that an attempt to reach the router has to end; it takes 1 s."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -44,14 +39,6 @@ def run(args: Namespace) -> int:
     return asyncio.run(_show(place, mission, args.filter))
 
 
-def _let_dialling_end() -> None:
-    """Wait for a session that is being opened: Python must not end while a thread of Zenoh's dials."""
-    until = time.monotonic() + DIAL_END
-    for thread in threading.enumerate():
-        if thread.name == "opening":
-            thread.join(max(0.0, until - time.monotonic()))
-
-
 async def _show(place: Where, mission: Mission | None, words: str) -> int:
     from argosy.watch.app import WatchApp
     from argosy.watch.link import Link
@@ -65,7 +52,6 @@ async def _show(place: Where, mission: Mission | None, words: str) -> int:
     finally:
         dialling.cancel()
         await asyncio.gather(dialling, return_exceptions=True)
-        await asyncio.to_thread(_let_dialling_end)
     if link.failure:
         print(link.failure, file=sys.stderr)
         return EXIT_BAD_INPUT

@@ -124,5 +124,5 @@ def test_an_action_by_hand_needs_only_its_parameters() -> None:
 
 
 def test_a_field_that_must_be_there_is_named() -> None:
-    with pytest.raises(BadRecord, match="^ActionStatus: Object missing required field `state`$"):
+    with pytest.raises(BadRecord, match=r"^ActionStatus: Object missing required field `state`$"):
         codec(ActionStatus).decode(b'{"id":"uav:b:1"}')

@@ -16,8 +16,8 @@ from aiohttp import web
 from argosy.operator_bus import Where
 from argosy.ui.doors import Doors
 from argosy.ui.following import Following
-from argosy.ui.link import all_let_go
 from argosy.ui.server import application
+from commd.session import sessions_under_way, still_there
 from schemas.mission import Mission
 from tests.support.ports import free_port
 
@@ -121,4 +121,4 @@ async def served(
             link.cancel()
             await asyncio.gather(link, return_exceptions=True)
         await runner.cleanup()
-        assert await asyncio.to_thread(all_let_go, 20)
+        assert not await asyncio.to_thread(still_there, sessions_under_way(), 20)
