@@ -192,7 +192,7 @@ class Host:
         self._tracing = Tracing(
             bus, clock, self._mind, birth, early, lambda: roster.names, self._mailing.life, self._tasks.spawn
         )
-        self._mind.post_office = self._tracing.sends(self._mailing.send, self._mailing.receivers)
+        self._tracing.send_by(self._mailing.send, self._mailing.receivers)
         self._keeping = self._keep_in(memory)
         self._perceiving: Perceiving | None = None
         self._acting: Acting | None = None
@@ -321,7 +321,8 @@ class Host:
         """Run one cycle."""
         first, now = self._mind.cycle + 1, self._clock.now()
         effects = self._mind.run(now, 1)
-        self._tracing.ran(first, now, effects)
+        if self._tracing.ran is not None:
+            self._tracing.ran(first, now, effects)
         return effects
 
     def _ordered(self, order: str) -> None:

@@ -25,7 +25,7 @@ from agentd.mind.inputs import TimeRead, TooDeep
 from agentd.mind.keeping import Keeper
 from agentd.restart import come_back, raise_interrupted
 from agentd.run import DEEPEST_CALLS
-from agentd.tracing.acts import DecisionLines, digest, effect_text
+from agentd.tracing.acts import Acts, DecisionLines, deed_line
 from agentd.tracing.birth import unpack, zone_of
 from agentd.tracing.given_terms import Unreadable, read
 from agentd.tracing.readings import CameBack, Given, Interrupted, MailRefused, NamesRead
@@ -122,16 +122,18 @@ class Life:
         return self._times.popleft() if self._times else self.mind.now if hasattr(self, "mind") else self.now
 
     def _send(self, mail: SendMail) -> None:
+        assert self.mind.recorder is not None
+        self.mind.recorder.settle()
         if refused := self._refused.pop(mail.msg_id, None):
             raise Failed(refused.error, refused.message)
         self._did(mail)
 
-    def _decided(self, entry: Any) -> None:
-        self._done.append(Done(self.mind.cycle, self.now, entry, self._line(entry)))
+    def _decided(self, entries: list[Any]) -> None:
+        self._done += [Done(entry[0], self.now, entry, self._line(entry)) for entry in entries]
 
     def _did(self, effect: Effect) -> None:
         cycle = self.mind.cycle
-        self._done.append(Done(cycle, self.now, effect, f"{cycle} {effect_text(effect)}"))
+        self._done.append(Done(cycle, self.now, effect, deed_line(cycle, effect)))
 
     # --- living ---
 
@@ -190,6 +192,8 @@ class Life:
         if self._too_deep and mind.current is not None:
             fail_too_deep(mind, mind.current)
             effects, mind.effects = effects + mind.effects, []
+        assert mind.recorder is not None
+        mind.recorder.settle()
         for effect in effects:
             self._did(effect)
         self._times.clear()
@@ -247,8 +251,13 @@ def _read(record: Any) -> tuple[int, Given]:
 
 def digest_of(done: Iterable[Done], decisions: bool) -> tuple[int, str]:
     """Return how much was decided and done, and its digest; without `decisions` of effects alone."""
-    lines = [one.line for one in done if decisions or not one.decides]
-    return len(lines), digest(lines)
+    acts, rest = Acts(), list(done)
+    if decisions:
+        acts.decided(one.what for one in rest if one.decides)
+    for one in rest:
+        if not one.decides:
+            acts.did(one.line)
+    return acts.take()
 
 
 def program_of(birth: MindBirth, texts: Mapping[str, str]) -> tuple[CompiledProgram, Goal | None]:

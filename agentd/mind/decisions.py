@@ -117,8 +117,8 @@ class Decisions:
         self.count = 0
         """How many there have been since `count_all`."""
         self._taken = 0
-        self._plain: Callable[[Any], None] = self._last.append if tell is None else self._append
-        self.note: Callable[[Any], None] = self._plain
+        self._settled: Callable[[list[Any]], None] | None = None
+        self.note: Callable[[Any], None] = self._noting(self._last)
         """Takes the fields of a `Decision` as a tuple (the last ones may be left out), or a `Failure`."""
         self._post, self.pass_on = mind.post, mind.on_input
         self._dropped: deque[tuple[Frame, Step | None]] = deque(maxlen=most)
@@ -147,37 +147,29 @@ class Decisions:
         self._settle()
         return list(self._last)
 
-    def count_all(self, line: Callable[[Any], None] | None = None) -> None:
-        """Count the records from now on, for `take_new`, and show each to ``line``. At the cost of next to nothing
-        without that, as long as somebody calls `settle` now and then.
+    def count_all(self, settled: Callable[[list[Any]], None] | None = None) -> None:
+        """Count the records from now on, for `take_new`; ``settled`` is given them whenever somebody calls `settle`,
+        which must be after each run of the mind: not too many may wait.
         """
         self._settle()
-        self._taken = self.count
-        if line is None and self._tell is None:
-            self.note = self._new.append
-            return
-        plain = self._plain
-
-        def note(entry: Any) -> None:
-            self.count += 1
-            plain(entry)
-            if line is not None:
-                line(entry)
-
-        self.note = note
+        self._taken, self._settled = self.count, settled
+        self.note = self._noting(self._new)
 
     def count_none(self) -> None:
         """Count the records no longer."""
         self._settle()
-        self.note = self._plain
+        self._settled = None
+        self.note = self._noting(self._last)
 
     def settle(self) -> None:
-        """Put the new records to the others; so many of them must not wait."""
+        """Put the new records to the others."""
         if self._new:
             self._settle()
 
     def _settle(self) -> None:
         new = self._new
+        if self._settled is not None:
+            self._settled(new)
         self.count += len(new)
         self._last.extend(new)
         new.clear()
@@ -311,11 +303,17 @@ class Decisions:
         """The formula that has dropped a plan, as far as is remembered."""
         return next((by for dropped, by in self._dropped if dropped is frame), None)
 
-    def _append(self, entry: Any) -> None:
-        """Note a record and tell it."""
-        self._last.append(entry)
-        if self._tell is not None:
-            self._tell(entry if type(entry) is Failure else Decision(*entry))
+    def _noting(self, where: list[Any] | deque[Any]) -> Callable[[Any], None]:
+        """What notes a record there, and tells it."""
+        tell = self._tell
+        if tell is None:
+            return where.append
+
+        def note(entry: Any) -> None:
+            where.append(entry)
+            tell(record_of(entry))
+
+        return note
 
     def post(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
         """Queue an event that starts an intention of its own, and note where it comes from."""

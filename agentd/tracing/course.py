@@ -1,8 +1,8 @@
 """All that goes into one mind, from its birth on: kept for a while for who comes late, told while somebody listens.
 
-What is kept are the inputs themselves; they become records when somebody asks. Once they are too many, the beginning is
-dropped whole, for a life can be lived again from its birth only. The time is noted where it has made a difference
-(`agentd.mind.timers.Timers.looks`), and now and then.
+What is kept are the inputs themselves; they become records when somebody asks. Once they take too much memory, the
+beginning is dropped whole, for a life can be lived again from its birth only. The time is noted where it has made a
+difference (`agentd.mind.timers.Timers.looks`), and now and then.
 """
 
 from __future__ import annotations
@@ -13,23 +13,25 @@ from typing import Any, Final
 
 from agentd.language.terms import EMPTY, List, Literal, deref
 from agentd.mind import Mind
-from agentd.mind.inputs import Mail
-from agentd.tracing.acts import DecisionLines, digest, effect_text
+from agentd.mind.effects import Effect
+from agentd.mind.inputs import ActionDone, Mail, PerceptsChanged, TeamReply, TimeRead, TooDeep
+from agentd.tracing.acts import Acts, deed_line
 from agentd.tracing.given_terms import Included, written
-from agentd.tracing.readings import Given, NamesRead
+from agentd.tracing.readings import CameBack, Given, MailRefused, NamesRead
 from schemas.minds import MindBirth, MindInputs, MindStep
 
-MOST_KEPT: Final = 5_000
-"""Inputs that are kept since birth while nobody listens, or for who comes later."""
 MOST_BYTES: Final = 1_000_000
-"""Bytes that they take, roughly."""
-INPUT_BYTES: Final = 300
-"""What an input takes, roughly, besides the content of mail."""
-PART_BYTES: Final = 60
+"""Bytes that what is kept since birth takes at most, roughly."""
+INPUT_BYTES: Final = 250
+"""What an input takes, roughly, besides its term."""
+PART_BYTES: Final = 80
 """What a part of a term takes."""
-BATCH: Final = 500
-"""Inputs in a batch, about."""
-BATCH_BYTES: Final = 1_000_000
+STEP_BYTES: Final = 16
+"""What a time takes."""
+MOST_PARTS: Final = MOST_BYTES // PART_BYTES
+"""So many parts of a term are counted."""
+BATCH_BYTES: Final = 50_000
+"""Bytes after which a batch is closed in any case."""
 STEP_EVERY: Final = 0.05
 """Mission seconds after which the time of a mind that is not idle is noted in any case: decisions show it."""
 STEP_CYCLES: Final = 20
@@ -39,42 +41,38 @@ STEP_CYCLES: Final = 20
 class Stretch:
     """A stretch of a life: one batch."""
 
-    __slots__ = ("decided", "digest", "firsts", "inputs", "last", "lines", "number", "times", "told", "weight")
+    __slots__ = ("decided", "digest", "firsts", "inputs", "last", "number", "times", "told", "weight")
 
-    def __init__(self, number: int, listened: bool) -> None:
+    def __init__(self, number: int, told: bool) -> None:
         self.number = number
         self.last = 0
         self.firsts, self.times = array("q"), array("d")
         """The first cycles of steps, and their times."""
         self.inputs: list[tuple[int, Given]] = []
         self.weight = 0
-        """Bytes of the mail in it, roughly."""
-        self.lines: list[str] | None = [] if listened else None
-        """What was decided and done, while somebody listens."""
-        self.decided, self.digest = 0, ""
-        """So many lines there were, and their digest."""
-        self.told = listened
-        """Whether it is told as it ends."""
-
-    def end(self, last: int) -> None:
-        """It ends with this cycle."""
-        self.last = last
-        if self.lines is not None:
-            self.decided, self.digest, self.lines = len(self.lines), digest(self.lines), None
-
-    @property
-    def size(self) -> int:
         """Bytes that it takes, roughly."""
-        return INPUT_BYTES * len(self.inputs) + 16 * len(self.firsts) + self.weight
+        self.decided, self.digest = 0, ""
+        """How much was decided and done, and its digest, if somebody listened."""
+        self.told = told
+        """Whether it is told as it ends."""
 
 
 class Course:
     """What goes into one mind, batch by batch."""
 
     def __init__(
-        self, mind: Mind, birth: Callable[[], MindBirth | None], early: Iterable[tuple[int, Given]] = ()
+        self,
+        mind: Mind,
+        birth: Callable[[], MindBirth | None],
+        early: Iterable[tuple[int, Given]] = (),
+        *,
+        room: Callable[[], int] = lambda: MOST_BYTES,
+        forgotten: Callable[[], None] = lambda: None,
     ) -> None:
-        """`birth` tells what the mind was made of, when somebody asks; `early` has gone into it meanwhile."""
+        """`birth` tells what the mind was made of, when somebody asks; `early` has gone into it meanwhile.
+
+        `room`: so many bytes may be kept; `forgotten` is called when it was too much.
+        """
         self.included: dict[int, Included] = {}
         """Programs that were read at run time, by the id of the request."""
         self.dropped = 0
@@ -84,16 +82,21 @@ class Course:
         self._kept: list[Stretch] | None = []
         """The batches since birth."""
         self._kept_inputs = self._kept_bytes = 0
+        self._room, self._forgotten = room, forgotten
         self._names: tuple[str, ...] | None = None
         """Who could be sent to when the mind asked last."""
-        self._line = DecisionLines().of
+        self._acts = Acts()
+        """What was decided and done since the present batch began, while somebody listens."""
         self._looks = -1
         self._step_at, self._step_from = -1.0, 0
         self._open = Stretch(0, False)
-        self._open.inputs.extend(early)
+        self._begun = mind.cycle
+        """The cycle after which the present batch began."""
         self.on = True
         """Whether inputs are noted now: from birth until that is too much, and while somebody listens."""
         self._put: Callable[[Stretch], None] = lambda stretch: None
+        for cycle, item in early:
+            self.given(cycle, item)
 
     # --- what happens ---
 
@@ -101,28 +104,28 @@ class Course:
         """Something has gone into the mind."""
         stretch = self._open
         stretch.inputs.append((cycle, item))
-        if type(item) is Mail:
-            stretch.weight += PART_BYTES * _parts(item.content)
+        stretch.weight += weight(item)
 
-    def ran(self, first: int, now: float) -> None:
-        """The mind has run some cycles at a time; `first` is the first of them."""
-        looks = self._timers.looks
-        if looks != self._looks or (now >= self._step_at and (first >= self._step_from or self._open.inputs)):
+    def ran(self, first: int, now: float, effects: Iterable[Effect] = ()) -> None:
+        """The mind has run some cycles at a time; `first` is the first of them. `effects`, what it wants done, are for
+        `did`.
+        """
+        stretch, looks = self._open, self._timers.looks
+        if looks != self._looks or (now >= self._step_at and (first >= self._step_from or stretch.inputs)):
             self._looks, self._step_at, self._step_from = looks, now + STEP_EVERY, first + STEP_CYCLES
-            self._open.firsts.append(first)
-            self._open.times.append(now)
-        if len(self._open.inputs) >= BATCH or len(self._open.firsts) >= 20 * BATCH or self._open.weight > BATCH_BYTES:
+            stretch.firsts.append(first)
+            stretch.times.append(now)
+            stretch.weight += STEP_BYTES
+        if stretch.weight > BATCH_BYTES:
             self.close()
 
-    def decided(self, entry: Any) -> None:
-        """The mind has decided something (`agentd.mind.decisions`)."""
-        if self._open.lines is not None:
-            self._open.lines.append(self._line(entry))
+    def decided(self, entries: Iterable[Any]) -> None:
+        """The mind has decided something (`agentd.mind.decisions`); while somebody listens."""
+        self._acts.decided(entries)
 
-    def did(self, cycle: int, effect: Any) -> None:
-        """The mind has done something."""
-        if self._open.lines is not None:
-            self._open.lines.append(f"{cycle} {effect_text(effect)}")
+    def did(self, cycle: int, effect: Effect) -> None:
+        """The mind has done something; while somebody listens."""
+        self._acts.did(deed_line(cycle, effect))
 
     def reading(self, names: Callable[[], Collection[str]]) -> Callable[[], Collection[str]]:
         """Return `names`, who can be sent to, as the mind is to ask for them: what it learns by that is noted."""
@@ -141,15 +144,14 @@ class Course:
 
     def listen(self, put: Callable[[Stretch], None] | None) -> None:
         """From now on somebody listens: `put` takes each batch as it is closed. None: nobody does."""
-        if self.on and (self._open.inputs or self._open.firsts):
-            self.close()
+        if self.on and (self._mind.cycle > self._begun or self._open.inputs):
+            self.close()  # a batch is listened to as a whole or not at all
         self.listened = put is not None
         self._put = put if put is not None else lambda stretch: None
         if self.listened and not self.on:
             self.on = True  # the number that is left out says that something is missing
             self._open = Stretch(self._open.number + 1, True)
             self._looks, self._step_at = -1, -1.0
-        self._open.lines = [] if self.listened else None
         self._open.told = self.listened
         if not self.listened and self._kept is None:
             self.on = False
@@ -157,19 +159,21 @@ class Course:
     def close(self) -> None:
         """End the present batch and begin the next."""
         stretch, self._open = self._open, Stretch(self._open.number + 1, self.listened)
-        stretch.end(self._mind.cycle)
+        stretch.last = self._begun = self._mind.cycle
+        if self.listened:
+            stretch.decided, stretch.digest = self._acts.take()
         if self._kept is not None:
             self._kept.append(stretch)
             self._kept_inputs += len(stretch.inputs)
-            self._kept_bytes += stretch.size
-            if self._kept_inputs > MOST_KEPT or self._kept_bytes > MOST_BYTES:
+            self._kept_bytes += stretch.weight
+            if self._kept_bytes > self._room():
                 self.forget()
         self._put(stretch)
 
     def flush(self) -> None:
         """End the present batch if anything happened in it."""
         stretch = self._open
-        if stretch.inputs or stretch.firsts or stretch.lines:
+        if stretch.inputs or stretch.firsts or self._acts.count:
             self.close()
 
     def forget(self) -> None:
@@ -180,6 +184,7 @@ class Course:
         if not self.listened:
             self.dropped += self._kept_inputs
             self.on = False
+        self._forgotten()
 
     def untold(self) -> list[Stretch]:
         """Return the batches since birth that were not told as they ended, each once."""
@@ -209,10 +214,24 @@ class Course:
         )
 
 
+def weight(item: Given) -> int:
+    """Bytes that an input takes, roughly."""
+    match item:
+        case Mail(content=term) | TeamReply(value=term):
+            return INPUT_BYTES + PART_BYTES * _parts(term)
+        case NamesRead(names=names):
+            return INPUT_BYTES + PART_BYTES * len(names)
+        case PerceptsChanged(percepts=percepts):
+            return INPUT_BYTES * (1 + len(percepts))
+        case TimeRead() | ActionDone() | MailRefused() | TooDeep() | CameBack():
+            return INPUT_BYTES
+    return INPUT_BYTES + PART_BYTES * _parts(item.literal)
+
+
 def _parts(term: Any) -> int:
     """How many parts a term has, up to some number."""
     count, pending = 0, [term]
-    while pending and count < BATCH_BYTES // PART_BYTES:
+    while pending and count < MOST_PARTS:
         part = deref(pending.pop())
         count += 1
         if type(part) is str:

@@ -54,6 +54,8 @@ class Deeds:
         if not self.listened:
             return
         match effect:
+            case Print() | Log() if self._lines >= MOST_LINES:
+                self._left_out += 1
             case Print(text=text):
                 self._line(Deed(cycle=cycle, time=self._now(), kind="print", text=text[:LONGEST]))
             case Log(level=level):
@@ -67,6 +69,9 @@ class Deeds:
 
     def sent(self, cycle: int, mail: SendMail, receivers: list[str]) -> None:
         """A message has been taken by the outbox, once for each receiver."""
+        if self._is_full():
+            self._left_out += len(receivers)
+            return
         text, identity = short_text(mail.content)[:LONGEST], self._mail_id(mail.msg_id)
         for receiver in receivers:
             self.add(
@@ -88,6 +93,8 @@ class Deeds:
             state = item.state or ("succeeded" if item.ok else "failed")
             identity, time = self._action_id(item.id), self._now()
             self._action(Deed(cycle=cycle, time=time, kind="outcome", id=identity, state=state, reason=item.reason))
+        elif type(item) is Mail and self._is_full():
+            self._left_out += 1
         elif type(item) is Mail and self.listened:
             self.add(self._undelivered(cycle, item) or self._received(cycle, item))
 
@@ -127,18 +134,19 @@ class Deeds:
             self.add(deed)
 
     def _line(self, deed: Deed) -> None:
-        if self._lines >= MOST_LINES:
-            self._left_out += 1
-            return
         self._lines += 1
         self._new.append(deed)
 
+    def _is_full(self) -> bool:
+        """Whether further deeds are only counted: to put them into words would cost."""
+        return self.listened and len(self._new) - self._lines >= MOST
+
     def add(self, deed: Deed) -> None:
         """Tell a deed while somebody listens."""
-        if self.listened and len(self._new) - self._lines < MOST:
-            self._new.append(deed)
-        elif self.listened:
+        if self._is_full():
             self._left_out += 1
+        elif self.listened:
+            self._new.append(deed)
 
     def take(self) -> tuple[tuple[Deed, ...], int]:
         """Return the deeds since this was asked last, and how many more there were."""

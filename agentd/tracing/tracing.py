@@ -16,7 +16,7 @@ from agentd.mind.effects import Effect, SendMail
 from agentd.mind.failed import Failed
 from agentd.mind.inputs import Mail
 from agentd.tracing.birth import Birth
-from agentd.tracing.course import MOST_KEPT, Course, Stretch
+from agentd.tracing.course import MOST_BYTES, Course, Stretch
 from agentd.tracing.deeds import Deeds
 from agentd.tracing.given_terms import Included
 from agentd.tracing.readings import CameBack, Given, Interrupted, MailRefused
@@ -32,18 +32,25 @@ log = logging.getLogger("trace")
 
 PERIOD: Final = 0.25
 """Wall seconds between two batches."""
-PATIENCE: Final = 0.001
-"""Wall seconds that the decisions of a batch may take to be put into words; the rest is left out and counted."""
-LEAST: Final = 20
+SHARE: Final = 0.007
+"""Of the time since the last batch the decisions of this one may take so much to be put into words, of all agents of
+the process together; the rest is left out and counted."""
+LEAST: Final = 2
 MOST: Final = 100
 """So many decisions are in a batch at least and at most, if there were so many."""
+MOST_TOGETHER: Final = 8 * MOST_BYTES
+"""Bytes that all agents of the process together may keep of what has gone into them since their births, roughly."""
 TOO_LATE: Final = (
-    f"the beginning of this life is not kept any more: more than {MOST_KEPT} inputs, or as much mail, have come since; "
+    "the beginning of this life is not kept any more: more has gone into it since than is kept; "
     "begin to record before the agent begins"
 )
 
 Channel: TypeAlias = Literal["inputs", "decisions", "deeds"]
 Office: TypeAlias = Callable[[SendMail], None]
+Ran: TypeAlias = Callable[[int, float, list[Effect]], None]
+"""Hears that the mind has run from a cycle on, at a mission time, and what it wants done."""
+_all: set[Tracing] = set()
+"""Those of this process: what each may keep and take depends on how many there are."""
 
 
 class Tracing:
@@ -65,16 +72,24 @@ class Tracing:
         """
         agent = mind.name
         self.birth = birth
-        self.course = Course(mind, birth.record, early)
+        self.course = Course(
+            mind,
+            birth.record,
+            early,
+            room=lambda: min(MOST_BYTES, MOST_TOGETHER // max(1, len(_all))),
+            forgotten=self._hook,
+        )
         self.deeds = Deeds(agent, lambda number: f"{agent}:{bus.boot}:{number}", lambda one: f"{one}.{life}", clock.now)
-        self.lost = 0
-        """Batches that could not be put."""
+        self.ran: Ran | None = None
+        """To be called after each run of the mind; None: that is not needed."""
         self._bus, self._clock, self._mind, self._spawn = bus, clock, mind, spawn
         self._life = life
         self._heard: set[Channel] = set()
         self._flushing = False
-        self._per_view = 0.0001
-        """Wall seconds that it takes to put a decision into words, about."""
+        self._decided_at, self._per_view = perf_counter(), 0.0002
+        """When decisions were put into words last, and the wall seconds that it takes for one, about."""
+        self._office: Office | None = None
+        self._receivers: Callable[[SendMail], list[str]] = lambda mail: []
         self._keys: dict[Channel, str] = {
             channel: keys.trace(bus.fleet, agent, channel) for channel in ("inputs", "decisions", "deeds")
         }
@@ -83,21 +98,21 @@ class Tracing:
         self._withdraw = [bus.serve(self._keys["inputs"], MindInputs, self._tell_since_birth)]
         for channel, key in self._keys.items():
             self._withdraw.append(bus.listened(key, lambda somebody, c=channel: self._listened(c, somebody)))  # type: ignore[misc]
+        _all.add(self)
+        self._hook()
 
     # --- what happens ---
 
-    def ran(self, first: int, now: float, effects: Iterable[Effect]) -> None:
-        """The mind has run from cycle `first` on, at mission time `now`, and wants this done."""
+    def _ran(self, first: int, now: float, effects: Iterable[Effect]) -> None:
+        """The mind has run from cycle `first` on, at mission time `now`, and wants this done; somebody listens."""
         course, recorder = self.course, self._mind.recorder
+        if recorder is not None:
+            recorder.settle()
         if course.listened:
             for effect in effects:
                 course.did(self._mind.cycle, effect)
         if course.on:
             course.ran(first, now)
-            if not course.on:
-                self._hook()
-        if recorder is not None:
-            recorder.settle()
 
     def did(self, effect: Effect) -> None:
         """What the mind wants done is being done."""
@@ -111,23 +126,24 @@ class Tracing:
         """An operator has done something to the mind."""
         self.deeds.add(Deed(cycle=self._mind.cycle, time=self._clock.now(), kind="operator", text=order))
 
-    def sends(self, office: Office, to: Callable[[SendMail], list[str]]) -> Office:
-        """Return the post office of the mind: `office`, with what is sent or refused noted. `to`: the receivers."""
+    def send_by(self, office: Office, receivers: Callable[[SendMail], list[str]]) -> None:
+        """Let `office` be the post office of the mind, with what is sent or refused noted while that is needed."""
+        self._office, self._receivers = office, receivers
+        self._hook()
 
-        def send(mail: SendMail) -> None:
-            course, mind = self.course, self._mind
-            try:
-                office(mail)
-            except Failed as failed:
-                if course.on:
-                    course.given(mind.cycle, MailRefused(mail.msg_id, failed.error, failed.message))
-                raise
-            if course.listened:
-                course.did(mind.cycle, mail)
-            if self.deeds.listened:
-                self.deeds.sent(mind.cycle, mail, to(mail))
-
-        return send
+    def _send(self, mail: SendMail) -> None:
+        course, mind = self.course, self._mind
+        assert self._office is not None
+        try:
+            self._office(mail)
+        except Failed as failed:
+            if course.on:
+                course.given(mind.cycle, MailRefused(mail.msg_id, failed.error, failed.message))
+            raise
+        if course.listened:
+            course.did(mind.cycle, mail)
+        if self.deeds.listened:
+            self.deeds.sent(mind.cycle, mail, self._receivers(mail))
 
     def came_back(self, reading: CameBack | Interrupted) -> None:
         """A restored mind is about to be told something, between two runs."""
@@ -176,9 +192,15 @@ class Tracing:
             self._spawn(self._flush_now_and_then())
 
     def _hook(self) -> None:
-        """Have inputs told to those only who want them: with nobody listening that costs nothing."""
-        deeds, course = self.deeds.listened, self.course.on
-        self._mind.tell_inputs(self._given if deeds else self.course.given if course else None)
+        """Have what happens told to those only who want it: what nobody wants costs nothing."""
+        mind, course, deeds = self._mind, self.course, self.deeds.listened
+        mind.tell_inputs(self._given if deeds else course.given if course.on else None)
+        if course.listened or "decisions" in self._heard:
+            self.ran = self._ran
+        else:
+            self.ran = course.ran if course.on else None
+        if self._office is not None:
+            mind.post_office = self._send if course.on or deeds else self._office
 
     def _count(self) -> None:
         recorder = self._mind.recorder
@@ -212,6 +234,7 @@ class Tracing:
         """Tell what is left, then no more."""
         self.flush()
         self._heard.clear()
+        _all.discard(self)
         for withdraw in self._withdraw:
             withdraw()
         self._withdraw.clear()
@@ -243,11 +266,12 @@ class Tracing:
         mind, recorder = self._mind, self._mind.recorder
         if recorder is None:
             return
-        most = min(MOST, max(LEAST, int(PATIENCE / self._per_view)))
-        shown, left_out = recorder.take_new(most)
+        begin = perf_counter()
+        budget = SHARE * (begin - self._decided_at) / sum("decisions" in one._heard for one in _all)
+        self._decided_at = begin
+        shown, left_out = recorder.take_new(min(MOST, max(LEAST, int(budget / self._per_view))))
         if not shown:
             return
-        begin = perf_counter()
         decisions, failures = decisions_of(mind, Look(last=shown))
         header = self._header("decisions")
         record = MindDecisions(

@@ -14,6 +14,7 @@ import pytest
 from agentd.mind.inputs import Mail
 from agentd.replaying import CannotReplay, compare, replay
 from agentd.tracing import course as courses
+from agentd.tracing import tracing as tracings
 from commd.bus import Bus, open_bus
 from schemas import keys
 from tests.agentd.hosts import Hosted, host_on
@@ -85,8 +86,8 @@ def test_who_begins_to_record_late_gets_everything_since_birth(endpoint: str, tm
 def test_once_the_beginning_is_dropped_who_is_late_is_told_and_nothing_is_kept(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(courses, "MOST_KEPT", 20)
-    monkeypatch.setattr(courses, "BATCH", 10)
+    monkeypatch.setattr(tracings, "MOST_BYTES", 20 * courses.INPUT_BYTES)
+    monkeypatch.setattr(courses, "BATCH_BYTES", 10 * courses.INPUT_BYTES)
 
     async def body(agent: Hosted, recorder: Recorder, bus: Bus) -> None:
         course = agent.host._tracing.course
@@ -95,7 +96,7 @@ def test_once_the_beginning_is_dropped_who_is_late_is_told_and_nothing_is_kept(
         recorder_of_mind = agent.host._mind.recorder
         assert recorder_of_mind is not None
         assert recorder_of_mind.pass_on is None  # nobody is told of inputs any more
-        assert course.dropped > 20
+        assert course.dropped > 10
         assert agent.host.health().counters["trace_dropped"] == course.dropped
         late = Recorder(bus, "uav")
         assert "the beginning of this life is not kept any more" in await late.catch_up()

@@ -71,7 +71,9 @@ class Traced:
         """Run cycles of the mind, as its host does."""
         first = self.mind.cycle + 1
         effects = self._run(now, cycles)
-        for effect in effects:
+        if self.mind.recorder is not None:
+            self.mind.recorder.settle()
+        for effect in effects if self.course.listened else ():
             self.course.did(self.mind.cycle, effect)
         self.course.ran(first, now)
         return effects
