@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import asyncio
 from base64 import b64decode
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+import msgspec
+
 from argosy.recording import transcode
+from argosy.recording.plain_keys import fleet_of
 from argosy.recording.reader import Recorded, Recording
 from argosy.recording.records import TokenSeen, Unread, put_on
 from commd.bus import Bus, Token
@@ -27,6 +30,10 @@ class Figures:
     said: int = 0
     left_out: int = 0
     """Answers to questions that nobody puts, deleted keys, and what the recorder itself said."""
+    not_ours: int = 0
+    """What stands under keys that are none of a recorded fleet's: never said."""
+    unreadable: int = 0
+    """What is not what it says to be."""
     at: float = 0.0
     """Seconds of the recording."""
     behind: float = 0.0
@@ -50,8 +57,8 @@ class Player:
 
     bus: Bus
     recording: Recording
-    rename: Callable[[str], str]
-    """From the name of a recorded fleet to the one in which it is replayed."""
+    rename: Mapping[str, str]
+    """From the name of a recorded fleet to the one in which it is replayed. Into no other anything is said."""
     figures: Figures = field(default_factory=Figures)
     tokens: dict[str, Token] = field(default_factory=dict)
     """Those that stand for recorded daemons now, by key."""
@@ -102,11 +109,17 @@ class Player:
         if message.origin == "token":
             self._token(message)
             return
-        said = self._payload(message)
+        try:
+            said = self._payload(message)
+        except (ValueError, msgspec.MsgspecError, RecursionError):
+            self.figures.unreadable += 1
+            return
         if said is None:
             self.figures.left_out += 1
             return
-        key = self._renamed(message.key)
+        if (key := self._renamed(message.key)) is None:
+            self.figures.not_ours += 1
+            return
         publisher = self._publishers.get(key)
         if publisher is None:
             publisher = self._publishers[key] = self.bus.raw.publisher(key)
@@ -125,19 +138,24 @@ class Player:
     def _token(self, message: Recorded) -> None:
         seen = message.record
         if not isinstance(seen, TokenSeen):
+            self.figures.unreadable += 1
             return
-        key = self._renamed(seen.key)
-        if seen.alive and key not in self.tokens:
+        parsed, key = keys.parse(seen.key), self._renamed(seen.key)
+        if key is None or parsed is None or len(parsed[2]) != 3 or parsed[2][0] != "alive":
+            self.figures.not_ours += 1
+        elif seen.alive and key not in self.tokens:
             self.declared.add(key)
             self.tokens[key] = self.bus.token(key)
         elif not seen.alive and key in self.tokens:
             self.bus.withdraw(self.tokens.pop(key))
 
-    def _renamed(self, key: str) -> str:
-        chunks = key.split("/")
-        if len(chunks) > 1 and chunks[0] == keys.ROOT:
-            chunks[1] = self.rename(chunks[1])
-        return "/".join(chunks)
+    def _renamed(self, key: str) -> str | None:
+        """Return the key in the fleet in which it is replayed; None for what is no plain key of a recorded one."""
+        fleet = fleet_of(key)
+        if fleet is None or fleet not in self.rename:
+            return None
+        _, _, rest = key.split("/", 2)
+        return f"{keys.ROOT}/{self.rename[fleet]}/{rest}"
 
 
 def foreign(tokens: Iterable[str], own: Iterable[str]) -> list[str]:

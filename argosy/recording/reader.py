@@ -13,6 +13,7 @@ from mcap.records import Channel, Message, Metadata, Schema
 from argosy.recording.facts import BEGIN, END, End, Facts, end_of, facts_of
 from argosy.recording.lives import PART, Life, lives_of
 from argosy.recording.mcap_records import BadRecording, McapFile
+from argosy.recording.plain_keys import fleet_of, is_plain
 from argosy.recording.records import PREFIX, RECORDS
 from schemas import keys
 from schemas.codec import BadRecord, codec
@@ -106,8 +107,7 @@ class Recording:
     @property
     def fleets(self) -> list[str]:
         """The fleets of which something was recorded."""
-        parsed = (keys.parse(topic.key) for topic in self.topics)
-        return sorted({one[0] for one in parsed if one is not None})
+        return sorted({fleet for topic in self.topics if (fleet := fleet_of(topic.key)) is not None})
 
     @property
     def seconds(self) -> float:
@@ -234,10 +234,14 @@ class _Wanted:
     def track(self, channel: Channel, name: str) -> Track | None:
         if self._names and name not in self._names:
             return None
-        if self._only and not any(key.intersects(zenoh.KeyExpr(channel.topic)) for key in self._only):
+        if self._only and not (is_plain(channel.topic) and self._matches(channel.topic)):
             return None
         said = channel.metadata
         return Track(channel.topic, name, said.get("encoding", ""), said.get("origin", "put"))
+
+    def _matches(self, topic: str) -> bool:
+        key = zenoh.KeyExpr(topic)
+        return any(one.intersects(key) for one in self._only)
 
 
 def _record_name(schema: Schema) -> str:

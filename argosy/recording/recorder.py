@@ -15,7 +15,8 @@ from argosy.recording.facts import End, Facts
 from argosy.recording.intake import Heard, Intake
 from argosy.recording.lives import PART
 from argosy.recording.minds import Minds, Whose
-from argosy.recording.records import PREFIX, RecorderNote
+from argosy.recording.plain_keys import is_plain
+from argosy.recording.records import PREFIX, RecorderNote, Unread
 from argosy.recording.writer import Compression, RecordingWriter
 from schemas import keys
 from schemas.durations import Duration
@@ -63,6 +64,8 @@ class Recorder:
         self.problem = ""
         """Why it could not go on, if it could not."""
         self.messages = 0
+        self.wild = 0
+        """Messages that were put on many keys at once."""
         self._limits, self._facts, self._several = limits, facts, several
         self._compression: Compression = compression
         self._overwrite = overwrite
@@ -154,6 +157,8 @@ class Recorder:
     def _drain(self) -> bool:
         """Write what waits. Returns whether there is room for more."""
         for heard in self.intake.take():
+            if not is_plain(heard.key):
+                heard = self._wild(heard)
             if self._wanted(heard) and self._writer.add(heard) is not None:
                 self.messages += 1
                 self._since_flush += len(heard.payload) + 64
@@ -202,6 +207,12 @@ class Recorder:
                 following=following,
             )
         )
+
+    def _wild(self, heard: Heard) -> Heard:
+        """Return what was put on many keys at once as something that the recorder tells: it is no topic."""
+        self.wild += 1
+        payload = transcode.unread(heard.payload, heard.encoding, deleted=heard.deleted, key=heard.key)
+        return Heard(heard.at, NOTES, payload, f"application/json;{PREFIX}{Unread.__name__}/1", "recorder")
 
     def _wanted(self, heard: Heard) -> bool:
         """Whether a message is new: what is asked for may have been heard already, and so what comes by two routers."""

@@ -21,8 +21,10 @@ class TokenSeen(Record, frozen=True, kw_only=True):
 
 
 class Unread(Record, frozen=True, kw_only=True):
-    """What was put and is neither JSON nor MessagePack of an object."""
+    """What was put and is neither JSON nor MessagePack of an object, or was put on many keys at once."""
 
+    key: str = ""
+    """The key expression, if it was put on many keys at once; empty: on the key under which it stands here."""
     encoding: str = ""
     base64: str = ""
     deleted: bool = False

@@ -124,7 +124,7 @@ def _place(args: Namespace, recording: Recording) -> tuple[Where, dict[str, str]
 
 async def _replay(recording: Recording, part: Part, place: Where, rename: dict[str, str], args: Namespace) -> int:
     async with _bus(place, next(iter(rename.values()), "")) as bus:
-        player = Player(bus, recording, lambda fleet: rename.get(fleet, fleet + SUFFIX))
+        player = Player(bus, recording, rename)
         if not args.force and (there := await _somebody(bus, rename.values(), player)):
             print(f"error: {_danger(there)}", file=sys.stderr)
             return EXIT_FAILED
@@ -224,6 +224,11 @@ class _Replay:
         left = f", {figures.left_out} left out (they were answers to questions)" if figures.left_out else ""
         with suppress(OSError):
             print(f"replayed {figures.at:.1f} s: {figures.said} messages{left}")
+        if figures.not_ours:
+            told = "under keys that are none of a recorded fleet's, and were not said: they could reach somebody alive"
+            print(f"warning: {figures.not_ours} messages stand {told}", file=sys.stderr)
+        if figures.unreadable:
+            print(f"warning: {figures.unreadable} messages cannot be read, and were not said", file=sys.stderr)
         if figures.behind > LATE:
             print(
                 f"warning: up to {figures.behind:.1f} s late: this machine is too slow for the speed", file=sys.stderr

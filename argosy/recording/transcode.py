@@ -64,9 +64,9 @@ def to_msgpack(data: bytes) -> bytes:
     return _MSGPACK.encode(msgspec.json.decode(data))
 
 
-def unread(payload: bytes, encoding: str, *, deleted: bool = False) -> bytes:
-    """Return a payload that is no object as a JSON object that holds it."""
-    return _JSON.encode(Unread(encoding=encoding, base64=b64encode(payload).decode(), deleted=deleted))
+def unread(payload: bytes, encoding: str, *, deleted: bool = False, key: str = "") -> bytes:
+    """Return a payload that is no object, or was put on many keys at once, as a JSON object that holds it."""
+    return _JSON.encode(Unread(key=key, encoding=encoding, base64=b64encode(payload).decode(), deleted=deleted))
 
 
 def record_name(key: str, encoding: str) -> str:

@@ -9,13 +9,14 @@ import re
 import signal
 import sys
 import time
+from base64 import b64decode
 from collections.abc import Callable
 from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 
 from argosy.recording.reader import open_recording
 from argosy.recording.recorder import NOTES, PERIOD
-from argosy.recording.records import RecorderNote, TokenSeen
+from argosy.recording.records import RecorderNote, TokenSeen, Unread
 from commd.bus import Bus, Query, open_bus
 from schemas import keys
 from schemas.codec import codec
@@ -245,6 +246,28 @@ def test_it_records_the_keys_alone_that_it_is_told(endpoint: str, tmp_path: Path
         found = open_recording(path)
         assert [topic.key for topic in found.topics] == [ALTITUDE]
         assert found.facts.only == (f"argosy/{FLEET}/uav1/percept/**",)
+
+    on_a_bus(endpoint, body)
+
+
+def test_what_is_put_on_many_keys_at_once_is_no_topic_but_is_kept_and_told(endpoint: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+
+    async def body(connect: Connect) -> None:
+        bus = await connect("uav1", "bridged")
+        async with recording(endpoint, path) as recorder:
+            await subscribed(bus, ALTITUDE)
+            bus.put(f"argosy/*/{ALTITUDE.split('/', 2)[2]}", altitude(bus, 1))
+            bus.put(ALTITUDE, altitude(bus, 2))
+            await seen(path, ALTITUDE, 1)
+            code, out, _ = await recorder.end()
+        told = f"warning: 1 messages were put on many keys at once (`*`): they stand under {NOTES}"
+        assert (code, told in out.splitlines()) == (0, True)
+        found = open_recording(path)
+        assert [topic.key for topic in found.topics] == [NOTES, ALTITUDE]
+        ((_, kept),) = found.typed(Unread)
+        assert kept.key == "argosy/*/uav1/percept/altitude"
+        assert codec(Perception).decode(b64decode(kept.base64)).parameters == (1,)
 
     on_a_bus(endpoint, body)
 

@@ -10,17 +10,19 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import zenoh
+from mcap.writer import Writer
 
 from argosy.recording import transcode
+from argosy.recording.facts import BEGIN as BEGUN
 from argosy.recording.facts import End
 from argosy.recording.intake import Heard
-from argosy.recording.records import TokenSeen
+from argosy.recording.records import PREFIX, TokenSeen, Unread
 from commd.bus import Bus
 from schemas import keys
 from schemas.codec import Wire, codec
 from schemas.minds import MindInputs, MindView
 from schemas.records import Perception
-from tests.argosy.recording.files import BEGIN, SECOND, altitude, heard, stretch, write
+from tests.argosy.recording.files import BEGIN, FACTS, SECOND, altitude, heard, stretch, write
 from tests.argosy.recording.recorders import argosy
 from tests.support.buses import FLEET, Connect, on_a_bus, session, until
 
@@ -171,6 +173,58 @@ def test_nothing_is_said_to_somebody_alive(endpoint: str, tmp_path: Path) -> Non
             code, _, err = await process.end(None)
         assert (code, err) == (1, f"error: stopped: agentd uav of fleet `{FLEET}` is there: {danger}\n")
         assert len(said.heard) < 2002
+
+    on_a_bus(endpoint, body)
+
+
+def test_what_stands_under_keys_of_others_is_never_said(endpoint: str, tmp_path: Path) -> None:
+    wild = [
+        f"**/uav1/percept/{FLEET}",
+        "argosy/*/uav1/percept/x",
+        "argosy/live/$*/x/y",
+        "rt/turtle1/cmd_vel",
+        "argosy//a/b",
+    ]
+    strange = [
+        replace_at(altitude(n, n), 0.1, key=key) for n, key in enumerate([*wild, "argosy/recorder", "a?b/#/c/d"])
+    ]
+    tokens = [
+        token(0.1, True)._replace(payload=codec(TokenSeen).encode(TokenSeen(key=key, alive=True)))
+        for key in (keys.alive("live", "uav1", "agentd", "b"), "@/session", f"argosy/{FLEET}/*/alive/agentd/b", "//")
+    ]
+    path = recorded(tmp_path / "a.mcap", [altitude(0, 0), *strange, *tokens])
+
+    async def body(connect: Connect) -> None:
+        bus = await connect("eye", "argosy")
+        said, live = Listener(bus, f"{FLEET}-replay"), Listener(bus, "live")
+        bus.raw.tap("rt/**", said._take)
+        code, out, err = await replayed(endpoint, path)
+        assert (code, out.splitlines()[-1]) == (0, "replayed 0.1 s: 1 messages")
+        assert err.startswith("warning: 11 messages stand under keys that are none of a recorded fleet's, and were not")
+        assert [json.loads(payload)["parameters"] for _, _, payload, _ in said.heard] == [[0]]
+        assert (live.heard, live.tokens, said.tokens) == ([], [], [])
+
+    on_a_bus(endpoint, body)
+
+
+def test_what_cannot_be_read_is_left_out_and_told(endpoint: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    bad = [(Unread, b'{"base64": "!!!a"}', "", "put"), (Perception, b"{bad", codec_encoding("msgpack"), "put")]
+    bad.append((TokenSeen, b"[", "", "token"))
+    with path.open("wb") as file:
+        made = Writer(file)
+        made.start()
+        made.add_metadata(BEGUN, FACTS.metadata())
+        for record, data, encoding, origin in bad:
+            schema = made.register_schema(PREFIX + record.__name__, "jsonschema", b"{}")
+            channel = made.register_channel(ALTITUDE, "json", schema, {"encoding": encoding, "origin": origin})
+            made.add_message(channel, BEGIN, data, BEGIN)
+        made.finish()
+
+    async def body(connect: Connect) -> None:
+        code, out, err = await replayed(endpoint, path)
+        assert (code, out.splitlines()[-1]) == (0, "replayed 0.0 s: 0 messages")
+        assert err == "warning: 3 messages cannot be read, and were not said\n"
 
     on_a_bus(endpoint, body)
 
