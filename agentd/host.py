@@ -64,6 +64,8 @@ LONGEST_SLICE = 0.2
 """Wall seconds that they take at most: who says nothing for long counts as hung (`agent_silence`)."""
 BATCH = 8
 """Cycles between two looks at the clock at most; a slice begins with one, for what is heavy mostly stays so."""
+MANY = 32
+"""So many decisions that wait to be told are many."""
 INPUTS = 20_000
 """Inputs that may wait for the mind; mail beyond is refused to its sender, who keeps it."""
 ASK_TIMEOUT = 30.0
@@ -116,6 +118,7 @@ def reason(mind: Mind, clock: Clock, share: int = 1, ran: Ran | None = None) -> 
     """
     until, last, batch = clock.wall() + LONGEST_SLICE / max(1, share), mind.cycle + SLICE, 1
     timers, looks = mind.timers, mind.timers.looks
+    decided = () if mind.recorder is None else mind.recorder.waiting
     while True:
         before, now = mind.cycle, clock.now()
         effects = mind.run(now, min(batch, last - before))
@@ -124,7 +127,7 @@ def reason(mind: Mind, clock: Clock, share: int = 1, ran: Ran | None = None) -> 
             if ran is not None:
                 ran(before + 1, now, effects)
             return effects
-        if timers.looks != looks:
+        if timers.looks != looks or len(decided) > MANY:
             looks = timers.looks
             if ran is not None:
                 ran(before + 1, now, effects)

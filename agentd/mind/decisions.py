@@ -112,8 +112,8 @@ class Decisions:
     def __init__(self, mind: Any, most: int, tell: Callable[[Decision | Failure], None] | None = None) -> None:
         self._mind, self._tell = mind, tell
         self._last: deque[Any] = deque(maxlen=most)
-        self._new: list[Any] = []
-        """While they are counted: those that `_settle` has not counted yet."""
+        self.waiting: list[Any] = []
+        """While they are counted: those that `settle` has not counted yet."""
         self.count = 0
         """How many there have been since `count_all`."""
         self._taken = 0
@@ -149,11 +149,11 @@ class Decisions:
 
     def count_all(self, settled: Callable[[list[Any]], None] | None = None) -> None:
         """Count the records from now on, for `take_new`; ``settled`` is given them whenever somebody calls `settle`,
-        which must be after each run of the mind: not too many may wait.
+        which must be after each run of the mind. They should be few, as what is kept until then takes fresh memory.
         """
         self._settle()
         self._taken, self._settled = self.count, settled
-        self.note = self._noting(self._new)
+        self.note = self._noting(self.waiting)
 
     def count_none(self) -> None:
         """Count the records no longer."""
@@ -163,11 +163,11 @@ class Decisions:
 
     def settle(self) -> None:
         """Put the new records to the others."""
-        if self._new:
+        if self.waiting:
             self._settle()
 
     def _settle(self) -> None:
-        new = self._new
+        new = self.waiting
         if self._settled is not None:
             self._settled(new)
         self.count += len(new)

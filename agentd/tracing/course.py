@@ -11,6 +11,7 @@ from array import array
 from collections.abc import Callable, Collection, Iterable, Iterator
 from typing import Any, Final
 
+from agentd.language.sources import PERCEPT
 from agentd.language.terms import EMPTY, List, Literal, deref
 from agentd.mind import Mind
 from agentd.mind.effects import Effect
@@ -20,11 +21,11 @@ from agentd.tracing.given_terms import Included, written
 from agentd.tracing.readings import CameBack, Given, MailRefused, NamesRead
 from schemas.minds import MindBirth, MindInputs, MindStep
 
-MOST_BYTES: Final = 1_000_000
+MOST_BYTES: Final = 2_000_000
 """Bytes that what is kept since birth takes at most, roughly."""
-INPUT_BYTES: Final = 250
+INPUT_BYTES: Final = 200
 """What an input takes, roughly, besides its term."""
-PART_BYTES: Final = 80
+PART_BYTES: Final = 50
 """What a part of a term takes."""
 STEP_BYTES: Final = 16
 """What a time takes."""
@@ -41,7 +42,7 @@ STEP_CYCLES: Final = 20
 class Stretch:
     """A stretch of a life: one batch."""
 
-    __slots__ = ("decided", "digest", "firsts", "inputs", "last", "number", "times", "told", "weight")
+    __slots__ = ("decided", "digest", "final", "firsts", "inputs", "last", "number", "times", "told", "weight")
 
     def __init__(self, number: int, told: bool) -> None:
         self.number = number
@@ -55,6 +56,8 @@ class Stretch:
         """How much was decided and done, and its digest, if somebody listened."""
         self.told = told
         """Whether it is told as it ends."""
+        self.final = False
+        """Whether the life ends with it."""
 
 
 class Course:
@@ -176,6 +179,11 @@ class Course:
         if stretch.inputs or stretch.firsts or self._acts.count:
             self.close()
 
+    def end(self) -> None:
+        """The life has ended in order: tell who listens, with a last batch although nothing may have happened in it."""
+        self._open.final = True
+        self.close()
+
     def forget(self) -> None:
         """Drop the beginning: from now on nobody who comes late gets it."""
         self._kept = None
@@ -211,13 +219,16 @@ class Course:
             inputs=tuple(written(cycle, item, self.included) for cycle, item in stretch.inputs),
             decided=stretch.decided,
             digest=stretch.digest,
+            final=stretch.final,
         )
 
 
 def weight(item: Given) -> int:
     """Bytes that an input takes, roughly."""
+    if type(item) is Mail:
+        return INPUT_BYTES + PART_BYTES * _parts(item.content)
     match item:
-        case Mail(content=term) | TeamReply(value=term):
+        case TeamReply(value=term):
             return INPUT_BYTES + PART_BYTES * _parts(term)
         case NamesRead(names=names):
             return INPUT_BYTES + PART_BYTES * len(names)
@@ -230,12 +241,18 @@ def weight(item: Given) -> int:
 
 def _parts(term: Any) -> int:
     """How many parts a term has, up to some number."""
+    if type(term) is Literal and (not term.annots or term.annots is PERCEPT):
+        for part in term.args:
+            if type(part) is not float:
+                break
+        else:
+            return 1 + len(term.args)  # as most are
     count, pending = 0, [term]
     while pending and count < MOST_PARTS:
         part = deref(pending.pop())
         count += 1
         if type(part) is str:
-            count += len(part) // PART_BYTES
+            count += 1 + len(part) // PART_BYTES
         elif type(part) is Literal:
             pending += part.args
             pending += part.annots

@@ -38,7 +38,7 @@ the process together; the rest is left out and counted."""
 LEAST: Final = 2
 MOST: Final = 100
 """So many decisions are in a batch at least and at most, if there were so many."""
-MOST_TOGETHER: Final = 8 * MOST_BYTES
+MOST_TOGETHER: Final = 4 * MOST_BYTES
 """Bytes that all agents of the process together may keep of what has gone into them since their births, roughly."""
 TOO_LATE: Final = (
     "the beginning of this life is not kept any more: more has gone into it since than is kept; "
@@ -230,9 +230,11 @@ class Tracing:
         if self.course.listened:
             self.course.flush()
 
-    def close(self) -> None:
-        """Tell what is left, then no more."""
+    def close(self, *, in_order: bool = True) -> None:
+        """Tell what is left, then no more; `in_order`: the life has ended, it was not broken off by a defect."""
         self.flush()
+        if in_order and self.course.listened:
+            self.course.end()
         self._heard.clear()
         _all.discard(self)
         for withdraw in self._withdraw:
