@@ -1,15 +1,17 @@
 """What an operator does to a mind, where the mission says `inject: true`: pause, step, resume, give a goal or a belief.
 
 A pause holds the mind between two cycles. Its actions go on, its timers run and fire when it goes on, its mail waits at
-commd as that of a busy mind does, and what it has become is kept. It ends by itself: nobody forgets a mind.
+commd as that of a busy mind does, and what it has become is kept. It ends by itself: nobody forgets a mind; and soon if
+the mind has a robot, for nobody reacts to what that one tells meanwhile.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import re
 from collections.abc import Callable
-from typing import Final
+from typing import Final, TypeAlias
 
 from agentd.language.errors import SyntaxErrors
 from agentd.language.instantiate import instantiate
@@ -20,6 +22,7 @@ from agentd.mind import Mind
 from agentd.mind.inputs import BeliefAdded, GoalAdded, Input
 from agentd.mind.messages import told_annots
 from agentd.mind.resolving import is_ground
+from agentd.wire import MAX_DEPTH, BadTerm, to_wire
 from commd.bus import Bus, Query
 from schemas import keys
 from schemas.minds import MindOrder
@@ -29,17 +32,31 @@ log = logging.getLogger("control")
 
 LONGEST_PAUSE: Final = 600.0
 """Wall seconds after which a mind that is paused goes on by itself."""
+LONGEST_WITH_ROBOT: Final = 60.0
+"""The same for a mind with a robot."""
 MOST_WAITING: Final = 20_000
 """Inputs that wait for a paused mind before it goes on by itself."""
 TOLD_AGAIN: Final = 60.0
 """Wall seconds for which health tells that a mind went on by itself."""
 STEP_PATIENCE: Final = 5.0
 """Wall seconds that a step may take before the operator is told that it has not been made yet."""
-LARGEST: Final = 65_536
-"""Bytes of an order."""
+LARGEST: Final = 4096
+"""Bytes of an order: the event loop, and with it every agent of the process, waits while it is read."""
+DEEPEST: Final = MAX_DEPTH
+"""Brackets within brackets of a goal or belief, and terms within terms: what the trace of a mind can write."""
+LOGGED: Final = 200
+"""Characters of an order in the log."""
 OPERATOR: Final = "operator"
 """The source of the operator's goals and beliefs."""
 NOT_ALLOWED: Final = "the mission does not say `inject: true`: only then its minds take orders"
+
+
+Step: TypeAlias = "asyncio.Future[str]"
+"""Somebody waits for a step: the result is why it has not been made, empty if it has."""
+MOST_STEPS: Final = 100
+"""Steps that wait at once."""
+_BRACKETS: Final = re.compile(r"[][(){}]|\"(?:[^\"\\]|\\.)*\"")
+"""Brackets, and strings, whose brackets do not count."""
 
 
 class Control:
@@ -55,17 +72,21 @@ class Control:
         now: Callable[[], float],
         feed: Callable[[Input], None],
         changed: Callable[[str], None],
+        robot: str | None = None,
     ) -> None:
-        """`wall` tells wall seconds, `now` mission seconds; `feed` gives the mind an input.
+        """`wall` tells wall seconds, `now` mission seconds; `feed` gives the mind an input; `robot` is the mind's.
 
         `changed` hears of each order, in words.
         """
         self._mind, self._allowed, self._wall, self._now = mind, allowed, wall, now
         self._feed, self._changed = feed, changed
+        self._longest = LONGEST_PAUSE if robot is None else LONGEST_WITH_ROBOT
+        self._alone = "" if robot is None else f"; until then nobody reacts to what {robot} does and tells"
+        """What a pause means for the robot, in words."""
         self._since = self._until = 0.0
         """When the pause began and when it ends by itself, if there is one."""
         self._paused = False
-        self._steps: list[asyncio.Future[None]] = []
+        self._steps: list[Step] = []
         """The steps that are to be made."""
         self._over: tuple[float, str] | None = None
         """When a pause has ended by itself, and why."""
@@ -86,21 +107,25 @@ class Control:
         if not self._paused:
             return True
         if self._wall() >= self._until:
-            self._go_on_by_itself(f"a pause lasts at most {LONGEST_PAUSE:g} s")
+            self._go_on_by_itself(f"a pause lasts at most {self._longest:g} s")
         elif len(self._mind.inputs) > MOST_WAITING:
             self._go_on_by_itself(f"more than {MOST_WAITING} inputs waited for it")
         return not self._paused
 
-    def take_step(self) -> list[asyncio.Future[None]]:
+    def take_step(self) -> list[Step]:
         """Return who waits for a cycle that is to be run now; nobody if none is."""
-        return [self._steps.pop(0)] if self._steps else []
+        while self._steps:
+            if not (step := self._steps.pop(0)).done():  # who waits no more was told that it has not been made
+                return [step]
+        return []
 
     def notes(self) -> tuple[str, ...]:
         """What people should know now."""
         now = self._wall()
         if self._paused:
             left = max(0.0, self._until - now)
-            return (f"paused by the operator for {now - self._since:.0f} s; it goes on by itself in {left:.0f} s",)
+            since = f"paused by the operator for {now - self._since:.0f} s"
+            return (f"{since}; it goes on by itself in {left:.0f} s{self._alone}",)
         if self._over is not None and now < self._over[0] + TOLD_AGAIN:
             return (f"paused by the operator, it went on by itself: {self._over[1]}",)
         return ()
@@ -131,9 +156,11 @@ class Control:
         now = self._wall()
         if not self._paused:
             self._paused, self._since, self._over = True, now, None
-        self._until = now + LONGEST_PAUSE
-        self._told("pause")
-        return Outcome(ok=True, reason=f"it goes on by itself in {LONGEST_PAUSE:g} s")
+            self._until = now + self._longest
+            self._told("pause")
+            return Outcome(ok=True, reason=f"it goes on by itself in {self._longest:g} s{self._alone}")
+        left = f"it goes on by itself in {max(0.0, self._until - now):.0f} s"
+        return Outcome(ok=True, reason=f"it was paused already, and {left}{self._alone}")
 
     def _resume(self) -> Outcome:
         if not self._paused:
@@ -145,14 +172,17 @@ class Control:
     async def _step(self) -> Outcome:
         if not self._paused:
             return Outcome(ok=False, reason="it is not paused: only then it can be stepped")
-        step = asyncio.get_running_loop().create_future()
+        if len(self._steps) >= MOST_STEPS:
+            return Outcome(ok=False, reason=f"{MOST_STEPS} steps wait already")
+        step: Step = asyncio.get_running_loop().create_future()
         self._steps.append(step)
         due = self._mind.wake_at
         idle = not self._mind.ready and (due is None or due > self._now())
         self._told("step")
         try:
             async with asyncio.timeout(STEP_PATIENCE):
-                await step
+                if why := await step:
+                    return Outcome(ok=False, reason=why)
         except TimeoutError:
             return Outcome(ok=False, reason=f"it has not been made within {STEP_PATIENCE:g} s")
         cycle = f"cycle {self._mind.cycle}"
@@ -163,8 +193,11 @@ class Control:
         sign = "!" if order.do == "goal" else "+"
         try:
             literal = _literal(order.text.strip().removeprefix(sign))
+            to_wire(literal)
         except SyntaxErrors as errors:
             return Outcome(ok=False, reason=f"the {order.do} cannot be read: {errors.findings[0].message}")
+        except BadTerm as bad:  # the mind could never be lived again
+            return Outcome(ok=False, reason=f"the {order.do} cannot be taken: {bad}")
         if order.do == "belief" and not is_ground(literal):
             return Outcome(ok=False, reason=f"a belief without variables was expected, got {literal}")
         if order.do == "goal" and (why := self._no_plan(literal)):
@@ -196,16 +229,21 @@ class Control:
         self._paused = False
         for step in self._steps:
             if not step.done():
-                step.set_result(None)
+                step.set_result("the mind went on before this step was made")
         self._steps.clear()
 
     def _told(self, order: str) -> None:
-        log.info("agent=%s operator=%s", self._mind.name, order)
+        log.info("agent=%s operator=%s", self._mind.name, order if len(order) <= LOGGED else f"{order[:LOGGED]}...")
         self._changed(order)
 
 
 def _literal(text: str) -> Literal:
-    """Read a goal or belief as the program would write it. Raises SyntaxErrors."""
+    """Read a goal or belief as the program would write it. Raises SyntaxErrors, and BadTerm for deep brackets."""
+    depth = 0
+    for bracket in _BRACKETS.findall(text):
+        depth += {"(": 1, "[": 1, "{": 1, ")": -1, "]": -1, "}": -1}.get(bracket, 0)
+        if depth > DEEPEST:
+            raise BadTerm(f"nested deeper than {DEEPEST}")
     literal = instantiate(parse_literal(text, "operator"))
     assert type(literal) is Literal
     return literal

@@ -46,7 +46,7 @@ from commd.acting import Acting
 from commd.bridge_watch import BridgeWatch
 from commd.bus import Bus, Token
 from commd.clock import Clock
-from commd.hand_percepts import hear_by_hand
+from commd.hand_percepts import HandPercepts, hear_by_hand
 from commd.notify import Loop
 from commd.output import stdout
 from commd.perceiving import Perceiving
@@ -108,7 +108,8 @@ class Part:
 
 
 Ran: TypeAlias = Callable[[int, float, list[Effect]], None]
-"""Hears of runs of a mind, their first cycle, time and effects: of each in which the time mattered, and of the last."""
+"""Hears of runs of a mind, their first cycle, time and effects: of each in which the time mattered or after which many
+decisions wait to be told, and of the last."""
 
 
 def reason(mind: Mind, clock: Clock, share: int = 1, ran: Ran | None = None) -> list[Effect]:
@@ -198,6 +199,7 @@ class Host:
         self._tracing.send_by(self._mailing.send, self._mailing.receivers)
         self._keeping = self._keep_in(memory)
         self._perceiving: Perceiving | None = None
+        self._by_hand: HandPercepts | None = None
         self._acting: Acting | None = None
         if part.robot is not None:
             self._perceiving = Perceiving(bus, part.name, part.robot, self._perceive, part.inject)
@@ -205,8 +207,8 @@ class Host:
             self._acting = Acting(bus, part.name, self._perceiving, watch, clock.to_wall)
             self._tasks.spawn(self._perceiving.run())
             self._tasks.spawn(watch.run())
-        elif part.inject:
-            hear_by_hand(bus, part.name, self._perceive)
+        else:
+            self._by_hand = hear_by_hand(bus, part.name, part.inject, self._perceive)
         self._performing = Performing(
             part.name,
             bus.boot,
@@ -217,7 +219,14 @@ class Host:
             self._interrupted,
         )
         self._control = Control(
-            bus, self._mind, part.inject, wall=clock.wall, now=clock.now, feed=self._feed, changed=self._ordered
+            bus,
+            self._mind,
+            part.inject,
+            wall=clock.wall,
+            now=clock.now,
+            feed=self._feed,
+            changed=self._ordered,
+            robot=part.robot,
         )
         self._viewer = Viewer(
             bus,
@@ -318,7 +327,7 @@ class Host:
             self._go_on(self._run_one())
             for step in steps:
                 if not step.done():
-                    step.set_result(None)
+                    step.set_result("")
 
     def _run_one(self) -> list[Effect]:
         """Run one cycle."""
@@ -482,7 +491,8 @@ class Host:
     def health(self) -> Health:
         """Return what the agent has counted, for its health."""
         counters = Counter(self.counters)
-        parts = {"percepts": self._perceiving, "actions": self._acting, "mail": self._mailing, "kept": self._keeping}
+        percepts = self._perceiving or self._by_hand
+        parts = {"percepts": percepts, "actions": self._acting, "mail": self._mailing, "kept": self._keeping}
         for prefix, part in parts.items():
             if part is not None:
                 counters.update({f"{prefix}_{name}": count for name, count in part.counters.items()})
@@ -503,7 +513,9 @@ class Host:
     def notes(self) -> tuple[str, ...]:
         """Warnings that hold now, in words."""
         kept = () if self._keeping is None else self._keeping.notes()
-        return (*self._control.notes(), *kept)
+        percepts = self._perceiving or self._by_hand
+        by_hand = () if percepts is None else percepts.notes()
+        return (*self._control.notes(), *by_hand, *kept)
 
 
 _busy: set[Host] = set()

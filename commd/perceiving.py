@@ -1,8 +1,9 @@
 """What an agent perceives, kept complete: it subscribes, asks for the present set, and asks again whenever in doubt.
 
-In doubt is: a gap in the seqs, the router back after it was away, another life of the bridge, or a digest in the
-bridge's health that differs from our own (design section 4). The bridge alone ages percepts. What people put by hand,
-known by a header that is missing or not of the robot's bridge, is kept apart (commd.hand_percepts).
+In doubt is: a gap in the seqs, the router back after it was away, another life of the bridge, a digest in the bridge's
+health that differs from our own, or one that is behind it: then somebody else has spoken in the bridge's name (design
+section 4). The bridge alone ages percepts. What people put by hand, known by a header that is missing or not of the
+robot's bridge, is kept apart (commd.hand_percepts).
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ log = logging.getLogger("percepts")
 
 ASK_TIMEOUT = 2.0
 """Wall seconds that the bridge has to answer with the present set."""
+IN_FLIGHT = 2.0
+"""Wall seconds after the present set has come in which percepts that are older are no news."""
 RETRY = 0.2
 """Wall seconds between two attempts to get the present set."""
 
@@ -42,6 +45,8 @@ class Perceiving:
         self._reported = ""
         self._doubt = asyncio.Event()
         self._waiting: list[tuple[int, asyncio.Future[None]]] = []
+        self._repaired_at = 0.0
+        """When the present set came last: what was on its way then is older, and known by it."""
         self._doubt.set()
         bus.subscribe(keys.percept(bus.fleet, agent, "*"), Perception, self._heard)
         bus.subscribe(keys.health(bus.fleet, robot, "bridged"), Health, self._health)
@@ -87,6 +92,7 @@ class Perceiving:
 
     async def _repair(self) -> bool:
         snapshot: list[Perception] = []
+        asked_at = self.percepts.seq
         everything = keys.percept(self._bus.fleet, self._agent, "**")
         try:
             async with aclosing(self._bus.query(everything, None, Perception, ASK_TIMEOUT)) as replies:
@@ -102,9 +108,14 @@ class Perceiving:
             return False
         if not snapshot and len(self.percepts) and not tells_of_none(self._reported):
             return not self._bus.router_up  # nobody answered: the bridge is away, and its return raises doubt again
-        changes = self.percepts.restore(snapshot)
+        before = self.percepts.boot
+        changes = self.percepts.restore(snapshot, asked_at)
         if changes is None:
             return False  # a newer perception came while the answer was on its way
+        self._repaired_at = asyncio.get_running_loop().time()
+        if before == self.percepts.boot and self.percepts.seq < asked_at:
+            why = f"its bridge is at seq {self.percepts.seq}, we were at {asked_at}"
+            self._note("not_of_the_bridge", f"a percept in the name of {self._robot} was not of its bridge: {why}")
         self.counters["repairs"] += 1
         self._tell(changes, self._by_hand.percepts)
         self._tell_waiting()
@@ -114,6 +125,9 @@ class Perceiving:
         if perception.header.source != self._robot:
             self._tell(self._by_hand.take(key, perception), self.percepts)
             return
+        if any(place < 0 for place in perception.key):
+            self._note("unreadable", f"the key of a percept {perception.name} has a position below 0")
+            return
         family = perception.name, len(perception.parameters)
         beside, before = self._by_hand.percepts.family(*family), self.percepts.family(*family)
         if self.percepts.apply(perception):
@@ -122,6 +136,10 @@ class Perceiving:
             else:
                 self._on_change(perception)
             self._tell_waiting()
+        elif asyncio.get_running_loop().time() > self._repaired_at + IN_FLIGHT:
+            header, at = perception.header, self.percepts.seq
+            why = f"its header says {header.source} with seq {header.seq}, and {at} was heard before"
+            self._note("stale", f"a percept {perception.name} changes nothing: {why}")
         if self.percepts.needs_repair():
             self._doubt.set()
 
@@ -129,6 +147,16 @@ class Perceiving:
         self._reported = health.percepts.get(self._agent, "")
         if self._reported and self.percepts.needs_repair(self._reported):
             self._doubt.set()
+
+    def notes(self) -> tuple[str, ...]:
+        """What people should know now."""
+        return self._by_hand.notes()
+
+    def _note(self, counter: str, what: str) -> None:
+        """Count, and tell of the first ones and of one in a thousand."""
+        self.counters[counter] += 1
+        if (count := self.counters[counter]) <= 10 or count % 1000 == 0:
+            log.warning("agent=%s count=%d %s", self._agent, count, what)
 
     def _tell(self, changes: Iterable[Perception], other: PerceptSet) -> None:
         """Tell changes of single beliefs; what still holds by the other set does not end."""

@@ -18,6 +18,8 @@ Family = tuple[str, int]
 """Name and number of parameters: what `replace` and `remove` without a key act on."""
 
 _ENCODE = msgspec.msgpack.Encoder().encode
+_DIGITS = 20
+"""Those of a seq."""
 
 
 class PerceptSet:
@@ -33,6 +35,8 @@ class PerceptSet:
         self._families: dict[Family, dict[bytes, Perception]] = {}
         self._in_doubt = False
         self._digest = ""
+        self._reported: int | None = None
+        """The seq that the bridge reported when it was behind ours, so ours is not its own."""
 
     def __len__(self) -> int:
         return sum(map(len, self._families.values()))
@@ -48,17 +52,48 @@ class PerceptSet:
         if seq > self.seq + 1:
             self.missed += seq - self.seq - 1
             self._in_doubt = True
-        self.seq, self._digest = seq, ""
+        self.seq = seq
+        self._alter(perception, identity)
+        return True
+
+    def alter(self, perception: Perception) -> list[Perception]:
+        """Take in a perception that is nobody's stream. Returns what has changed by it, removals first."""
+        return self._alter(perception, _identity(perception))
+
+    def concerned(self, perception: Perception) -> list[Perception]:
+        """Each belief that a `replace` or `remove` acts on."""
+        beliefs = self._families.get((perception.name, len(perception.parameters)), {})
+        return [beliefs[at] for at in self._concerned(perception, _identity(perception), beliefs)]
+
+    def names(self) -> list[str]:
+        """What holds, by name and number of parameters, such as `altitude/1`, in order."""
+        return [f"{name}/{arity}" for name, arity in sorted(self._families)]
+
+    def arities(self, name: str) -> list[int]:
+        """The numbers of parameters of the beliefs of a name."""
+        return [arity for known, arity in self._families if known == name]
+
+    def _alter(self, perception: Perception, identity: bytes) -> list[Perception]:
         family = (perception.name, len(perception.parameters))
         beliefs = self._families.setdefault(family, {})
+        gone: dict[bytes, Perception] = {}
         if perception.update != "add":
-            for known in [known for known, belief in beliefs.items() if _concerns(perception, belief)]:
-                del beliefs[known]
+            gone = {known: beliefs.pop(known) for known in self._concerned(perception, identity, beliefs)}
+        come = perception.update != "remove" and identity not in gone and identity not in beliefs
         if perception.update != "remove":
             beliefs[identity] = perception
         elif not beliefs:
             del self._families[family]
-        return True
+        self._digest = ""
+        changes = [_removal(one) for at, one in gone.items() if at not in beliefs]
+        return [*changes, replace(perception, update="add", key=())] if come else changes
+
+    def _concerned(self, change: Perception, identity: bytes, beliefs: dict[bytes, Perception]) -> list[bytes]:
+        if not change.key:
+            return list(beliefs)
+        if change.key == tuple(range(len(change.parameters))):
+            return [identity] if identity in beliefs else []
+        return [at for at, belief in beliefs.items() if _concerns(change, belief)]
 
     def present(self) -> list[Perception]:
         """Each belief that holds, as the perception that told it, in the order of names and arrival."""
@@ -87,30 +122,35 @@ class PerceptSet:
         return self._digest
 
     def needs_repair(self, reported: str = "") -> bool:
-        """Whether the bridge must be asked for the whole set: after a gap, or when its digest says more or otherwise.
+        """Whether the bridge must be asked for the whole set: after a gap, or when its digest says otherwise.
 
-        `reported` is the digest from the bridge's health; an older one than what is known here proves nothing.
+        `reported` is the digest from the bridge's health, which it sends after what it has told by then. If its seq is
+        behind ours, somebody else has told something in its name.
         """
-        if self._in_doubt:
-            return True
         life, _, content = reported.rpartition(":")
         boot, _, seq = life.rpartition(":")
-        if not seq.isdigit() or (boot == self.boot and int(seq) < self.seq):
-            return False
+        readable = seq.isascii() and seq.isdigit() and len(seq) <= _DIGITS
+        if readable and boot == self.boot and int(seq) < self.seq:
+            self._reported = int(seq)
+            return True
+        if self._in_doubt or not readable:
+            return self._in_doubt
         return content != self.digest().rpartition(":")[2]
 
-    def restore(self, snapshot: Iterable[Perception]) -> list[Perception] | None:
-        """Become the set that a repair query was answered with.
+    def restore(self, snapshot: Iterable[Perception], asked_at: int | None = None) -> list[Perception] | None:
+        """Become the set that a repair query was answered with, asked when our seq was `asked_at` (now by default).
 
         Returns the perceptions that turn the old set into the new one, removals first and then additions, so that a
         mind hears only of what differs. Returns None, and changes nothing, if a newer perception came meanwhile: ask
-        again.
+        again. A set that is older than what we knew when we asked is taken: what we knew was not of the bridge.
         """
         told = list(snapshot)
         boot = told[0].header.boot if told else self.boot
-        seq = max((one.header.seq for one in told), default=self.seq)
-        if any(one.header.boot != boot for one in told) or (boot == self.boot and seq < self.seq):
+        seq = max((one.header.seq for one in told), default=self.seq if self._reported is None else self._reported)
+        meanwhile = self.seq > seq and not self.was_ahead(seq, asked_at)
+        if any(one.header.boot != boot for one in told) or (boot == self.boot and meanwhile):
             return None
+        self._reported = None
         changes = differences(self.present(), told)
         self._families.clear()
         for one in told:
@@ -118,11 +158,15 @@ class PerceptSet:
         self.boot, self.seq, self._in_doubt, self._digest = boot, seq, False, ""
         return changes
 
+    def was_ahead(self, seq: int, asked_at: int | None) -> bool:
+        """Whether a set with this seq, asked for when ours was `asked_at`, shows that ours was never the bridge's."""
+        return asked_at is not None and seq < asked_at <= self.seq
+
     def clear(self) -> list[Perception]:
         """Forget everything, as when the bridge is gone. Returns the removals for the mind."""
         gone = [_removal(one) for one in self.present()]
         self._families.clear()
-        self.boot, self.seq, self._in_doubt, self._digest = "", 0, False, ""
+        self.boot, self.seq, self._in_doubt, self._digest, self._reported = "", 0, False, "", None
         return gone
 
 
@@ -143,7 +187,7 @@ def _concerns(change: Perception, belief: Perception) -> bool:
     """Whether a `replace` or `remove` acts on a belief of its own name and arity."""
     size = len(belief.parameters)
     return all(
-        position < size and _ENCODE(belief.parameters[position]) == _ENCODE(change.parameters[position])
+        0 <= position < size and _ENCODE(belief.parameters[position]) == _ENCODE(change.parameters[position])
         for position in change.key
     )
 

@@ -138,6 +138,13 @@ def test_a_goal_and_a_belief_come_from_the_operator(tmp_path: Path, endpoint: st
         ("goal", "say(1,2)", "its program has no plan for +!say/2; it has plans for +!say/1"),
         ("belief", "told(X)", "a belief without variables was expected, got told(X)"),
         ("belief", "told(X) :- true", "the belief cannot be read: "),
+        ("belief", "told(" + "[" * 101 + "]" * 101 + ")", "the belief cannot be taken: nested deeper than 100"),
+        (
+            "belief",
+            "told(" + "f(" * 1300 + "1" + ")" * 1300 + ")",
+            "the belief cannot be taken: nested deeper than 100",
+        ),
+        ("goal", "say(" + "[" * 2000, "the goal cannot be taken: nested deeper than 100"),
         ("resume", "", "it is not paused"),
     ],
 )
@@ -148,6 +155,83 @@ def test_what_cannot_be_done_is_refused_in_words(do: str, text: str, why: str, t
         assert not outcome.ok
         assert outcome.reason.startswith(why)
         assert "\n" not in outcome.reason
+        await bob.agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_an_order_keeps_nobody_waiting(tmp_path: Path, endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
+    """All agents of a process wait while one order is read: a large one is refused unread, and no line is long."""
+    caplog.set_level("INFO", "control")
+
+    async def body(connect: Connect) -> None:
+        bob = await desk(connect, tmp_path)
+        query = bob.bus.query(keys.control("test", "bob"), MindOrder(do="belief", text="x" * 5000), Outcome, 5.0)
+        [why] = [reply.error async for reply in query]
+        assert why.endswith(" bytes, expected at most 4096")
+        long = "told([" + ",".join(f'"({number}"' for number in range(400)) + "])"
+        assert await bob.order("belief", long) == Outcome(ok=True), "brackets in texts are none"
+        assert max(len(one.getMessage()) for one in caplog.records) < 300
+        await bob.agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_pause_of_an_agent_with_a_robot_is_short_and_says_what_it_means(tmp_path: Path, endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bob = await desk(connect, tmp_path, robot="uav1")
+        means = "; until then nobody reacts to what uav1 does and tells"
+        assert await bob.order("pause") == Outcome(ok=True, reason=f"it goes on by itself in 60 s{means}")
+        [note] = bob.agent.host.health().notes
+        assert note.startswith("paused by the operator for 0 s; it goes on by itself in ")
+        assert note.endswith(means)
+        await bob.agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_pausing_again_does_not_move_the_end(tmp_path: Path, endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(control, "LONGEST_PAUSE", 1.0)
+
+    async def body(connect: Connect) -> None:
+        bob = await desk(connect, tmp_path)
+        await bob.order("pause")
+        cycle, pauses = bob.agent.host.view().cycle, 0
+        async with asyncio.timeout(20):
+            while bob.agent.host.view().state == "paused" and pauses < 1000:
+                pauses += 1
+                outcome = await bob.order("pause")
+                await asyncio.sleep(0.02)
+                if outcome.reason == "it goes on by itself in 1 s":
+                    break  # the first pause is over, and this is another one
+                assert outcome.reason.startswith("it was paused already, and it goes on by itself in ")
+        assert pauses < 1000
+        await bob.order("resume")
+        await until(lambda: bob.agent.host.view().cycle > cycle, "it went on")
+        await bob.agent.end()
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_step_that_is_not_made_is_not_told_as_made(
+    tmp_path: Path, endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(control, "STEP_PATIENCE", 0.05)
+
+    async def body(connect: Connect) -> None:
+        bob = await desk(connect, tmp_path)
+        held = bob.agent.host._control
+        await held.carry_out(MindOrder(do="pause"))
+        asked = [asyncio.create_task(held.carry_out(MindOrder(do="step"))) for _ in range(3)]
+        await asyncio.sleep(0)
+        assert (await held.carry_out(MindOrder(do="resume"))).ok
+        told = await asyncio.gather(*asked)
+        assert told == [Outcome(ok=False, reason="the mind went on before this step was made")] * 3
+        monkeypatch.setattr(bob.agent.host, "_step", lambda: None)
+        await held.carry_out(MindOrder(do="pause"))
+        late = await held.carry_out(MindOrder(do="step"))
+        assert late == Outcome(ok=False, reason="it has not been made within 0.05 s")
+        assert held.take_step() == [], "it is not made later"
         await bob.agent.end()
 
     on_a_bus(endpoint, body)

@@ -11,10 +11,11 @@ from typing import Any
 import pytest
 
 from commd.bus import Bus
-from commd.hand_percepts import MOST, HandPercepts, hear_by_hand
+from commd.hand_percepts import LARGEST, MOST, HandPercepts, hear_by_hand
 from commd.perceiving import Perceiving
-from schemas import keys
+from schemas import keys, percepts
 from schemas.records import Perception
+from schemas.terms import Structure, Variable
 from tests.commd.test_perceiving import FakeBridge
 from tests.support.buses import FLEET, Connect, on_a_bus, subscribed, until
 
@@ -128,13 +129,16 @@ def test_without_inject_percepts_by_hand_are_ignored_counted_and_told_once(
 def test_an_agent_without_a_robot_perceives_by_hand_too(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
         heard: list[tuple[str, tuple[Any, ...]]] = []
-        hear_by_hand(await connect("uav"), "uav", lambda one: heard.append((one.update, one.parameters)))
+        by_hand = hear_by_hand(
+            await connect("uav"), "uav", True, lambda one: heard.append((one.update, one.parameters))
+        )
         person = await connect("operator")
         await put(person, "victim", parameters=[1])
         await put(person, "victim", parameters=[2], update="add")
         await put(person, "victim", update="remove")
         await until(lambda: len(heard) == 4, "all changes come")
         assert heard == [("add", (1,)), ("add", (2,)), ("remove", (1,)), ("remove", (2,))]
+        assert by_hand.counters == {"by_hand": 3}
 
     on_a_bus(endpoint, body)
 
@@ -144,6 +148,17 @@ def test_an_agent_without_a_robot_perceives_by_hand_too(endpoint: str) -> None:
     [
         ("argosy/f/uav/percept/Victim", Perception(), "expected a name such as `victim`, got `Victim`"),
         ("argosy/f/uav/percept/a", Perception(name="b"), "the key says a, the percept says b"),
+        ("argosy/f/uav/percept/not", Perception(parameters=(1,)), "expected a name such as `victim`, got `not`"),
+        ("argosy/f/uav/percept/true", Perception(), "expected a name such as `victim`, got `true`"),
+        ("argosy/f/uav/percept/bridge", Perception(parameters=("up",)), "`bridge` is what the agent itself perceives"),
+        ("argosy/f/uav/percept/p", Perception(parameters=(Variable("X"),)), "p: values were expected, got a variable"),
+        (
+            "argosy/f/uav/percept/p",
+            Perception(parameters=([Structure("f", (Variable("X"),))],)),
+            "p: values were expected, got a variable",
+        ),
+        ("argosy/f/uav/percept/flag", Perception(key=(-1,)), "flag: a position in `key` is 0 or more, got -1"),
+        ("argosy/f/uav/percept/p", Perception(parameters=("x" * LARGEST,)), "p: expected at most 4096 bytes, got 41"),
     ],
 )
 def test_what_is_no_percept_is_refused_in_words(
@@ -164,3 +179,66 @@ def test_there_is_room_for_so_many_and_a_removal_always_is_taken() -> None:
     assert counters["by_hand_refused"] == 5
     assert len(by_hand.take(key, Perception(update="remove"))) == MOST
     assert len(by_hand.percepts) == 0
+
+
+def test_at_the_bound_what_holds_can_be_replaced() -> None:
+    by_hand = HandPercepts("uav", True, counters := Counter[str]())
+    for number in range(MOST):
+        by_hand.take(f"argosy/f/uav/percept/h{number}", Perception(parameters=(number,)))
+    [gone, come] = by_hand.take("argosy/f/uav/percept/h5", Perception(parameters=(-1,)))
+    assert (gone.update, gone.parameters, come.update, come.parameters) == ("remove", (5,), "add", (-1,))
+    assert by_hand.take("argosy/f/uav/percept/other", Perception(parameters=(1,))) == []
+    assert by_hand.take("argosy/f/uav/percept/h6", Perception(parameters=(1,), update="add")) == []
+    assert (len(by_hand.percepts), counters["by_hand_refused"]) == (MOST, 2)
+
+
+def test_one_percept_costs_as_much_beside_many_as_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    written = Counter[str]()
+    encode = percepts._ENCODE
+
+    def counted(value: object) -> bytes:
+        written["terms"] += 1
+        return encode(value)
+
+    monkeypatch.setattr(percepts, "_ENCODE", counted)
+    by_hand = HandPercepts("uav", True, Counter[str]())
+    for number in range(MOST - 1):
+        by_hand.take(f"argosy/f/uav/percept/h{number}", Perception(parameters=(number,)))
+    written.clear()
+    for number in range(10):
+        by_hand.take("argosy/f/uav/percept/h5", Perception(parameters=(-number,)))
+    by_hand.take("argosy/f/uav/percept/h5", Perception(update="remove"))
+    assert written["terms"] < 100
+
+
+def test_what_holds_by_hand_is_told_until_it_is_taken_away() -> None:
+    by_hand = HandPercepts("uav", True, Counter[str]())
+    assert by_hand.notes() == ()
+    by_hand.take("argosy/f/uav/percept/battery", Perception(parameters=(0, 10.5, 20)))
+    assert by_hand.notes() == ("1 percept by hand holds, until taken away by hand: battery/3",)
+    for number in range(10):
+        by_hand.take(f"argosy/f/uav/percept/c{number}", Perception())
+    [note] = by_hand.notes()
+    assert note.startswith("11 percepts by hand hold, until taken away by hand: battery/3, c0/0, ")
+    assert note.endswith(", ...")
+    for name in ("battery", *(f"c{number}" for number in range(10))):
+        by_hand.take(f"argosy/f/uav/percept/{name}", Perception(update="remove"))
+    assert by_hand.notes() == ()
+
+
+def test_an_agent_without_a_robot_ignores_them_in_words_without_inject(
+    endpoint: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.WARNING, "percepts")
+
+    async def body(connect: Connect) -> None:
+        heard: list[Perception] = []
+        by_hand = hear_by_hand(await connect("uav"), "uav", False, heard.append)
+        person = await connect("operator")
+        await put(person, "victim", parameters=[1])
+        await put(person, "victim", parameters=[2])
+        await until(lambda: by_hand.counters == {"by_hand_ignored": 2}, "both are counted")
+        assert heard == []
+
+    on_a_bus(endpoint, body)
+    assert caplog.text.count("a percept `victim` put by hand is ignored") == 1

@@ -8,6 +8,7 @@ from contextlib import AbstractAsyncContextManager
 from typing import Any, Literal
 
 import pytest
+from msgspec.structs import replace
 
 from commd.bridge_watch import BridgeWatch
 from commd.bus import Bus, Query, open_bus
@@ -31,6 +32,10 @@ class FakeBridge:
         self.percepts.apply(perception)
         if not lose:
             self.bus.put(keys.percept(FLEET, "uav", name), perception)
+
+    def now(self, name: str) -> tuple[Any, ...]:
+        """What holds by that name."""
+        return next(one.parameters for one in self.percepts.present() if one.name == name)
 
     def report(self) -> None:
         digest = {"uav": self.percepts.digest()}
@@ -108,6 +113,83 @@ def test_a_lost_last_percept_is_repaired_by_the_digest_in_the_bridges_health(end
         assert perceiving.counters["repairs"] == 2
 
     on_a_bus(endpoint, body)
+
+
+def test_a_percept_in_the_bridges_name_blinds_nobody(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
+    """Somebody edits what a query has told and puts it: the bridge's own words must not be older than that for ever."""
+
+    async def body(connect: Connect) -> None:
+        bridge = FakeBridge(await connect("uav1", "bridged"))
+        perceiving, heard = perceive(await connect("uav"))
+        person = await connect("operator")
+        bridge.tell("altitude", 1)
+        await until(lambda: heard == [("came", "altitude", (1,))], "the first percept arrives")
+        await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
+        [told] = bridge.percepts.snapshot()
+        key = keys.percept(FLEET, "uav", "altitude")
+        for ahead in (10**9, 1):
+            header = replace(told.header, seq=bridge.percepts.seq + ahead)
+            person.put(key, replace(told, header=header, parameters=(99,)))
+            await until(lambda: ("came", "altitude", (99,)) in heard, "it is believed")
+            health = asyncio.create_task(bridge.report_for_ever())
+            await until(lambda: heard[-1] == ("came", "altitude", bridge.now("altitude")), "the bridge is asked")
+            health.cancel()
+            heard.clear()
+            bridge.tell("altitude", ahead)
+            await until(lambda: heard == [("came", "altitude", bridge.now("altitude"))], "it is heard")
+            assert bridge.now("altitude") == (ahead,)
+        assert perceiving.counters["not_of_the_bridge"] == 2
+        assert perceiving.percepts.seq == bridge.percepts.seq
+
+    on_a_bus(endpoint, body)
+    assert "a percept in the name of uav1 was not of its bridge: its bridge is at seq 1, we were at 1000000001" in (
+        caplog.text
+    )
+
+
+def test_after_a_forged_percept_a_bridge_that_tells_nothing_is_believed(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        bridge = FakeBridge(await connect("uav1", "bridged"))
+        perceiving, heard = perceive(await connect("uav"))
+        person = await connect("operator")
+        bridge.tell("link", "up")
+        bridge.tell("link", "up", update="remove", key=(0,))
+        await until(lambda: len(heard) == 2, "nothing is perceived")
+        header = replace(bridge.bus.header("other"), seq=500)
+        person.put(keys.percept(FLEET, "uav", "flood"), Perception(header=header, name="flood"))
+        await until(lambda: heard[-1] == ("came", "flood", ()), "it is believed")
+        bridge.report()
+        await until(lambda: heard[-1] == ("gone", "flood", ()), "it is believed no more")
+        assert perceiving.percepts.seq == 2
+        bridge.tell("link", "up")
+        await until(lambda: heard[-1] == ("came", "link", ("up",)), "the bridge is heard")
+
+    on_a_bus(endpoint, body)
+
+
+def test_an_old_percept_in_the_bridges_name_is_counted_and_told(
+    endpoint: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("commd.perceiving.IN_FLIGHT", 0.0)
+
+    async def body(connect: Connect) -> None:
+        bridge = FakeBridge(await connect("uav1", "bridged"))
+        perceiving, heard = perceive(await connect("uav"))
+        person = await connect("operator")
+        for height in range(3):
+            bridge.tell("altitude", height)
+        await until(lambda: len(heard) == 3, "all arrive")
+        [told] = bridge.percepts.snapshot()
+        header = replace(told.header, seq=2)
+        person.put(keys.percept(FLEET, "uav", "victim"), replace(told, header=header, name="victim"))
+        await until(lambda: perceiving.counters["stale"] == 1, "it is counted")
+        odd = replace(told, header=replace(told.header, seq=4), key=(-1,))
+        person.put(keys.percept(FLEET, "uav", "altitude"), odd)
+        await until(lambda: perceiving.counters["unreadable"] == 1, "a position below 0 is counted")
+        assert len(heard) == 3
+
+    on_a_bus(endpoint, body)
+    assert "a percept victim changes nothing: its header says uav1 with seq 2, and 3 was heard before" in caplog.text
 
 
 def test_equal_digests_ask_for_nothing(endpoint: str) -> None:
