@@ -55,5 +55,7 @@ def what_became_of_it(lines: Iterable[str], how: str) -> str:
 
 def record_command(recording: RunRecording, mission: str, router: str, speed: float) -> list[str]:
     """Return the recorder's module and its arguments."""
-    to = ["--output", str(recording.path), "--force"]
+    to = ["--output", str(recording.path)]
+    if not recording.asked_for:  # a report is written anew into its folder
+        to.append("--force")
     return ["argosy", "record", "--mission", mission, "--router", router, "--speed", f"{speed:g}", *to]

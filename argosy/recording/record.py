@@ -177,7 +177,7 @@ class _Recording:
         for line in summary(self._recorder):
             print(line, flush=True)
         if self._recorder.problem:
-            print(f"error: {self._recorder.problem}; the file can be read up to there", file=sys.stderr)
+            print(f"error: {self._recorder.problem}; what is recorded up to there can be read", file=sys.stderr)
             return EXIT_FAILED
         return EXIT_DONE
 

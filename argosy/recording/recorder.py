@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -58,25 +60,30 @@ class Recorder:
         overwrite: bool = False,
         several: bool = False,
     ) -> None:
-        """Make the file. `several`: the same may be heard by more than one way. Raises OSError."""
+        """Make the file. `several`: the same may be heard by more than one way. Raises OSError.
+
+        A recording that is to be split is not begun where a file is in the way of its later parts.
+        """
         self.path, self.intake, self.minds = path, intake, Minds()
         self.files = [path]
         self.problem = ""
         """Why it could not go on, if it could not."""
-        self.messages = 0
         self.wild = 0
         """Messages that were put on many keys at once."""
         self._limits, self._facts, self._several = limits, facts, several
         self._compression: Compression = compression
         self._overwrite = overwrite
+        if limits.split and not overwrite and (there := self._in_the_way()) is not None:
+            raise FileExistsError(errno.EEXIST, f"{there.name} is there already, in which it would go on", str(path))
         self._writer = RecordingWriter(path, facts, compression, overwrite=overwrite)
-        self._written = 0
-        """Bytes of the files before this one."""
+        self._written = self._messages = 0
+        """Bytes and messages of the files before this one."""
         self._since_flush = self._chunks = 0
         self._began = intake.now()
         self._newest: dict[str, tuple[str, int]] = {}
         self._told_dropped = 0
-        self._why = ""
+        self._why = self._ended_early = ""
+        """Why it ended, and why it did before it was to."""
         self._stop = Event()
         self._thread = Thread(target=self._run, name="recorder", daemon=True)
         self._on_end: Callable[[], object] = lambda: None
@@ -85,6 +92,11 @@ class Recorder:
     def size(self) -> int:
         """Bytes of all files so far."""
         return self._written + self._writer.size
+
+    @property
+    def messages(self) -> int:
+        """Messages so far; after a problem those that are in the file for sure."""
+        return self._messages + (self._writer.safe if self.problem else self._writer.messages)
 
     @property
     def dropped(self) -> int:
@@ -127,6 +139,7 @@ class Recorder:
         try:
             self._record()
             self._close(self._why)
+            self.problem = self._ended_early
         except OSError as error:
             self.problem = f"cannot write {error.filename or self._writer.path}: {error.strerror or error}"
             self._writer.abandon()
@@ -160,7 +173,6 @@ class Recorder:
             if not is_plain(heard.key):
                 heard = self._wild(heard)
             if self._wanted(heard) and self._writer.add(heard) is not None:
-                self.messages += 1
                 self._since_flush += len(heard.payload) + 64
             if self._size_of_file() >= self._limits.size and not self._full(
                 f"{sizes.in_words(self._limits.size)} are full"
@@ -187,14 +199,25 @@ class Recorder:
             return False
         facts = replace(self._facts, part=len(self.files) + 1)
         path = self.path.with_name(f"{self.path.stem}-{facts.part:04}{self.path.suffix}")
-        following = RecordingWriter(path, facts, self._compression, overwrite=self._overwrite)
+        try:
+            following = RecordingWriter(path, facts, self._compression, overwrite=self._overwrite)
+        except OSError as error:  # this file is ended as it should be all the same
+            self._why = f"cannot go on in {path}: {error.strerror or error}"
+            self._ended_early = self._why
+            return False
         self._close(why, following.path.name)
         self._written += self._writer.size
+        self._messages += self._writer.messages
         self._writer = following
         self.files.append(path)
         self._since_flush = self._chunks = 0
         self._began = self.intake.now()
         return True
+
+    def _in_the_way(self) -> Path | None:
+        """Return a file that has the name of a later part."""
+        parts = re.compile(rf"{re.escape(self.path.stem)}-\d{{4,}}{re.escape(self.path.suffix)}")
+        return next((one for one in self.path.absolute().parent.glob("*") if parts.fullmatch(one.name)), None)
 
     def _close(self, why: str, following: str = "") -> None:
         self._writer.close(

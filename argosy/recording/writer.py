@@ -6,8 +6,12 @@ last second at most. Every `SYNC` seconds the disk has it too, which is what a l
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
+import stat
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO, Literal
@@ -33,6 +37,8 @@ CHUNK = 1024 * 1024
 """Bytes after which a chunk ends before its second is over."""
 MOST_CHANNELS = 60_000
 """Keys of one file; what is said on further ones is dropped and counted. MCAP counts channels in 16 bits."""
+NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
+"""What a file system says that has no locks."""
 FOREIGN = "json"
 """Name of the schema of objects that are no records of Argosy."""
 _ANY_OBJECT = b'{"type": "object", "properties": {}}'
@@ -48,9 +54,9 @@ class RecordingWriter:
     """One file of a recording."""
 
     def __init__(self, path: Path, facts: Facts, compression: Compression = "lz4", *, overwrite: bool = False) -> None:
-        """Raises OSError if it cannot be made, FileExistsError if it is there already."""
+        """Raises OSError if it cannot be made or another recorder writes it, FileExistsError if it is there already."""
         self.path = path
-        self._file: BinaryIO = path.open("wb" if overwrite else "xb")
+        self._file = _opened(path, overwrite=overwrite)
         self._writer = Writer(self._file, CHUNK, COMPRESSIONS[compression])
         self._channels: dict[tuple[str, str, str], _Channel | None] = {}
         self._unread_channels: dict[tuple[str, str], _Channel | None] = {}
@@ -58,6 +64,8 @@ class RecordingWriter:
         self._count = self._size = 0
         self.messages = self.unread = self.no_channel = 0
         """Written; of these as bytes; and not written, because there are too many keys."""
+        self.safe = 0
+        """Messages that the system has: they are in the file whatever comes."""
         self._synced = time.monotonic()
         self._writer.start(library=f"argosy {RELEASE}")
         self._writer.add_metadata(BEGIN, facts.metadata())
@@ -137,6 +145,7 @@ class RecordingWriter:
     def flush(self) -> None:
         """End the chunk and give it to the system; now and then to the disk. Raises OSError: it may be full."""
         self._writer.flush()
+        self.safe = self.messages
         if time.monotonic() - self._synced >= SYNC:
             os.fsync(self._file.fileno())
             self._synced = time.monotonic()
@@ -145,6 +154,7 @@ class RecordingWriter:
         """Write how it ended and the index. Raises OSError."""
         try:
             self._writer.flush()
+            self.safe = self.messages
             self._writer.add_metadata(END, replace(end, messages=self.messages, unread=self.unread).metadata())
             self._writer.finish()
             self._file.flush()
@@ -155,7 +165,26 @@ class RecordingWriter:
 
     def abandon(self) -> None:
         """Close the file as it is: what is in it up to the last chunk can be read."""
-        try:
+        with suppress(OSError):  # what could not be written before cannot be now
             self._file.close()
-        except OSError:  # what could not be written before cannot be now
-            return
+        with suppress(OSError):
+            self._size = self.path.stat().st_size
+
+
+def _opened(path: Path, *, overwrite: bool) -> BinaryIO:
+    """Return an empty file that is this recorder's alone. Raises OSError."""
+    number = os.open(path, os.O_RDWR | os.O_CREAT | (0 if overwrite else os.O_EXCL), 0o666)
+    try:
+        try:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise BlockingIOError(errno.EWOULDBLOCK, "another recorder is writing it", str(path)) from None
+        except OSError as error:
+            if error.errno not in NO_LOCKS:
+                raise
+        if stat.S_ISREG(os.fstat(number).st_mode):
+            os.ftruncate(number, 0)
+        return os.fdopen(number, "wb")
+    except OSError:
+        os.close(number)
+        raise

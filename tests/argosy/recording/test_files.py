@@ -14,7 +14,6 @@ from argosy.recording.intake import Heard, Intake
 from argosy.recording.reader import BadRecording, open_recording
 from argosy.recording.recorder import NOTES, Limits, Recorder
 from argosy.recording.records import RecorderNote, Unread
-from argosy.recording.writer import RecordingWriter
 from schemas import keys
 from schemas.minds import MindInputs
 from schemas.records import Perception
@@ -220,13 +219,6 @@ def test_what_does_not_fit_in_the_queue_is_counted_told_and_noted_in_the_file(tm
     assert recording.end.dropped == 15
     notes = [(message.key, record) for message, record in recording.typed(RecorderNote)]
     assert notes == [(NOTES, RecorderNote(kind="dropped", text="15 messages did not fit and are missing"))]
-
-
-def test_a_disk_that_is_full_ends_the_recording_with_what_is_there(tmp_path: Path) -> None:
-    if not Path("/dev/full").exists():
-        pytest.skip("no /dev/full here")
-    with pytest.raises(OSError, match="No space left"):
-        RecordingWriter(Path("/dev/full"), FACTS, overwrite=True)
 
 
 @pytest.mark.parametrize(

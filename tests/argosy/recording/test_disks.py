@@ -1,0 +1,189 @@
+"""Recordings on disks that are full, in files that are taken, and parts that cannot be begun."""
+
+from __future__ import annotations
+
+import resource
+import shutil
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from argosy.recording.facts import End
+from argosy.recording.intake import Heard, Intake
+from argosy.recording.lines import summary
+from argosy.recording.of_a_run import RunRecording, record_command
+from argosy.recording.reader import open_recording
+from argosy.recording.recorder import Limits, Recorder
+from argosy.recording.writer import RecordingWriter
+from schemas import keys
+from schemas.records import Perception
+from tests.argosy.recording.files import BEGIN, FACTS, altitude, heard, write
+from tests.argosy.recording.recorders import argosy, recording
+from tests.support.buses import Connect, on_a_bus, until
+
+SMALL = 1024 * 1024
+END = End(why="ctrl-C", ended=BEGIN)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of a megabyte."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", f"size={SMALL}", "tmpfs", str(folder)]
+    if shutil.which("mount") is None or subprocess.run(command, capture_output=True, check=False).returncode:
+        pytest.skip("only root may mount a small disk, and not everywhere")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "--lazy", str(folder)], check=True)
+
+
+@contextmanager
+def files_no_larger_than(size: int) -> Iterator[None]:
+    """Let this process write no larger files: the system says EFBIG then."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def blob(number: int, size: int = 4000) -> Heard:
+    """A percept of some size."""
+    return heard(keys.percept("test", "uav1", "p"), Perception(name="p", parameters=("x" * size, number)), number)
+
+
+def recorder_of(path: Path, limits: Limits | None = None) -> Recorder:
+    """A recorder that has not begun."""
+    intake = Intake()
+    return Recorder(path, replace(FACTS, started=intake.now()), limits or Limits(), intake, compression="none")
+
+
+def until_it_ends(recorder: Recorder, count: int, at_once: int) -> None:
+    """Let it record so many messages, and wait until it has ended."""
+    recorder.start(lambda: None)
+    for number in range(0, count, at_once):
+        waiting = recorder.messages
+        for one in range(number, number + at_once):
+            recorder.intake.put(blob(one))
+        recorder.intake.woken.set()
+        for _ in range(200):
+            if recorder.messages > waiting or not recorder._thread.is_alive():
+                break
+            recorder._thread.join(0.05)
+    recorder.stop("ctrl-C")
+    recorder._thread.join(20)
+    assert not recorder._thread.is_alive()
+
+
+def told_truly(recorder: Recorder, error: str) -> None:
+    """The summary is what the file holds."""
+    path = recorder.path
+    found = open_recording(path)
+    read = [record.parameters[1] for _, record in found.typed(Perception)]
+    assert recorder.problem == f"cannot write {path}: {error}"
+    assert read[: recorder.messages] == list(range(recorder.messages))
+    assert 0 < recorder.messages < 600
+    assert recorder.size == path.stat().st_size
+    assert "it was cut off" in found.missing
+    (line,) = summary(recorder)
+    assert line.startswith(f"{path}: {recorder.messages} messages in ")
+    assert line.endswith(f" MB; ended: {recorder.problem}")
+
+
+def test_a_disk_that_fills_up_ends_the_recording_and_the_summary_tells_what_is_there(small_disk: Path) -> None:
+    recorder = recorder_of(small_disk / "a.mcap")
+    until_it_ends(recorder, 600, 50)
+    told_truly(recorder, "No space left on device")
+
+
+def test_a_file_that_may_grow_no_more_ends_the_recording_and_the_summary_tells_what_is_there(tmp_path: Path) -> None:
+    with files_no_larger_than(SMALL):
+        recorder = recorder_of(tmp_path / "a.mcap")
+        until_it_ends(recorder, 600, 50)
+    told_truly(recorder, "File too large")
+
+
+def test_a_recorder_whose_disk_is_full_ends_with_1_and_says_so(endpoint: str, small_disk: Path) -> None:
+    path = small_disk / "a.mcap"
+
+    async def body(connect: Connect) -> None:
+        bus = await connect("uav1", "bridged")
+        async with recording(endpoint, path, "--compression", "none") as recorder:
+            rounds = iter(range(100))
+
+            def ended() -> bool:
+                if next(rounds, None) is not None:
+                    for number in range(50):
+                        bus.put(
+                            keys.percept("test", "uav1", "p"), Perception(name="p", parameters=("x" * 4000, number))
+                        )
+                return recorder.handle.returncode is not None
+
+            await until(ended, "the disk is full", 30)
+            code, out, err = await recorder.end(None)
+        told = f"cannot write {path}: No space left on device"
+        assert (code, err) == (1, f"error: {told}; what is recorded up to there can be read\n")
+        assert out.splitlines()[-1].endswith(f"; ended: {told}")
+        assert f"{path}: {sum(topic.messages for topic in open_recording(path).topics)} messages in " in out
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_disk_that_is_full_from_the_beginning_is_told(small_disk: Path) -> None:
+    (small_disk / "other").write_bytes(bytes(SMALL))
+    with pytest.raises(OSError, match="No space left"):
+        RecordingWriter(small_disk / "a.mcap", FACTS)
+
+
+def test_two_recorders_never_write_one_file(endpoint: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    writer = write(path, [altitude(1, 1)])
+    with pytest.raises(BlockingIOError, match="another recorder is writing it"):
+        RecordingWriter(path, FACTS, overwrite=True)
+
+    async def body(connect: Connect) -> None:
+        async with argosy("record", "--router", endpoint, "-o", path, "--force") as second:
+            assert await second.end(None) == (2, "", f"error: {path}: another recorder is writing it\n")
+
+    on_a_bus(endpoint, body)
+    writer.add(altitude(2, 2))
+    writer.close(END)
+    assert [record.parameters for _, record in open_recording(path).typed(Perception)] == [(1,), (2,)]
+    RecordingWriter(path, FACTS, overwrite=True).close(END)
+
+
+def test_only_a_report_is_recorded_over(tmp_path: Path) -> None:
+    asked, report = (record_command(RunRecording(tmp_path, one), "m.yaml", "tcp/x:1", 1) for one in (True, False))
+    assert ("--force" in asked, "--force" in report) == (False, True)
+
+
+def test_a_file_in_the_way_of_a_later_part_is_told_before_anything_is_recorded(endpoint: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    (tmp_path / "a-0003.mcap").write_text("mine")
+
+    async def body(connect: Connect) -> None:
+        async with argosy("record", "--router", endpoint, "-o", path, "--split") as process:
+            told = f"error: {path}: a-0003.mcap is there already, in which it would go on\n"
+            assert await process.end(None) == (2, "", told)
+
+    on_a_bus(endpoint, body)
+    assert not path.exists()
+
+
+def test_a_part_that_cannot_be_begun_leaves_the_one_before_it_ended_as_it_should_be(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    recorder = recorder_of(path, Limits(size=SMALL, split=True))
+    (tmp_path / "a-0002.mcap").write_text("mine")
+    until_it_ends(recorder, 600, 600)
+    found = open_recording(path)
+    assert recorder.problem == f"cannot go on in {tmp_path}/a-0002.mcap: File exists"
+    assert (found.missing, found.end and found.end.why) == ("", recorder.problem)
+    assert sum(topic.messages for topic in found.topics) == recorder.messages > 200
+    assert (tmp_path / "a-0002.mcap").read_text() == "mine"
