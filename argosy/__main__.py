@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -39,7 +40,9 @@ exit codes: 0 done, 1 failed, 2 bad input, 130 ctrl-C
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line. Returns the exit code."""
     try:
-        return _run(list(sys.argv[1:] if argv is None else argv))
+        code = _run(list(sys.argv[1:] if argv is None else argv))
+        sys.stdout.flush()  # what is lost was no success
+        return code
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except BrokenPipeError:  # `argosy ... | head`: whoever reads has seen enough
@@ -53,6 +56,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:
         if os.environ.get("ARGOSY_DEBUG"):
             raise
+        if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+            print(f"error: argosy: {error.strerror}: {error.filename or 'what it prints is lost'}", file=sys.stderr)
+            return EXIT_FAILED
         what = f"{type(error).__name__}: {error}"
         print(f"error: argosy: defect in argosy: {what}; ARGOSY_DEBUG=1 shows where", file=sys.stderr)
         return EXIT_FAILED
@@ -62,10 +68,19 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def command() -> NoReturn:
     """Run the command line as a process, to its end."""
+    _prepare_streams()
     code = main()
     if (process := sys.modules.get("commd.process")) is not None:  # it may have been on the bus
         process.end_with_threads(code, LETTING_GO)
     sys.exit(code)
+
+
+def _prepare_streams() -> None:
+    """Let what is printed neither fail for a terminal that knows ASCII alone nor for a stream that was closed."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - for the whole process
+        getattr(sys, name).reconfigure(errors="backslashreplace")
 
 
 def _run(given: list[str]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -63,3 +64,8 @@ class Journal:
 def printable(text: str) -> str:
     """Return one line that no terminal takes for a command: what vehicles and programs say is not trusted."""
     return "".join(char if char.isprintable() else " " for char in text)
+
+
+def escaped(text: str) -> str:
+    """Return a text with `\\uXXXX` in place of what a terminal may take for a command; JSON stays the same JSON."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in text)

@@ -11,8 +11,10 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from argosy.arguments import name
 from argosy.endpoint import endpoint
 from argosy.fleet_bus import FleetBus, open_fleet_bus
+from argosy.journal import printable
 from commd.bus import Bus, BusClosed, open_bus
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, tls_of
 from commd.tls import Tls, identity_of
@@ -49,7 +51,7 @@ def add_fleet_arguments(parser: ArgumentParser, without: str) -> None:
     """Declare `--mission`, `--fleet`, `--router` and `--keys`; `without` is the help of `--fleet`, with its default."""
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--mission", metavar="FILE", help="take fleet and router from this mission")
-    which.add_argument("--fleet", metavar="NAME", help=without)
+    which.add_argument("--fleet", type=name, metavar="NAME", help=without)
     add_router_argument(parser, DEFAULT_ROUTER)
 
 
@@ -82,15 +84,15 @@ def _of_boards(mission: Mission) -> str:
 @asynccontextmanager
 async def operator_bus(place: Where) -> AsyncIterator[Bus]:
     """Open the bus as the operator. Raises BusClosed if no router answers soon, and Findings if none can be dialled."""
-    name = identity_of(place.tls, time.time()).name if place.tls is not None else "operator"
+    who = identity_of(place.tls, time.time()).name if place.tls is not None else "operator"
     if place.mission is not None and place.tls is not None:
-        async with open_fleet_bus(place.mission, place.tls, ROUTER_PATIENCE, name=name, daemon="argosy") as bus:
+        async with open_fleet_bus(place.mission, place.tls, ROUTER_PATIENCE, name=who, daemon="argosy") as bus:
             yield bus
         return
     async with open_bus(
         place.router,
         fleet=place.fleet if place.fleet != ANY else "operator",
-        name=name,
+        name=who,
         daemon="argosy",
         stamp=time.time_ns,
         patience=ROUTER_PATIENCE,
@@ -121,7 +123,7 @@ def on_the_bus(args: Namespace, work: Callable[[Bus, Where], Awaitable[int]]) ->
         print(findings, file=sys.stderr)
         return EXIT_BAD_INPUT
     except (BusClosed, Unanswered) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print("\n".join(map(printable, f"error: {error}".split("\n"))), file=sys.stderr)
         return EXIT_FAILED
 
 

@@ -6,6 +6,8 @@ and not the Encoding.
 
 from __future__ import annotations
 
+import re
+
 from argosy.tools.calls import read_action
 from argosy.tools.rendering import line_of
 from schemas import keys
@@ -14,6 +16,10 @@ from schemas.minds import MindOrder
 from schemas.records import Action, Cancel, Perception, Record, StopOrder
 from schemas.text import BadTerm
 
+_CALLED = re.compile(r"[^\s\"(]*\(")
+"""How `takeoff(5)` begins, and `set_mode "a (b)"` does not."""
+_NAME = re.compile(r"[a-z]\w*", re.ASCII)
+_WORD = re.compile(r'"(?:\\.|[^"\\])*"|\S+')
 FORMS = "an action (`takeoff(5)`), a percept (`victim(1,2)`, `+victim(1,2)`, `-victim`), the id of an action to cancel"
 
 
@@ -53,6 +59,10 @@ def _record(key: str, text: str) -> Record:
 
 
 def _named(text: str) -> tuple[str, tuple[str, ...]]:
-    """Split `takeoff 5` into name and arguments; leave `takeoff(5)` as it is."""
-    first, *rest = (text,) if "(" in text else text.split()
+    """Split `takeoff 5` into name and arguments; leave `takeoff(5)` as it is. Raises BadTerm for no name."""
+    if _CALLED.match(text):
+        return text, ()
+    first, *rest = _WORD.findall(text) or ("",)
+    if not _NAME.fullmatch(first):
+        raise BadTerm(f"expected the name of an action or a percept, got `{first}`")
     return first, tuple(rest)

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-import sys
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from contextlib import aclosing, suppress
+import signal
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterator
+from contextlib import aclosing, contextmanager, suppress
 
+from argosy.arguments import duration, name
 from argosy.fleet_bus import FleetBus
+from argosy.journal import printable
 from argosy.operator_bus import ANY, Unanswered, Where, add_fleet_arguments, on_the_bus
 from argosy.tools.calls import called, read_action, unknown
 from argosy.tools.following import Lost, cancel, follow
+from argosy.tools.output import complain, put_out
 from commd.bus import Bus
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas import keys
-from schemas.durations import Duration
 from schemas.manifest import ActionDescription
 from schemas.mission import Agent, Client
 from schemas.positions import did_you_mean
@@ -22,39 +25,31 @@ from schemas.records import Action, ActionStatus
 from schemas.terms import Term
 from schemas.text import BadTerm
 
-EXIT_INTERRUPTED = 130
 LOOK = 3.0
 """Wall seconds that a bridge has to say which actions there are."""
+OVERTAKEN = 1.0
+"""Wall seconds after which an action that was not known yet is cancelled once more: the order may have come first."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy act`."""
-    parser.add_argument("agent", metavar="AGENT", help="whose robot acts, in its name")
+    parser.add_argument("agent", type=name, metavar="AGENT", help="whose robot acts, in its name")
     what = "such as takeoff, or 'takeoff(5)'; none: which there are"
     parser.add_argument("action", nargs="?", metavar="ACTION", help=what)
     how = "as a program writes them: 5, true, guided, '\"a text\"', '[1, 2]'"
     parser.add_argument("arguments", nargs="*", default=[], metavar="ARGUMENT", help=how)
     help_ = "the time that it has, in mission seconds (default, and at most: the manifest's)"
-    parser.add_argument("--deadline", type=_deadline, metavar="DURATION", help=help_)
+    deadline = duration(lambda seconds: seconds > 0, "more than 0 s")
+    parser.add_argument("--deadline", type=deadline, metavar="DURATION", help=help_)
     add_fleet_arguments(parser, "only this fleet (default: every fleet on the router)")
-
-
-def _deadline(text: str) -> float:
-    try:
-        seconds = float(Duration.read(text))
-    except ValueError as error:
-        raise ArgumentTypeError(str(error)) from None
-    if seconds <= 0:
-        raise ArgumentTypeError(f"expected more than 0 s, got {text}")
-    return seconds
 
 
 def run(args: Namespace) -> int:
     """Let a robot act, and print what becomes of it. Returns 0 only if it has succeeded."""
     try:
-        name, parameters = read_action(args.action, args.arguments) if args.action else ("", ())
+        wanted, parameters = read_action(args.action, args.arguments) if args.action else ("", ())
     except BadTerm as bad:
-        print(f"error: {bad}", file=sys.stderr)
+        complain(f"error: {bad}")
         return EXIT_BAD_INPUT
 
     async def act(bus: Bus, where: Where) -> int:
@@ -62,16 +57,15 @@ def run(args: Namespace) -> int:
             session = await _session(bus, where, args.agent)
             fleet, there = await actions(session, where, args.agent)
         except Unanswered as unanswered:
-            print(f"error: {unanswered}", file=sys.stderr)
+            complain(f"error: {unanswered}")
             return EXIT_FAILED
-        if not name:
-            for one in there:
-                say(f"{one.signature}")
+        if not wanted:
+            put_out("\n".join(printable(one.signature) for one in there))
             return EXIT_DONE
-        if name not in {one.name for one in there}:
-            print(f"error: {args.agent}: {unknown('action', name, [one.name for one in there])}", file=sys.stderr)
+        if wanted not in {one.name for one in there}:
+            complain(f"error: {args.agent}: {unknown('action', wanted, [one.name for one in there])}")
             return EXIT_BAD_INPUT
-        return await _perform(session, fleet, args.agent, name, parameters, args.deadline)
+        return await _perform(session, fleet, args.agent, wanted, parameters, args.deadline)
 
     return on_the_bus(args, act)
 
@@ -127,29 +121,59 @@ async def _nobody(bus: Bus, where: Where, agent: str) -> str:
 async def _perform(
     bus: Bus, fleet: str, agent: str, name: str, parameters: tuple[Term, ...], deadline: float | None
 ) -> int:
-    """Ask, and tell each status. Ctrl-C cancels the action, and says what became of it."""
+    """Ask, and tell each status. Ctrl-C, SIGTERM and SIGHUP cancel the action, and it is said what became of it."""
     identity, head = f"{bus.name}:{bus.boot}:1", f"{agent}: {called(name, parameters)}"
+    known_as = f"; its id is {identity}"
     action = Action(
         header=bus.header("action"), id=identity, agent=agent, name=name, parameters=parameters, deadline=deadline
     )
     status: ActionStatus | None = None
-    try:
-        async with aclosing(follow(bus, fleet, action)) as statuses:
-            async for status in statuses:
-                say(f"{head} {in_words(status)}")
-    except Lost as lost:
-        begun = "how it ended is not known" if status is not None else "whether it was begun is not known"
-        print(f"{head} NOT confirmed, {begun}: {lost}", file=sys.stderr)
-        return EXIT_FAILED
-    except asyncio.CancelledError:  # ctrl-C
-        say(f"{head}: ctrl-C, cancelling it")
-        ended = await cancel(bus, fleet, agent, identity)
-        if isinstance(ended, str):
-            print(f"{head} NOT cancelled, it may go on: {ended}", file=sys.stderr)
-        else:
-            say(f"{head} {in_words(ended)}")
-        return EXIT_INTERRUPTED
+    with _ending_as_ctrl_c_does() as signals:
+        try:
+            async with aclosing(follow(bus, fleet, action)) as statuses:
+                async for status in statuses:
+                    first = f", id {identity}" if status.state == "accepted" else ""
+                    say(f"{head} {in_words(status)}{first}")
+        except Lost as lost:
+            begun = "how it ended is not known" if status is not None else "whether it was begun is not known"
+            complain(f"{head} NOT confirmed, {begun}: {lost}{known_as}")
+            return EXIT_FAILED
+        except asyncio.CancelledError:
+            number = signals[0] if signals else signal.SIGINT
+            say(f"{head}: {'ctrl-C' if number == signal.SIGINT else number.name}, cancelling it")
+            ended = await cancel(bus, fleet, agent, identity)
+            if status is None and not isinstance(ended, str) and ended.state == "refused":
+                await asyncio.sleep(OVERTAKEN)
+                ended = await cancel(bus, fleet, agent, identity)
+            if isinstance(ended, str):
+                complain(f"{head} NOT cancelled, it may go on: {ended}{known_as}")
+            else:
+                say(f"{head} {in_words(ended)}")
+            return 128 + number
     return EXIT_DONE if status is not None and status.state == "succeeded" else EXIT_FAILED
+
+
+@contextmanager
+def _ending_as_ctrl_c_does() -> Iterator[list[signal.Signals]]:
+    """Let what ends a process, or closes its terminal, cancel this task once; the list has the signal then."""
+    loop, task, got = asyncio.get_running_loop(), asyncio.current_task(), list[signal.Signals]()
+
+    def end(number: signal.Signals) -> None:
+        if task is not None and not got:
+            got.append(number)
+            task.cancel()
+
+    taken: list[signal.Signals] = []
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:  # ignored: under nohup
+            with suppress(RuntimeError, ValueError):  # not in the main thread: whoever calls has its own
+                loop.add_signal_handler(number, end, number)
+                taken.append(number)
+    try:
+        yield got
+    finally:
+        for number in taken:
+            loop.remove_signal_handler(number)
 
 
 def in_words(status: ActionStatus) -> str:
@@ -166,5 +190,7 @@ def in_words(status: ActionStatus) -> str:
 
 def say(line: str) -> None:
     """Print a line, if anybody still reads: the action goes on without readers."""
-    with suppress(OSError):
-        print(line, flush=True)
+    try:
+        put_out(printable(line))
+    except Unanswered as lost:
+        complain(f"note: {lost}")

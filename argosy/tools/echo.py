@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import asyncio
-import json
-import os
 import sys
 import time
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any
 
-from argosy.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus, unreached
-from argosy.tools.hearing import QUIET, Ears, Heard, add_key_argument, key_expressions, tell_who_is_there
+import msgspec
+
+from argosy.arguments import count
+from argosy.journal import escaped
+from argosy.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus
+from argosy.tools.hearing import (
+    QUIET,
+    Ears,
+    Heard,
+    add_key_argument,
+    key_expressions,
+    tell_unreached,
+    tell_who_is_there,
+)
+from argosy.tools.output import note, put_out
 from argosy.tools.reading import plain
-from argosy.tools.rendering import line_of
+from argosy.tools.rendering import cut, line_of
 from commd.bus import Bus
 from commd.process import EXIT_DONE
 from schemas.codec import BadRecord
@@ -26,16 +36,12 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy echo`."""
     add_key_argument(parser)
     form = parser.add_mutually_exclusive_group()
-    form.add_argument("--raw", action="store_true", help="the whole key and the payload as it came")
+    form.add_argument(
+        "--raw", action="store_true", help="the whole key and the payload as it came; escaped on a terminal"
+    )
     form.add_argument("--json", action="store_true", help="an object of JSON in each line, of MessagePack too")
-    parser.add_argument("--count", type=_count, metavar="N", help="end after so many (default: ctrl-C)")
+    parser.add_argument("--count", type=count, metavar="N", help="end after so many (default: ctrl-C)")
     add_fleet_arguments(parser, "only this fleet (default: every fleet on the router)")
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise ArgumentTypeError(f"expected a number of lines, 1 or more, got `{text}`")
-    return int(text)
 
 
 def run(args: Namespace) -> int:
@@ -43,15 +49,18 @@ def run(args: Namespace) -> int:
 
     async def echo(bus: Bus, where: Where) -> int:
         ears = Ears(bus, key_expressions(args.key, where.fleet))
-        show = _raw if args.raw else _json if args.json else _line(where)
+        raw = _raw_on_a_terminal if sys.stdout.isatty() else _raw
+        show = raw if args.raw else _json if args.json else _line(where)
         noticing = asyncio.create_task(_notice(bus, where, args.key))
+        missing = asyncio.create_task(tell_unreached(bus))
         try:
             await _echo(ears, show, args.count, noticing)
+            await missing
         finally:
             noticing.cancel()
+            missing.cancel()
             if ears.dropped:
-                text = f"note: {ears.dropped} records were left out: more was said than could be shown"
-                print(text, file=sys.stderr)
+                note(f"{ears.dropped} records were left out: more was said than could be shown")
         return EXIT_DONE
 
     return on_the_bus(args, echo)
@@ -69,22 +78,9 @@ async def _echo(ears: Ears, show: Callable[[Heard], str], count: int | None, not
 
 
 async def _notice(bus: Bus, where: Where, text: str | None) -> None:
-    """Say who is there if nothing is heard; and which boards are not."""
+    """Say who is there if nothing is heard."""
     await asyncio.sleep(QUIET)
     await tell_who_is_there(bus, where, text)
-    for line in await unreached(bus):
-        print(f"note: {line}", file=sys.stderr)
-
-
-def put_out(line: str) -> bool:
-    """Print a line at once. Returns whether anybody reads: after `| head` nobody does."""
-    try:
-        print(line, flush=True)
-    except BrokenPipeError:
-        with suppress(OSError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return False
-    return True
 
 
 def _line(where: Where) -> Callable[[Heard], str]:
@@ -93,7 +89,7 @@ def _line(where: Where) -> Callable[[Heard], str]:
     def line(heard: Heard) -> str:
         at = time.strftime("%H:%M:%S", time.localtime(heard.at)) + f".{int(heard.at % 1 * 1000):03}"
         said = "(deleted)" if heard.deleted else line_of(heard.key, heard.payload, heard.encoding)
-        return f"{at} {heard.key.removeprefix(within)}  {said}"
+        return f"{at} {cut(heard.key.removeprefix(within))}  {said}"
 
     return line
 
@@ -102,10 +98,17 @@ def _raw(heard: Heard) -> str:
     return f"{heard.key} {heard.payload.decode(errors='backslashreplace')}"
 
 
+def _raw_on_a_terminal(heard: Heard) -> str:
+    return escaped(_raw(heard))
+
+
 def _json(heard: Heard) -> str:
+    """One line, whatever was said; what JSON cannot say is there as text."""
     said: dict[str, Any] = {"key": heard.key, "encoding": heard.encoding, "at": round(heard.at, 6)}
     try:
         said["record"] = None if heard.deleted else plain(heard.payload, heard.encoding)
-    except BadRecord:
+        return escaped(msgspec.json.encode(said).decode())
+    except (BadRecord, TypeError, ValueError, RecursionError):
+        said.pop("record", None)
         said["text"] = heard.payload.decode(errors="backslashreplace")
-    return json.dumps(said, ensure_ascii=False, default=repr)
+        return escaped(msgspec.json.encode(said).decode())

@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import re
-import sys
 import time
 from argparse import ArgumentParser, ArgumentTypeError
 from collections import deque
 from collections.abc import AsyncIterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from threading import Lock
 
 import zenoh
 
 from argosy.fleet_bus import FleetBus
-from argosy.operator_bus import ANY, Where
+from argosy.operator_bus import ANY, Where, unreached
+from argosy.tools.output import note
 from commd.bus import Bus
 from schemas import keys
 
 ROOM = 10_000
 """Samples that wait to be shown; of more the newest are dropped, and counted."""
-REMEMBERED = 2_000
+REMEMBERED = 10_000
 """Samples by which is known what another board has told already."""
+LATER = 2.0
+"""Wall seconds by which another board may tell the same later; the same after that is said anew."""
 TURN = 64
 """Samples that are shown in one go before the event loop turns to others, such as ctrl-C."""
 QUIET = 3.0
@@ -43,6 +47,8 @@ class Heard:
     arrived: float
     """The same by the clock of the event loop, which nobody sets."""
     deleted: bool = False
+    board: str = ""
+    """Whose router has passed it on, where several boards are listened to."""
 
 
 def add_key_argument(parser: ArgumentParser) -> None:
@@ -89,13 +95,12 @@ class Ears:
         self._loop = asyncio.get_running_loop()
         self._waiting: deque[Heard] = deque()
         self._lock, self._called = Lock(), asyncio.Event()
-        self._known: dict[tuple[str, int], None] | None = {} if isinstance(bus, FleetBus) else None
-        """With several boards: what one of them has told."""
+        self._copies = Copies()
         self._expressions, self._held = expressions, list[object]()
         if isinstance(bus, FleetBus):
-            bus.boards.at_each(lambda _, its: self._listen(its))
+            bus.boards.at_each(self._listen)
         else:
-            self._listen(bus)
+            self._listen("", bus)
 
     async def samples(self, until: float | None = None) -> AsyncIterator[Heard]:
         """Yield what is heard, for ever or until a time of the event loop."""
@@ -109,7 +114,7 @@ class Ears:
                 taken += 1
                 if taken % TURN == 0:
                     await asyncio.sleep(0)
-                if self._is_new(heard):
+                if not heard.board or self._copies.is_new(heard):
                     yield heard
                 continue
             try:
@@ -118,15 +123,15 @@ class Ears:
             except TimeoutError:
                 return
 
-    def _listen(self, bus: Bus) -> None:
+    def _listen(self, board: str, bus: Bus) -> None:
         for expression in self._expressions:
-            self._held.append(bus.raw.tap(expression, self._take))
+            self._held.append(bus.raw.tap(expression, partial(self._take, board)))
 
-    def _take(self, sample: zenoh.Sample) -> None:
+    def _take(self, board: str, sample: zenoh.Sample) -> None:
         """On a thread of Zenoh's."""
         deleted = sample.kind == zenoh.SampleKind.DELETE
         key, payload, encoding = str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding)
-        heard = Heard(key, payload, encoding, time.time(), time.monotonic(), deleted)
+        heard = Heard(key, payload, encoding, time.time(), time.monotonic(), deleted, board)
         with self._lock:
             if len(self._waiting) >= ROOM:
                 self.dropped += 1
@@ -137,15 +142,30 @@ class Ears:
             with suppress(RuntimeError):  # the loop has ended
                 self._loop.call_soon_threadsafe(self._called.set)
 
-    def _is_new(self, heard: Heard) -> bool:
-        if self._known is None:
-            return True
-        what = heard.key, hash(heard.payload)
-        if what in self._known:
-            return False
-        self._known[what] = None
-        while len(self._known) > REMEMBERED:
-            del self._known[next(iter(self._known))]
+
+class Copies:
+    """Tells what several boards pass on of the same record from what somebody says again in the same words."""
+
+    def __init__(self) -> None:
+        self._said: dict[tuple[str, bool, bytes], deque[set[str]]] = {}
+        """Of each payload on a key, for each time that it was said lately: the boards by which it came."""
+        self._order: deque[tuple[float, tuple[str, bool, bytes]]] = deque()
+
+    def is_new(self, heard: Heard) -> bool:
+        """Whether no other board has told this already: each board tells a record once."""
+        while self._order and (len(self._order) >= REMEMBERED or self._order[0][0] < heard.arrived - LATER):
+            _, old = self._order.popleft()
+            self._said[old].popleft()
+            if not self._said[old]:
+                del self._said[old]
+        what = heard.key, heard.deleted, hashlib.blake2b(heard.payload, digest_size=16).digest()
+        said = self._said.setdefault(what, deque())
+        for boards in said:
+            if heard.board not in boards:
+                boards.add(heard.board)
+                return False
+        said.append({heard.board})
+        self._order.append((heard.arrived, what))
         return True
 
 
@@ -158,11 +178,17 @@ async def names_there(bus: Bus, fleet: str) -> dict[tuple[str, str], set[str]]:
     return found
 
 
-async def tell_who_is_there(bus: Bus, where: Where, text: str | None) -> None:
-    """Say on stderr that nothing is heard of what a user named, and who could say something."""
+async def tell_unreached(bus: Bus) -> None:
+    """Say on stderr which boards of the fleet are not listened to."""
+    for line in await unreached(bus):
+        note(line)
+
+
+async def tell_who_is_there(bus: Bus, where: Where, text: str | None, seconds: float = QUIET) -> None:
+    """Say on stderr that nothing was heard for so long of what a user named, and who could say something."""
     there = await names_there(bus, where.fleet)
     of = "" if text is None else f" by or to `{text}`" if _NAME.fullmatch(text) else f" on {text}"
-    quiet = f"nothing was said{of} within {QUIET:g} s"
+    quiet = f"nothing was said{of} within {seconds:g} s"
     if not there:
         of = f"fleet `{where.fleet}`" if where.fleet != ANY else "any fleet"
         who = f"nobody of {of} is on the bus at {where.router}"
@@ -171,4 +197,4 @@ async def tell_who_is_there(bus: Bus, where: Where, text: str | None) -> None:
         for fleet, name in sorted(there):
             fleets.setdefault(fleet, []).append(name)
         who = "; ".join(f"fleet {fleet} has {', '.join(names)}" for fleet, names in fleets.items())
-    print(f"note: {quiet}; {who}", file=sys.stderr, flush=True)
+    note(f"{quiet}; {who}")

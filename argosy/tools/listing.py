@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import asyncio
-import sys
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from contextlib import aclosing
 from dataclasses import dataclass, field
 
-from argosy.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus, unreached
-from argosy.tools.echo import put_out
-from argosy.tools.hearing import Ears, names_there, what_is_told
+from argosy.arguments import duration
+from argosy.journal import printable
+from argosy.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus
+from argosy.tools.hearing import Ears, names_there, tell_unreached, what_is_told
+from argosy.tools.output import complain, note, put_out
 from argosy.tools.reading import candidates
 from commd.bus import Bus, BusClosed
 from commd.process import EXIT_DONE, EXIT_FAILED
 from schemas import keys
-from schemas.durations import Duration
 from schemas.keys import ROOT, Channel
 from schemas.manifest import ActionDescription
 from schemas.records import Perception
@@ -46,16 +46,9 @@ class Name:
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy list`."""
     parser.add_argument("--types", action="store_true", help="with the records that are put, asked with and answered")
-    help_ = f"how long to listen (default {WAIT:g}s)"
-    parser.add_argument("--wait", type=_wait, default=WAIT, metavar="DURATION", help=help_)
+    help_, wait = f"how long to listen (default {WAIT:g}s)", duration(lambda seconds: seconds > 0, "more than 0 s")
+    parser.add_argument("--wait", type=wait, default=WAIT, metavar="DURATION", help=help_)
     add_fleet_arguments(parser, "only this fleet (default: every fleet on the router)")
-
-
-def _wait(text: str) -> float:
-    try:
-        return float(Duration.read(text))
-    except ValueError as error:
-        raise ArgumentTypeError(str(error)) from None
 
 
 def run(args: Namespace) -> int:
@@ -65,15 +58,14 @@ def run(args: Namespace) -> int:
         names, left_out = await look_around(bus, where.fleet, args.wait)
         for (fleet, name), found in sorted(names.items()):
             for line in lines_of(fleet, name, found, args.wait, args.types):
-                if not put_out(line):
+                if not put_out(printable(line)):
                     return EXIT_DONE
-        for line in await unreached(bus):
-            print(f"note: {line}", file=sys.stderr)
+        await tell_unreached(bus)
         if left_out:
-            print(f"note: {left_out} records were left out: more is said than is listed", file=sys.stderr)
+            note(f"{left_out} records were left out: more is said than is listed")
         if not names:
             of = f"fleet `{where.fleet}`" if where.fleet != ANY else "any fleet"
-            print(f"error: nobody of {of} is on the bus at {where.router}", file=sys.stderr)
+            complain(f"error: nobody of {of} is on the bus at {where.router}")
         return EXIT_DONE if names else EXIT_FAILED
 
     return on_the_bus(args, look)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import os
+import pty
 import re
+import select
 import signal
 import subprocess
 import sys
@@ -19,8 +22,8 @@ import pytest
 import zenoh
 
 from argosy.__main__ import main
-from argosy.tools.hearing import ROOM, Ears, key_expressions
-from argosy.tools.hz import Rates, figures
+from argosy.tools.hearing import LATER, ROOM, Copies, Ears, Heard, key_expressions
+from argosy.tools.hz import MOST_KEYS, Rates, figures
 from commd.bus import Bus, open_bus
 from schemas import keys
 from schemas.codec import Wire
@@ -124,7 +127,14 @@ def test_without_a_router_it_fails_in_words(command: str, endpoint: str, capsys:
     ("words", "message"),
     [
         (["echo", "a//b"], "expected a key expression such as `uav/percept/*`, got `a//b`"),
-        (["echo", "--count", "0"], "expected a number of lines, 1 or more, got `0`"),
+        (["echo", "--count", "0"], "expected a number, 1 or more, got `0`"),
+        (["echo", "--fleet", "**"], "argument --fleet: Expected a name of letters, digits"),
+        (["list", "--fleet", "a#b"], "argument --fleet: Expected a name of letters, digits"),
+        (["act", ""], "argument AGENT: Expected a name of letters, digits"),
+        (["act", "*", "land"], "argument AGENT: Expected a name of letters, digits"),
+        (["why", "u$v"], "argument agent: Expected a name of letters, digits"),
+        (["why", "uav", "--last", "abc"], "expected a number, 1 or more, got `abc`"),
+        (["list", "--wait", "0"], "expected more than 0 s, got 0"),
         (["hz", "--window", "0"], "expected 100ms to 1h, got 0"),
         (["hz", "--window", "soon"], "Expected a duration such as `5s`, `500ms` or `15min`, got `soon`"),
     ],
@@ -142,25 +152,113 @@ def test_hz_measures_each_key(endpoint: str) -> None:
     with talking(endpoint, tell):
         code, lines, said = typed("hz", "--router", endpoint, "--once", "--window", "2s", "--fleet", "sar")
         assert (code, said) == (0, "")
-        assert lines[0].split() == ["key", "Hz", "min", "ms", "max", "ms", "jitter", "ms", "B/s", "n"]
-        key, rate, *_, size, number = lines[1].split()
+        assert lines[0].split() == [
+            "key",
+            "Hz",
+            "min",
+            "ms",
+            "max",
+            "ms",
+            "jitter",
+            "ms",
+            "B/s",
+            "n",
+            "last",
+            "s",
+            "ago",
+        ]
+        key, rate, *_, size, number, last = lines[1].split()
         assert key == "uav/percept/altitude"
         assert 3 < float(rate) < 11
         assert int(number) >= 6
+        assert float(last) < 2
         assert int(size) > 100
         code, lines, said = typed("hz", "nobody", "--router", endpoint, "--once", "--window", "500ms")
         assert (code, lines) == (1, [])
-        assert "fleet sar has uav1" in said
+        assert "nothing was said by or to `nobody` within 0.5 s; fleet sar has uav1" in said
 
 
 def test_figures_are_those_of_the_intervals_in_the_window() -> None:
-    assert figures([10.0, 10.1, 10.3], 300, 2.0) == ("6.67", "100.0", "200.0", "50.0", "150", "3")
+    assert figures([10.0, 10.1, 10.3], 300, 2.0) == ("1.50", "100.0", "200.0", "50.0", "150", "3")
     assert figures([10.0], 100, 5.0) == ("0.20", "-", "-", "-", "20", "1")
     rates = Rates(1.0)
     for at in (0.0, 0.5, 1.0, 1.5):
         rates.add("a", at, 10)
-    assert rates.rows(1.6, 0.0)[0][-1] == "2"
-    assert rates.rows(9.0, 0.0) == []
+    assert rates.rows(1.6, 0.0)[0][-2:] == ("2", "0.1")
+    assert not rates.silent(1.6)
+
+
+def test_a_channel_that_has_gone_quiet_says_since_when() -> None:
+    rates = Rates(5.0)
+    for at in (0.0, 1.0, 2.0):
+        rates.add("a", at, 10)
+    assert rates.rows(6.5, 0.0) == [("a", "0.20", "-", "-", "-", "2", "1", "4.5")]
+    assert rates.rows(16.0, 0.0) == [("a", "0.00", "-", "-", "-", "0", "0", "14.0")]
+    assert rates.silent(16.0)
+
+
+def test_keys_that_are_silent_make_room_for_new_ones() -> None:
+    rates = Rates(5.0)
+    for number in range(MOST_KEYS):
+        rates.add(f"k{number}", number / 1000, 1)
+    rates.add("k0", 5.0, 1)
+    rates.add("new", 5.0, 1)
+    assert rates.left_out == 1, "all of them are heard in this window"
+    rates.add("new", 6.5, 1)
+    assert rates.left_out == 1
+    names = {row[0] for row in rates.rows(6.5, 0.0)}
+    assert {"k0", "new"} <= names
+    assert "k1" not in names
+
+
+def test_hz_on_a_terminal_draws_the_silence(endpoint: str) -> None:
+    quiet = threading.Event()
+
+    async def say(bus: Bus) -> None:
+        await (asyncio.sleep(0.05) if quiet.is_set() else tell(bus))
+
+    with talking(endpoint, say):
+        terminal, its = pty.openpty()
+        command = [sys.executable, "-m", "argosy", "hz", "uav", "--router", endpoint, "--window", "500ms"]
+        process = subprocess.Popen(command, stdin=its, stdout=its, stderr=its, cwd=ROOT)
+        os.close(its)
+        try:
+            shown(terminal, r"percept/altitude +[1-9]")
+            quiet.set()
+            shown(terminal, r"percept/altitude +0\.00 +- [^\x1b]*nothing was said in the last 0\.5 s")
+        finally:
+            process.kill()
+            process.wait(10)
+            os.close(terminal)
+
+
+def shown(terminal: int, pattern: str) -> None:
+    """Wait until a terminal has shown something."""
+    text, end = "", time.monotonic() + 30
+    while not re.search(pattern, text):
+        assert time.monotonic() < end, text[-2000:]
+        if select.select([terminal], [], [], 0.2)[0]:
+            text += os.read(terminal, 4096).decode(errors="replace")
+
+
+def said_by(board: str, *times: float) -> list[Heard]:
+    return [Heard("x", b"ok", "", at, at, board=board) for at in times]
+
+
+def test_what_is_said_again_in_the_same_words_is_no_copy_of_another_board() -> None:
+    copies = Copies()
+    assert [copies.is_new(one) for one in said_by("pi1", 0.0, 0.1, 0.2)] == [True, True, True]
+    assert [copies.is_new(one) for one in said_by("pi2", 0.1, 0.2, 0.3)] == [False, False, False]
+    assert [copies.is_new(one) for one in said_by("pi2", 0.4)] == [True], "pi1 has told it three times only"
+    assert [copies.is_new(one) for one in said_by("pi1", 0.5)] == [False]
+    assert [copies.is_new(one) for one in said_by("pi2", 0.6 + LATER)] == [True]
+
+
+def test_a_board_that_tells_no_more_does_not_silence_the_other() -> None:
+    copies = Copies()
+    assert all(copies.is_new(one) for one in said_by("pi1", *(number / 10 for number in range(10))))
+    heard = [copies.is_new(one) for one in said_by("pi2", *(3 + number / 10 for number in range(10)))]
+    assert heard == [True] * 10
 
 
 def test_list_shows_who_serves_and_who_says_what(flying: Trial) -> None:

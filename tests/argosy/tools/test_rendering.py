@@ -9,6 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from argosy.operator_bus import Where
+from argosy.tools import echo
+from argosy.tools.hearing import Heard
 from argosy.tools.reading import candidates, read_record
 from argosy.tools.rendering import LONGEST, in_words, line_of
 from argosy.zenoh_cli_codec import decode, encode
@@ -224,6 +227,45 @@ def test_another_version_and_another_record_are_said() -> None:
     assert line_of("argosy/f/uav/percept/a", b'{"x":1}', "application/json;argosy.Novelty/1") == '{"x":1}'
 
 
+PAYLOADS = st.one_of(
+    st.binary(max_size=60),
+    st.recursive(
+        st.one_of(st.none(), st.integers(-(2**63), 2**64 - 1), st.floats(), st.text(max_size=5), st.binary(max_size=5)),
+        lambda inner: st.one_of(
+            st.lists(inner, max_size=3),
+            st.dictionaries(
+                st.one_of(st.integers(0, 9), st.binary(max_size=3), st.text(max_size=3)), inner, max_size=3
+            ),
+        ),
+        max_leaves=8,
+    ).map(msgspec.msgpack.encode),
+)
+KEYS = st.one_of(st.sampled_from([f"argosy/f/{key}" for key, _, _ in RECORDS]), st.text(min_size=1, max_size=12))
+ENCODINGS = st.sampled_from(["", "application/json", "application/msgpack", "application/msgpack;argosy.Perception/1"])
+TYPED = st.text(alphabet='+-()[]", abX_1.~|\\', max_size=12)
+
+
+@given(KEYS, PAYLOADS, ENCODINGS)
+def test_echo_shows_whatever_is_said_in_a_line_that_no_terminal_takes_for_a_command(
+    key: str, payload: bytes, encoding: str
+) -> None:
+    heard = Heard(key, payload, encoding, 1.5, 1.5)
+    for line in (echo._line(Where("*", ""))(heard), echo._json(heard), echo._raw_on_a_terminal(heard)):
+        assert line.isprintable()
+    said = json.loads(echo._json(heard), parse_constant=pytest.fail)
+    assert said["key"] == key
+
+
+def test_what_json_cannot_say_is_shown_all_the_same() -> None:
+    heard = Heard("x/\x1b[31m", b"\x81\xc4\x01a\x01", "", 1.5, 1.5)
+    assert json.loads(echo._json(heard))["record"] == {"YQ==": 1}
+    assert echo._json(Heard("x", b'{"a":"\xc2\x9b2J"}', "", 1.5, 1.5)) == (
+        '{"key":"x","encoding":"","at":1.5,"record":{"a":"\\u009b2J"}}'
+    )
+    assert echo._raw_on_a_terminal(heard).startswith("x/\\u001b[31m ")
+    assert echo._raw(heard).startswith("x/\x1b[31m ")
+
+
 @given(st.sampled_from([key for key, _, _ in RECORDS]), st.binary(max_size=60))
 def test_no_bytes_are_a_defect(key: str, payload: bytes) -> None:
     line = line_of(f"argosy/f/{key}", payload)
@@ -251,6 +293,27 @@ def test_text_becomes_the_record_that_it_means_on_its_key(key: str, text: str, r
     made = encode(f"argosy/f/{key}", text)
     assert codec(type(record)).decode(made) == record
     assert read_record(f"argosy/f/{key}", made) is not None
+
+
+@pytest.mark.parametrize("text", ["+", "--", "+-", "( )", '"', "(", "+("])
+def test_text_without_a_name_ends_in_words(text: str) -> None:
+    with pytest.raises(SystemExit, match=r"error: \S"):
+        encode("argosy/f/uav/percept/x", text)
+
+
+def test_a_text_with_brackets_is_an_argument_as_any() -> None:
+    made = codec(Action).decode(encode("argosy/f/uav/action/set_mode", 'set_mode "a (b)" [1,2]'))
+    assert made == Action(name="set_mode", parameters=("a (b)", [1, 2]))
+
+
+@given(st.sampled_from([key for key, _, _ in RECORDS]), st.one_of(st.text(max_size=30), TYPED))
+def test_no_text_is_a_defect_of_encode(key: str, text: str) -> None:
+    try:
+        made = encode(f"argosy/f/{key}", text)
+    except SystemExit as ended:
+        assert str(ended).startswith("error: ")
+    else:
+        assert isinstance(made, bytes)
 
 
 def test_json_is_sent_as_it_is_and_what_means_nothing_ends_in_words() -> None:
