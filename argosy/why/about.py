@@ -18,6 +18,7 @@ from schemas.positions import did_you_mean
 MOST_BELIEFS = 5
 MOST_PLANS = 6
 MOST_SITES = 4
+MOST_NAMES = 10
 
 
 def about(memory: Memory, subject: Subject, last: int, facts: MailFacts) -> list[Paragraph]:
@@ -158,7 +159,7 @@ def _program(memory: Memory, subject: Subject, happened: bool) -> Iterator[Parag
     name = f"{sign}{subject.name}"
     remembered = f"none of the last {many(len(view.decisions), 'decision')}" if view.decisions else "no decision"
     lines.append(Line(f"{remembered[:1].upper()}{remembered[1:]} was about {name}.", 0))
-    if not sign and any(sign_of(use)[0] for _, use, _ in sites) and not any(map(subject.is_of, _beliefs(view))):
+    if not sign and any(sign_of(use)[0] for _, use, _ in sites) and not any(map(subject.is_of, view.beliefs)):
         lines.append(Line("It is not believed now.", 0))
     if sites:
         for plan, use, place in sites[:MOST_SITES]:
@@ -172,18 +173,8 @@ def _program(memory: Memory, subject: Subject, happened: bool) -> Iterator[Parag
     yield Paragraph("plan", tuple(lines))
 
 
-def _beliefs(view: MindView) -> Iterator[str]:
-    return iter(view.beliefs)
-
-
 def _site(use: str) -> str:
-    sign, rest = sign_of(use)
-    match sign:
-        case "!" | "!!":
-            return f"{sign}{rest} stands"
-        case "":
-            return f"{rest} is performed"
-    return f"{sign}{rest} stands"
+    return f"{use} {'stands' if sign_of(use)[0] else 'is performed'}"
 
 
 def _chosen(memory: Memory, plan: PlanView) -> str:
@@ -193,12 +184,8 @@ def _chosen(memory: Memory, plan: PlanView) -> str:
             return f"which was chosen {ago(memory.now, made.time)}."
         for one in made.rejected:
             if one.plan.position == plan.position:
-                return f"which was not chosen {ago(memory.now, made.time)}: {_reason(one.message)}."
+                return f"which was not chosen {ago(memory.now, made.time)}: {shown(one.message)}."
     return "which has not been chosen: nothing has asked for it lately."
-
-
-def _reason(message: str) -> str:
-    return shown(message)
 
 
 def _fits(subject: Subject, plan: PlanView, sign: str = "") -> bool:
@@ -231,5 +218,9 @@ def _unknown(view: MindView, subject: Subject) -> str:
     names = names_of(view)
     if subject.name in names:
         return f"Nothing is remembered of {subject.text}, and nothing is believed about it."
-    hint = did_you_mean(subject.name, names) or ": no goal, belief or action."
+    hint = did_you_mean(subject.name, names)
+    if not hint.endswith("?"):
+        more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+        there = f"; known are {', '.join(names[:MOST_NAMES])}{more}." if names else ""
+        hint = there or ": no goal, belief or action."
     return f"Nothing of {view.agent}'s is called `{subject.name}`{hint}"

@@ -14,9 +14,8 @@ from argosy.why.words import (
     first_up,
     many,
     plan_words,
+    raiser_words,
     shown,
-    sign_of,
-    without_annotations,
 )
 from schemas.minds import DecisionView
 
@@ -76,12 +75,6 @@ def _verb(made: DecisionView) -> str:
         case "+":
             return "added"
     return "raised"
-
-
-def raiser_words(event: str) -> str:
-    """The event of a plan that raised another one."""
-    sign, rest = sign_of(without_annotations(event))
-    return f"{sign[1:]}{shown(rest)}" if sign in ("+!", "+?") else event_words(event)
 
 
 def _origin(memory: Memory, made: DecisionView, subject: str, indent: int) -> Iterator[Line]:

@@ -9,22 +9,25 @@ from pathlib import Path
 
 import msgspec
 
-from argosy.operator_bus import Where, add_fleet_arguments, on_the_bus
+from argosy.arguments import count, name
+from argosy.journal import escaped
+from argosy.operator_bus import Unanswered, Where, add_fleet_arguments, on_the_bus
+from argosy.tools.output import complain, note, put_out
 from argosy.why.explaining import LAST, explain, tell
 from argosy.why.story import Explanation, plain
 from argosy.why.subject import subject_of
 from commd.bus import Bus
-from commd.process import EXIT_BAD_INPUT, EXIT_DONE
+from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.findings import Findings
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy why`."""
-    parser.add_argument("agent", help="the agent's name")
+    parser.add_argument("agent", type=name, help="the agent's name")
     text = "a goal, a belief or an action: takeoff, go/1, '!go(3,_)' (default: what the agent is doing now, and why)"
     parser.add_argument("about", nargs="?", default="", metavar="NAME", help=text)
     help_ = f"tell the last N things that happened, each with how often (default {LAST})"
-    parser.add_argument("--last", type=_count, default=LAST, metavar="N", help=help_)
+    parser.add_argument("--last", type=count, default=LAST, metavar="N", help=help_)
     parser.add_argument("--json", action="store_true", help="as JSON")
     help_ = "ask a recording of `argosy record` in place of the running fleet: the mind lives again up to --at"
     parser.add_argument("--recording", type=Path, metavar="FILE", help=help_)
@@ -33,15 +36,12 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_fleet_arguments(parser, "only this fleet (default: whichever has the agent)")
 
 
-def _count(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise ValueError
-    return number
-
-
 def run(args: Namespace) -> int:
-    """Print the explanation. Returns 1 if the agent does not answer, 2 for what no goal, belief or action is called."""
+    """Print the explanation.
+
+    Returns 1 if the agent does not answer or has nothing of that name, 2 for what no goal, belief or action can be
+    called.
+    """
     try:
         if args.about:
             subject_of(args.about)
@@ -55,8 +55,7 @@ def run(args: Namespace) -> int:
         return EXIT_BAD_INPUT
 
     async def ask(bus: Bus, where: Where) -> int:
-        _show(await explain(bus, where.fleet, args.agent, args.about, args.last), args.json)
-        return EXIT_DONE
+        return _show(await explain(bus, where.fleet, args.agent, args.about, args.last), args.json)
 
     return on_the_bus(args, ask)
 
@@ -68,14 +67,19 @@ def _of_recording(args: Namespace) -> int:
     try:
         view, notes = recorded_view(args.recording, args.agent, args.at)
     except (BadRecording, NotRecorded) as error:
-        print(f"error: {error}", file=sys.stderr)
+        complain(f"error: {error}")
         return EXIT_BAD_INPUT
-    for note in notes:
-        print(f"note: {note}", file=sys.stderr)
-    _show(tell(view, args.about, last=args.last), args.json)
-    return EXIT_DONE
+    for text in notes:
+        note(text)
+    try:
+        return _show(tell(view, args.about, last=args.last), args.json)
+    except Unanswered as lost:
+        complain(f"error: {lost}")
+        return EXIT_FAILED
 
 
-def _show(told: Explanation, as_json: bool) -> None:
+def _show(told: Explanation, as_json: bool) -> int:
     columns = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    print(msgspec.json.format(msgspec.json.encode(told)).decode() if as_json else plain(told, columns))
+    text = msgspec.json.format(msgspec.json.encode(told)).decode() if as_json else plain(told, columns)
+    put_out("\n".join(map(escaped, text.split("\n"))))
+    return EXIT_DONE if told.known else EXIT_FAILED

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from argosy.why.causes import cause_lines, raiser_words
+from argosy.why.causes import cause_lines
 from argosy.why.memory import Memory
 from argosy.why.story import Kind, Line, Paragraph
 from argosy.why.words import (
@@ -15,6 +15,7 @@ from argosy.why.words import (
     goals_words,
     many,
     plan_words,
+    raiser_words,
     rejected_words,
     shown,
     with_values,

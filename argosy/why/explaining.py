@@ -6,16 +6,16 @@ import asyncio
 import time
 from collections.abc import Iterable
 from contextlib import aclosing
-from pathlib import PurePath
+from dataclasses import replace
 from typing import TypeVar
-
-from msgspec.structs import replace
 
 from argosy.operator_bus import ANY, Unanswered
 from argosy.why.about import about as tell_about
+from argosy.why.about import names_of
 from argosy.why.deciding import WITHOUT_PLAN, decision_paragraph, groups
 from argosy.why.mails import MailFacts, dead_letters, question_paragraph
 from argosy.why.memory import Memory
+from argosy.why.places import Places
 from argosy.why.present import doing, dropped, failure_paragraph, only_counted, standing
 from argosy.why.story import Explanation, Line, Paragraph
 from argosy.why.subject import subject_of
@@ -59,20 +59,18 @@ async def explain(bus: Bus, fleet: str, agent: str, about: str = "", last: int =
 
 def tell(view: MindView, about: str = "", *, last: int = LAST, facts: MailFacts | None = None) -> Explanation:
     """Explain from a view of a mind alone; it wants its plans (`?plans=true`) and many decisions (`last=200`)."""
-    memory, facts = Memory(view), facts or MailFacts()
-    paragraphs = tell_about(memory, subject_of(about), last, facts) if about else _now(memory, last, facts)
+    places, facts = Places(view), facts or MailFacts()
+    facts = replace(facts, minds={name: places.near(mind) for name, mind in facts.minds.items()})
+    memory, known = Memory(places.near(view)), True
+    if about:
+        subject = subject_of(about)
+        paragraphs = tell_about(memory, subject, last, facts)
+        known = any(one.kind != "hint" for one in paragraphs) or subject.name in names_of(view)
+    else:
+        paragraphs = _now(memory, last, facts)
     if not view.decisions and not view.failures:
         paragraphs.append(Paragraph("hint", (Line(NO_DECISIONS),)))
-    folder = f"{PurePath(view.program).parent}/" if "/" in view.program else ""
-    return Explanation(view.agent, about, memory.now, tuple(_nearer(paragraph, folder) for paragraph in paragraphs))
-
-
-def _nearer(paragraph: Paragraph, folder: str) -> Paragraph:
-    """The texts without the folder of the program before each place in it."""
-    if not folder:
-        return paragraph
-    lines = tuple(replace(line, text=line.text.replace(folder, "")) for line in paragraph.lines)
-    return replace(paragraph, lines=lines)
+    return Explanation(view.agent, about, memory.now, places.far(paragraphs), known)
 
 
 def _now(memory: Memory, last: int, facts: MailFacts) -> list[Paragraph]:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from argosy.why.causes import raiser_words
 from argosy.why.deciding import waited_for
 from argosy.why.memory import Memory
 from argosy.why.story import Line, Paragraph
 from argosy.why.subject import parts_of
-from argosy.why.words import ago, event_words, failure_words, plan_words, rejected_words, shown, span
+from argosy.why.words import ago, event_words, failure_words, plan_words, raiser_words, rejected_words, shown, span
 from schemas.minds import DecisionView, MindView, QuestionView
 from schemas.positions import did_you_mean
 from schemas.records import Mailboxes

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from itertools import islice
 
-from argosy.why.causes import cause_lines, raiser_words
+from argosy.why.causes import cause_lines
 from argosy.why.deciding import aftermath, waited_for
 from argosy.why.memory import Memory
 from argosy.why.story import Line, Paragraph
@@ -17,6 +17,7 @@ from argosy.why.words import (
     first_up,
     many,
     plan_words,
+    raiser_words,
     shown,
     sign_of,
     span,
@@ -43,8 +44,11 @@ def standing(memory: Memory) -> Paragraph:
         case _:
             state = "waits for something to happen"
     lines = [Line(f"{view.agent} {state} (mission second {memory.now:.1f}, cycle {view.cycle}).{program}")]
+    if view.state == "paused":
+        lines.append(Line("What has come since (percepts, messages, goals) waits, unseen by it, until it goes on."))
     if not view.intentions:
-        lines.append(Line("It has nothing in mind: no plan of it has something left to do."))
+        nothing = "It has nothing in mind: no plan of it has something left to do."
+        lines.append(Line("No plan of it had anything left to do then." if view.state == "paused" else nothing))
     if view.events:
         told = [raiser_words(event.text) for event in view.events[:4]]
         left = len(view.events) + view.events_left_out - len(told)

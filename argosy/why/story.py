@@ -7,6 +7,8 @@ from typing import Literal
 
 import msgspec
 
+from argosy.journal import printable
+
 Kind = Literal["now", "decision", "failure", "action", "dropped", "question", "belief", "plan", "hint"]
 
 
@@ -39,6 +41,8 @@ class Explanation(msgspec.Struct, frozen=True, omit_defaults=True):
     time: float = 0.0
     """Mission seconds of the view of the mind that this is made of."""
     paragraphs: tuple[Paragraph, ...] = ()
+    known: bool = True
+    """False if nothing of the agent's is called as it was asked about."""
 
 
 def plain(explanation: Explanation, columns: int | None = None) -> str:
@@ -50,11 +54,11 @@ def plain(explanation: Explanation, columns: int | None = None) -> str:
 
 
 def _parts(line: Line, columns: int | None) -> list[str]:
-    begin = "  " * line.indent
+    begin, text = "  " * line.indent, printable(line.text)
     if columns is None:
-        return [f"{begin}{line.text}"]
+        return [f"{begin}{text}"]
     return wrap(
-        line.text,
+        text,
         max(columns, 40),
         initial_indent=begin,
         subsequent_indent=f"{begin}    ",

@@ -104,7 +104,12 @@ def event_words(event: str) -> str:
 def goal_words(event: str) -> str:
     """The event of a plan as the goal it is for: `!go(1)` of `+!go(1)`."""
     sign, rest = sign_of(without_annotations(event))
-    return f"{sign[1:]}{shown(rest)}" if sign in ("+!", "+?") else f"{sign}{shown(rest)}"
+    return f"{sign.removeprefix('+') if sign in ('+!', '+?') else sign}{shown(rest)}"
+
+
+def raiser_words(event: str) -> str:
+    """The event of a plan that raised another one: the goal it is for, or what happened."""
+    return goal_words(event) if sign_of(event)[0] in ("+!", "+?") else event_words(event)
 
 
 def goals_words(events: Iterable[str], most: int = 4) -> str:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from tests.argosy.why.asked import MISSION, agent, eventually, told, why
+from tests.support.processes import ROOT
 
 PROGRAM = """\
 battery(12).
@@ -58,8 +61,17 @@ def test_names_of_every_kind_are_explained(tmp_path: Path, endpoint: str) -> Non
             "None of the last 5 decisions was about !lost.\n"
             "  No plan of the agent raises it: others have to ask for it.\n"
         )
-        assert told(endpoint, "uav", "vctim") == "Nothing of uav's is called `vctim`, did you mean `victim`?\n"
-        assert told(endpoint, "uav", "batery") == "Nothing of uav's is called `batery`, did you mean `battery`?\n"
+        for meant in ("victim", "battery"):
+            miss = meant[:2] + meant[3:]
+            text = f"Nothing of uav's is called `{miss}`, did you mean `{meant}`?\n"
+            assert why(endpoint, "uav", miss) == (1, text, "")
+        with Path("/dev/full").open("w") as full:
+            command = [sys.executable, "-m", "argosy", "why", "uav", "--router", endpoint]
+            done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, cwd=ROOT)
+        assert (done.returncode, done.stderr) == (
+            1,
+            "error: what it has to say cannot be written: No space left on device\n",
+        )
         code, text, _ = why(endpoint, "uav", "!step(0)", "--json")
         data = json.loads(text)
         assert (code, data["agent"], data["about"]) == (0, "uav", "!step(0)")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from msgspec.structs import replace
 
 from argosy.why import Explanation, Line, MailFacts, Paragraph, plain, tell
 from argosy.why.subject import subject_of, taken_apart
@@ -203,3 +204,64 @@ def test_long_lines_are_broken_for_a_terminal_and_nothing_of_a_program_reaches_i
     made = DecisionView(cycle=1, time=0.0, event=event, kind="+!", name="say/1")
     assert plain(tell(MindView(agent="a", decisions=(made,)), "say")).isprintable() is False  # line feeds
     assert "\x1b" not in plain(tell(MindView(agent="a", decisions=(made,)), "say"))
+
+
+PLAN = PlanView(trigger='+!go("go/1")', position="go/uav.asl:4", uses={"!go/1": "go/uav.asl:5", "tell/1": "lib.asl:1"})
+BAD = FailureView(
+    cycle=2,
+    time=2.0,
+    formula='takeoff("go/uav")',
+    position="go/uav.asl:5",
+    error="action_failed",
+    reason='"go/1" is bad',
+)
+INNER = IntentionView(id=1, state="waiting", stack=("+!go/1",), reason="action takeoff", at="go/uav.asl:5")
+AT_HOME = MindView(
+    agent="uav",
+    program="go/uav.asl",
+    time=3.0,
+    plans=(PLAN,),
+    intentions=(INNER,),
+    decisions=(
+        DecisionView(
+            cycle=1,
+            time=1.0,
+            event='+!go("go/1")',
+            kind="+!",
+            name="go/1",
+            chosen=PLAN,
+            outcome="dropped",
+            asked_at="go/uav.asl:9",
+            dropped_by='.drop_desire(go("go/1")) (go/uav.asl:7)',
+        ),
+    ),
+    failures=(BAD,),
+)
+
+
+def test_the_folder_of_a_program_is_cut_out_of_places_and_of_nothing_else() -> None:
+    explanation = tell(AT_HOME)
+    text = plain(explanation)
+    assert 'at uav.asl:5 the action takeoff("go/uav") failed: "go/1" is bad.' in text
+    assert 'for the goal !go("go/1") the plan +!go("go/1") (uav.asl:4) was chosen' in text
+    assert 'It was dropped by .drop_desire(go("go/1")) (uav.asl:7).' in text
+    assert "go/uav.asl" not in text
+    positions = {line.position for one in explanation.paragraphs for line in one.lines}
+    assert positions == {"", "go/uav.asl:4", "go/uav.asl:5", "go/uav.asl:7", "go/uav.asl:9"}, "data has them whole"
+    assert "!go/1 stands at uav.asl:5, in the plan" in plain(tell(replace(AT_HOME, decisions=(), failures=()), "!go/1"))
+
+
+def test_of_a_paused_mind_it_is_said_that_more_may_wait() -> None:
+    text = plain(tell(MindView(agent="a", state="paused", paused_for=12.0)))
+    assert "What has come since (percepts, messages, goals) waits, unseen by it, until it goes on." in text
+    assert "It has nothing in mind" not in text
+
+
+def test_of_many_names_ten_are_told() -> None:
+    beliefs = tuple(f"b{number}(1)" for number in range(30))
+    told = tell(MindView(agent="a", beliefs=beliefs), "zzzz")
+    assert not told.known
+    assert told.paragraphs[0].lines[0].text == (
+        "Nothing of a's is called `zzzz`; known are b0, b1, b10, b11, b12, b13, b14, b15, b16, b17 and 20 more."
+    )
+    assert tell(MindView(agent="a", beliefs=beliefs), "b3").known
