@@ -101,18 +101,26 @@ class ActionDesk:
         """Take actions by another manifest from now on; those that run go on by their old entry."""
         self._manifest = manifest
 
-    def cancel(self, agent: str, action: str) -> ActionStatus:
-        """End a running action of an agent. Returns its final status, also if it had ended already."""
+    def cancel(self, agent: str, action: str, by: str = "") -> ActionStatus:
+        """End a running action of an agent, who asks for it, or somebody else does.
+
+        Returns its final status, also if it had ended already.
+        """
         job = self._jobs.get(action)
         if job is not None and job.action.agent == agent:
             goes_on = "" if job.entry.cancel == "hold" or not job.entry.motion else "; the vehicle goes on"
             hold = job.entry.cancel == "hold"
-            return self._end(job, Outcome("cancelled", f"cancelled by {agent}{goes_on}"), hold=hold)
+            return self._end(job, Outcome("cancelled", f"cancelled by {(by or agent)[:MAX_ID]}{goes_on}"), hold=hold)
         known = self._ledger.find(action)
         if known is not None and known.agent == agent and known.final is not None:
             return known.final
         unknown = Action(id=action[:MAX_ID], agent=agent)
         return self._statuses.make(unknown, "refused", f"no action {unknown.id} of {agent}")
+
+    def leave(self, agent: str, action: str, reason: str) -> ActionStatus:
+        """Refuse to end an action for somebody who may not ask."""
+        log.info("robot=%s cancel of %s refused: %s", self.robot, action[:MAX_ID], reason)
+        return self._statuses.make(Action(id=action[:MAX_ID], agent=agent), "refused", reason)
 
     def order(self, order: Order, reason: str, *, block: bool, insist: bool) -> Execution:
         """Begin an order from above: every action that runs fails with `reason`; `block` refuses new ones after it.

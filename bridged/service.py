@@ -123,7 +123,11 @@ class Service:
         if query.record is None or not query.concrete:
             query.reply_error(query.error or 'expected the id of an action: {"id": "..."}')
             return
-        query.reply(desk.cancel(agent, query.record.id))
+        by = query.record.header.source
+        if self._inject or by == agent:
+            query.reply(desk.cancel(agent, query.record.id, by or "hand"))
+        else:
+            query.reply(desk.leave(agent, query.record.id, BY_HAND))
 
     async def _read_or_change(self, live: RunningManifest, query: Query[ManifestChange]) -> None:
         """Answer with the running manifest, after the change that the query carries, if it carries one."""

@@ -163,7 +163,8 @@ class Acting:
         until = asyncio.get_running_loop().time() + BUS_GRACE
         while asyncio.get_running_loop().time() < until:
             with suppress(BusClosed):
-                async with aclosing(self._bus.query(key, Cancel(id=identity), ActionStatus, BUS_GRACE)) as replies:
+                request = Cancel(header=self._bus.header("cancel", self._agent), id=identity)
+                async with aclosing(self._bus.query(key, request, ActionStatus, BUS_GRACE)) as replies:
                     async for reply in replies:
                         if reply.record is not None:  # "busy" or "Timeout" is no answer
                             return

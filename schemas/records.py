@@ -85,8 +85,9 @@ class ActionStatus(Record, frozen=True, kw_only=True):
 
 
 class Cancel(Record, frozen=True, kw_only=True):
-    """A request to end a running action."""
+    """A request to end a running action: of the agent whose it is, or by hand."""
 
+    header: Header = Header()
     id: str
 
 

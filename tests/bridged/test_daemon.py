@@ -460,7 +460,9 @@ def test_an_action_is_cancelled_over_the_bus(endpoint: str, tmp_path: Path) -> N
             await until_served(bus)
             await field.take_off(bus)
             asker, action = await beginning(field, bus, "goto", *FAR)
-            query = bus.query(keys.cancel("test", "uav"), Cancel(id=action), ActionStatus, 5)
+            query = bus.query(
+                keys.cancel("test", "uav"), Cancel(header=bus.header("cancel", "uav"), id=action), ActionStatus, 5
+            )
             [reply] = [one async for one in query]
             assert reply.record is not None
             assert reply.record.state == "cancelled"

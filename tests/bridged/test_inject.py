@@ -111,14 +111,60 @@ def test_an_action_by_hand_stands_under_the_lease_and_can_be_cancelled(endpoint:
             await until(lambda: any(one.state == "running" for one in running), "it flies")
             busy = await field.do(bus, "goto", -27.601, -48.515, 20)
             assert busy.reason == "busy: goto is running"
-            ended = person.query(keys.cancel("test", "uav"), Cancel(id="operator:x:1"), ActionStatus, 10)
+            end = Cancel(header=Header(source="operator"), id="operator:x:1")
+            ended = person.query(keys.cancel("test", "uav"), end, ActionStatus, 10)
             assert [reply.record.state async for reply in ended if reply.record] == ["cancelled"]
             await asker
-            assert running[-1].state == "cancelled"
+            assert (running[-1].state, running[-1].reason) == ("cancelled", "cancelled by operator")
             field.stop.set()
             await daemon
 
     on_the_airfield(endpoint, tmp_path, body, mission=INJECT)
+
+
+@pytest.mark.parametrize("inject", [True, False])
+def test_an_agents_action_is_cancelled_by_hand_only_where_it_may_be(
+    endpoint: str, tmp_path: Path, inject: bool
+) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as bus, field.client("operator") as person:
+            daemon = field.start()
+            async with asyncio.timeout(20):
+                while not await present(bus):
+                    await asyncio.sleep(0.05)
+            await field.take_off(bus)
+            flying = Action(header=Header(source="uav"), id="uav:b:9", parameters=(-27.600, -48.515, 20))
+            told: list[ActionStatus] = []
+
+            async def fly() -> None:
+                async for reply in bus.query(keys.action("test", "uav", "goto"), flying, ActionStatus, 60):
+                    assert reply.record is not None, reply.error
+                    told.append(reply.record)
+
+            async def cancel(source: str) -> ActionStatus:
+                end = Cancel(header=Header(source=source), id="uav:b:9")
+                async for reply in person.query(keys.cancel("test", "uav"), end, ActionStatus, 10):
+                    assert reply.record is not None, reply.error
+                    return reply.record
+                raise AssertionError("nobody answers")
+
+            asker = asyncio.create_task(fly())
+            await until(lambda: any(one.state == "running" for one in told), "it flies")
+            if inject:
+                assert (await cancel("")).state == "cancelled"
+                await asker
+                assert told[-1].reason == "cancelled by hand", "the agent is not told that it did so itself"
+            else:
+                for source in ("", "operator"):
+                    refused = await cancel(source)
+                    assert (refused.state, refused.reason) == ("refused", BY_HAND)
+                assert not any(one.final for one in told), "it flies on"
+                assert (await cancel("uav")).reason == "cancelled by uav"
+                await asker
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body, mission=INJECT if inject else MISSION)
 
 
 @pytest.mark.parametrize("payload", [b'{"parameters":[],"name":"land"}', b'{"parameters":[],"agent":"other"}'])

@@ -182,7 +182,8 @@ def test_a_robot_of_one_order_holds_when_an_action_is_cancelled_and_when_its_age
         await served(bus, keys.action(bus.fleet, studio.agent, "go"))
         going = asyncio.create_task(studio.do("go"))
         await until(lambda: bool(asked), "it is asked to go")
-        cancel, key = Cancel(id=f"{studio.agent}:t:1"), keys.cancel(bus.fleet, studio.agent)
+        cancel = Cancel(header=bus.header("cancel", studio.agent), id=f"{studio.agent}:t:1")
+        key = keys.cancel(bus.fleet, studio.agent)
         (reply,) = [one async for one in bus.query(key, cancel, ActionStatus, 10)]
         assert reply.record is not None
         assert (await going).state == reply.record.state == "cancelled"

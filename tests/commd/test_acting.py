@@ -183,6 +183,7 @@ def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(endpoin
 
     async def turn_away_once(query: Query[Cancel]) -> None:
         assert query.record is not None
+        assert query.record.header.source == "uav", "the bridge asks who it is"
         asked.append(query.record.id)
         if len(asked) == 1:
             query.reply_error("busy: too many queries at once")
