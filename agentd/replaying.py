@@ -89,14 +89,16 @@ class Result:
     """Mission seconds up to which they agree."""
     proven: int = 0
     """Batches whose digest was recorded and is the same."""
+    unlike: tuple[int, ...] = ()
+    """`compare`: the batches that the recorded program itself did not live as they were."""
     difference: Difference | None = None
     notes: tuple[str, ...] = ()
     """What should be known about this result."""
 
     @property
     def agrees(self) -> bool:
-        """Whether there is no difference."""
-        return self.difference is None
+        """Whether there is no difference, and the recorded program itself lived as it was recorded."""
+        return self.difference is None and not self.unlike
 
 
 class _Tally:
@@ -105,7 +107,22 @@ class _Tally:
     def __init__(self, life: Life) -> None:
         self._life = life
         self.batches = self.inputs = self.cycles = self.decisions = self.effects = self.proven = 0
+        self.unheard = 0
+        """Batches that have no digest."""
+        self.unlike: list[int] = []
         self.notes: list[str] = []
+
+    def batch(self, batch: MindInputs, *, alike: bool = True) -> None:
+        """A batch was lived to its end; `alike`: its digest, if it has one, is the same."""
+        self.batches += 1
+        self.inputs += len(batch.inputs)
+        self.cycles = batch.last
+        if not batch.digest:
+            self.unheard += 1
+        elif alike:
+            self.proven += 1
+        else:
+            self.unlike.append(batch.number)
 
     def count(self, done: Iterable[Done]) -> None:
         for one in done:
@@ -115,10 +132,9 @@ class _Tally:
                 self.effects += 1
 
     def result(self, difference: Difference | None = None) -> Result:
-        if difference is None and self.proven < self.batches:
-            missing = self.batches - self.proven
+        if difference is None and self.unheard:
             self.notes.append(
-                f"{missing} of {self.batches} batches have no digest: nobody listened when they were made"
+                f"{self.unheard} of {self.batches} batches have no digest: nobody listened when they were made"
             )
         birth = self._life.birth
         return Result(
@@ -131,6 +147,7 @@ class _Tally:
             effects=self.effects,
             until=self._life.now,
             proven=self.proven,
+            unlike=tuple(self.unlike),
             difference=difference,
             notes=tuple(self.notes),
         )
@@ -152,10 +169,8 @@ def replay(
         done = life.feed(batch)
         if batch.digest and digest_of(done, life.birth.decisions > 0) != (batch.decided, batch.digest):
             return tally.result(_where(life, batch, done, before, decisions))
-        tally.proven += bool(batch.digest)
-        tally.batches += 1
-        tally.inputs += len(batch.inputs)
-        tally.cycles = before = batch.last
+        tally.batch(batch)
+        before = batch.last
         tally.count(done)
         if progress is not None:
             progress(batch)
@@ -196,15 +211,8 @@ def compare(
             tally.count(own)
         life.end_of_batch()
         other.end_of_batch()
-        if batch.digest and digest_of(exact, birth.decisions > 0) != (batch.decided, batch.digest):
-            tally.notes.append(f"the recorded program itself does not live batch {batch.number} as it was: replay it")
-            batch_is = False
-        else:
-            batch_is = bool(batch.digest)
-        tally.proven += batch_is
-        tally.batches += 1
-        tally.inputs += len(batch.inputs)
-        tally.cycles = batch.last
+        alike = not batch.digest or digest_of(exact, birth.decisions > 0) == (batch.decided, batch.digest)
+        tally.batch(batch, alike=alike)
         if progress is not None:
             progress(batch)
     return tally.result()

@@ -299,6 +299,8 @@ class MindInputs(Record, frozen=True, kw_only=True):
     """Decisions, failures and effects of this stretch."""
     digest: str = ""
     """Of all of them, in order; empty: nobody listened then, so it was not made."""
+    final: bool = False
+    """The life has ended in order: nothing went in after this. No batch of an agent that was killed says so."""
 
 
 class MindDecisions(Record, frozen=True, kw_only=True):

@@ -56,7 +56,8 @@ def _life(life: Life) -> str:
         birth = life.batches[0].birth
         unknown = f", and cannot be lived again: {birth.unknown}" if birth is not None and birth.unknown else ""
         decided = sum(batch.decided for batch in life.batches)
-        return f"whole, {last.last} cycles, {decided} decisions and effects{unknown}"
+        told = "whole" if life.ended else f"from birth to {life.until:.1f} s of mission time, its end is missing"
+        return f"{told}, {last.last} cycles, {decided} decisions and effects{unknown}"
     if life.missing:
         return f"incomplete: of its inputs {in_words(life.missing)} of {last.number + 1} are missing"
     return "incomplete: its birth is missing"
@@ -93,7 +94,8 @@ def _data(recording: Recording, lives: list[Life]) -> dict[str, Any]:
             {
                 "agent": life.agent,
                 "boot": life.boot,
-                "whole": life.whole,
+                "whole": life.whole and life.ended,
+                "end": life.ended,
                 "batches": len(life.batches),
                 "missing": life.missing,
             }

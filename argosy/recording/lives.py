@@ -29,8 +29,18 @@ class Life:
 
     @property
     def whole(self) -> bool:
-        """Whether it can be lived again: from birth on, and nothing missing in between."""
+        """Whether it can be lived again: from birth on, and nothing missing in between. Its end may be: `ended`."""
         return bool(self.batches) and self.batches[0].birth is not None and not self.missing
+
+    @property
+    def ended(self) -> bool:
+        """Whether its end is there: the agent left in order, and nothing can be missing behind the last batch."""
+        return bool(self.batches) and self.batches[-1].final
+
+    @property
+    def until(self) -> float:
+        """Mission seconds of the last that is known of it."""
+        return max((step.now for batch in self.batches for step in batch.steps), default=0.0)
 
 
 def lives_of(inputs: Iterable[tuple[str, MindInputs]]) -> list[Life]:

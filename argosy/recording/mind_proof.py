@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from argparse import Namespace
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from itertools import takewhile
 from pathlib import Path
@@ -22,6 +22,8 @@ from schemas.release import RELEASE
 
 OTHER_VERSION = f"another version of Argosy wrote them, this is {RELEASE}"
 
+NO_END = "its end is not in the recording"
+
 
 @dataclass
 class LifeAgain:
@@ -34,6 +36,8 @@ class LifeAgain:
     """The texts of the edited program."""
     followed: bool = False
     """Whether another life came after it."""
+    lives_on: bool = False
+    """Whether its daemon was still there when the recording ended."""
     texts: dict[str, str] = field(default_factory=dict)
     """The same by the recorded paths of the files whose place they take."""
     recorded: Named = str
@@ -49,8 +53,18 @@ class LifeAgain:
     @property
     def batches(self) -> list[MindInputs]:
         """What there is without a gap from birth on, and within `--until`."""
+        return list(takewhile(self._in_time, self._unbroken))
+
+    @property
+    def _unbroken(self) -> Iterator[MindInputs]:
+        """What there is without a gap from birth on."""
         whole = takewhile(lambda pair: pair[0] == pair[1].number, enumerate(self.life.batches))
-        return list(takewhile(self._in_time, (batch for _, batch in whole)))
+        return (batch for _, batch in whole)
+
+    @property
+    def _as_asked(self) -> bool:
+        """Whether no more than a part of what is there was asked for."""
+        return len(self.batches) < sum(1 for _ in self._unbroken)
 
     def _in_time(self, batch: MindInputs) -> bool:
         until = self.args.until
@@ -59,15 +73,18 @@ class LifeAgain:
     def live_again(self, recording: Recording, decisions: list[MindDecisions], unread: int) -> int:
         """Live it again and tell what came of it; `unread` batches are of some life. Returns the exit code."""
         batches, lacks = self.batches, self._lacks(recording)
-        if unread:
+        if unread and not self._as_asked:
             lacks.append(f"{unread} batch{'' if unread == 1 else 'es'} of its inputs cannot be read: {OTHER_VERSION}")
         if not batches or batches[0].birth is None:
             return self._nothing(lacks)
         self._take_names(batches[0].birth)
         known, begun = {*ACTIONS, *FUNCTIONS}, time.monotonic()
         try:
-            result = self._result(batches, [one for one in decisions if one.header.boot == self.life.boot])
+            own = [one for one in decisions if one.header.boot == self.life.boot]
+            result, itself = self._result(batches, own), self.edited and replay(batches, own)
             wall = time.monotonic() - begun
+            if itself and itself.difference is not None:
+                return self._not_itself(itself, wall)
             if self.args.why:
                 self._tell_decisions(batches, result)
         except CannotReplay as error:
@@ -101,14 +118,20 @@ class LifeAgain:
         if not there or there[0].birth is None:
             missing = _batches(range(there[0].number) if there else [])
             return [f"the beginning of its life is missing, {missing} of its inputs: begin to record sooner"]
+        if self._as_asked:
+            return []
         lost = self.life.missing
         found = [f"{_batches(lost)} of its inputs {'is' if len(lost) == 1 else 'are'} missing"] if lost else []
-        if self.args.until is not None:
-            return found
-        if recording.missing:
-            found.append("the recording was cut off: what went in after its end is not known")
-        elif recording.end is not None and not self.life.missing:
+        if recording.end is not None and not lost:
             found += [gap for gap in recording.end.gaps if gap.startswith(f"{agent} ") and self.life.boot in gap]
+        if self.life.ended:
+            return found
+        if self.followed:
+            found.append(f"{NO_END}: it was killed, at most 0.25 s later, and started again")
+        elif recording.missing:
+            found.append("the recording was cut off: what went in after its end is not known")
+        elif not self.lives_on:
+            found.append(f"{NO_END}: it was killed, or its last inputs were lost")
         return found
 
     def _unheard(self) -> str:
@@ -123,6 +146,13 @@ class LifeAgain:
             f"{until:.1f} s: record from before the agent begins"
         )
 
+    def _not_itself(self, result: Result, wall: float) -> int:
+        """The recorded program itself differs: what another one would have done cannot be told from this recording."""
+        texts, self.edited = self.edited, {}
+        code = self._tell(result, wall, [], [])
+        print(f"  this is the recorded program itself: {', '.join(map(str, texts))} cannot be compared with it")
+        return code
+
     def _nothing(self, lacks: list[str]) -> int:
         print(f"{self.name}: nothing can be proved")
         for lack in lacks:
@@ -131,7 +161,7 @@ class LifeAgain:
 
     def _tell(self, result: Result, wall: float, lacks: list[str], foreign: list[str]) -> int:
         gone_in = sum(1 for batch in self.batches for one in batch.inputs if one.cycle <= result.cycles)
-        told, notes = figures(result, gone_in, wall), list(result.notes)
+        told, notes, agrees = figures(result, gone_in, wall), list(result.notes), "agrees"
         if not self.edited and result.difference is None and (unheard := self._unheard()):
             lacks, notes = [*lacks, unheard], []
         if result.difference is not None:
@@ -145,9 +175,12 @@ class LifeAgain:
                 print(f"  {lack}")
         else:
             who = f"{self.name} with {', '.join(map(str, self.edited))}" if self.edited else self.name
-            print(f"{who}: agrees: {told}")
-        if self.followed:
-            notes.append("it was started again: if it was killed, its last moments, 0.25 s at most, were not recorded")
+            if self._as_asked:
+                agrees = f"agrees up to second {self.args.until:g}, as asked"
+            elif not self.life.ended:
+                agrees = "agrees as far as the recording goes"
+                notes.append("the recording ends before the agent: what became of it is not in it")
+            print(f"{who}: {agrees}: {told}")
         if foreign:
             notes.append(f"{', '.join(foreign)}: Python of other packages was run again, and may have asked the world")
         for note in notes:

@@ -8,18 +8,41 @@ from __future__ import annotations
 
 import sys
 from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping
 from pathlib import Path
 
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file
 from agentd.plugins import discover
-from argosy.recording import lives
 from argosy.recording.mind_proof import OTHER_VERSION, LifeAgain
 from argosy.recording.mind_words import SHOWN
 from argosy.recording.reader import BadRecording, Recording, open_recording
+from argosy.recording.records import TokenSeen
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas import keys
 from schemas.minds import MindDecisions, MindInputs
+
+FOR_A_MIND: Mapping[str, tuple[str, object]] = {
+    "--program": ("program", []),
+    "--life": ("life", None),
+    "--until": ("until", None),
+    "--why": ("why", None),
+    "--show": ("show", SHOWN),
+}
+"""Options that have a meaning with `--mind` only: the name and the default of each."""
+NOT_FOR_A_MIND: Mapping[str, tuple[str, object]] = {
+    "--info": ("info", False),
+    "--json": ("json", False),
+    "--speed": ("speed", 1.0),
+    "--from": ("begin", 0.0),
+    "--to": ("end", None),
+    "--only": ("only", []),
+    "--force": ("force", False),
+    "--loop": ("loop", False),
+    "--router": ("router", None),
+    "--keys": ("keys", None),
+}
+"""And those that have none with it."""
 
 
 def add_mind_arguments(parser: ArgumentParser) -> None:
@@ -54,17 +77,21 @@ class Refused(Exception):
 def run_mind(args: Namespace) -> int:
     """Live an agent again. Returns 0 if all of it agrees, 1 if it does not or not all is there, 2 for bad input."""
     try:
+        if ignored := _given(args, NOT_FOR_A_MIND):
+            raise Refused(f"error: {ignored}: has no meaning with --mind: nothing is said on a bus")
         edited = {path: _text(path) for path in args.program}
         recording = open_recording(args.file)
-        asked = [LifeAgain(number, life, args, edited, last) for number, life, last in _lives(recording, args)]
+        fleet = _fleet(recording, args)
+        asked = _lives(recording, args, fleet, edited)
     except (Refused, BadRecording) as error:
         print(error if isinstance(error, Refused) else f"error: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
     if recording.missing:
         print(f"warning: {recording.missing}", file=sys.stderr)
     discover()
-    unread = _unread(recording, args.mind)
-    decisions = [record for _, record in recording.typed(MindDecisions) if record.agent == args.mind]
+    unread = _unread(recording, fleet, args.mind)
+    channel = (keys.trace(fleet, args.mind, "decisions"),)
+    decisions = [record for _, record in recording.typed(MindDecisions, channel)]
     return max((one.live_again(recording, decisions, unread) for one in asked), default=EXIT_DONE)
 
 
@@ -79,17 +106,42 @@ def _text(path: Path) -> str:
         raise Refused(str(errors)) from None
 
 
-def _lives(recording: Recording, args: Namespace) -> list[tuple[int, lives.Life, bool]]:
-    """Return the lives that were asked for with their numbers, and whether others follow. Raises Refused."""
+def without_a_mind(args: Namespace) -> str:
+    """Return what is wrong with the arguments of a replay without `--mind`; empty = nothing."""
+    ignored = _given(args, FOR_A_MIND)
+    return f"{ignored}: has a meaning with --mind AGENT only" if ignored else ""
+
+
+def _given(args: Namespace, options: Mapping[str, tuple[str, object]]) -> str:
+    """Return the first of these options that was given; empty = none."""
+    return next((option for option, (name, default) in options.items() if getattr(args, name) != default), "")
+
+
+def _fleet(recording: Recording, args: Namespace) -> str:
+    """Return of which fleet the agent is. Raises Refused."""
     parsed = [keys.parse(topic.key) for topic in recording.topics if topic.record == MindInputs.__name__]
-    known = sorted({one[1] for one in parsed if one is not None})
-    if args.mind not in known:
-        there = f"there are those of {', '.join(known)}" if known else "nor of any other agent"
-        raise Refused(f"error: {args.file}: there are no inputs of {args.mind} in it, {there}")
-    lived = recording.lives(args.mind)
+    there = {(one[0], one[1]) for one in parsed if one is not None and args.fleet in (None, one[0])}
+    fleets = sorted(fleet for fleet, agent in there if agent == args.mind)
+    of_fleet = f" of fleet {args.fleet}" if args.fleet is not None else ""
+    if not fleets:
+        known = ", ".join(sorted({agent for _, agent in there}))
+        others = f"there are those of {known}" if known else "nor of any other agent"
+        raise Refused(f"error: {args.file}: there are no inputs of {args.mind}{of_fleet} in it, {others}")
+    if len(fleets) > 1:
+        raise Refused(f"error: {args.file}: {args.mind} is in several fleets: say --fleet {' or '.join(fleets)}")
+    return fleets[0]
+
+
+def _lives(recording: Recording, args: Namespace, fleet: str, edited: dict[Path, str]) -> list[LifeAgain]:
+    """Return the lives that were asked for. Raises Refused."""
+    lived = [life for life in recording.lives(args.mind) if life.fleet == fleet]
     if not lived:
         raise Refused(f"error: {args.file}: no inputs of {args.mind} can be read: {OTHER_VERSION}")
-    found = [(number, life, number < len(lived)) for number, life in enumerate(lived, 1)]
+    last, there = len(lived), _there_at_the_end(recording, fleet, args.mind)
+    found = [
+        LifeAgain(number, life, args, edited, followed=number < last, lives_on=there and number == last)
+        for number, life in enumerate(lived, 1)
+    ]
     if args.life is None:
         return found
     if not 1 <= args.life <= len(found):
@@ -97,7 +149,15 @@ def _lives(recording: Recording, args: Namespace) -> list[tuple[int, lives.Life,
     return [found[args.life - 1]]
 
 
-def _unread(recording: Recording, agent: str) -> int:
+def _there_at_the_end(recording: Recording, fleet: str, agent: str) -> bool:
+    """Whether the recording came to its end in order, and the agent's daemon was there then."""
+    there: set[str] = set()
+    for _, seen in recording.typed(TokenSeen, (f"{keys.ROOT}/{fleet}/{agent}/alive/agentd",)):
+        (there.add if seen.alive else there.discard)(seen.key)
+    return bool(there) and recording.end is not None and not recording.missing
+
+
+def _unread(recording: Recording, fleet: str, agent: str) -> int:
     """Return how many batches of an agent's inputs do not decode."""
-    only = (keys.trace("*", agent, "inputs"),)
+    only = (keys.trace(fleet, agent, "inputs"),)
     return sum(message.record is None for message in recording.messages(only=only, records=(MindInputs,)))

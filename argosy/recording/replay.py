@@ -16,7 +16,7 @@ from argosy.endpoint import in_use
 from argosy.operator_bus import Where, add_router_argument, operator_bus, where
 from argosy.recording.contents import contents
 from argosy.recording.hearing import wanted_keys
-from argosy.recording.mind_replay import add_mind_arguments, run_mind
+from argosy.recording.mind_replay import add_mind_arguments, run_mind, without_a_mind
 from argosy.recording.player import LATE, Part, Player, foreign
 from argosy.recording.reader import BadRecording, Recording, open_recording
 from commd.bus import Bus, BusClosed, open_bus
@@ -84,6 +84,9 @@ def run(args: Namespace) -> int:
     """Replay. Returns 0 when all was said, 1 if it could not be, 130 for ctrl-C."""
     if args.mind is not None:
         return run_mind(args)
+    if wrong := without_a_mind(args):
+        print(f"error: {wrong}", file=sys.stderr)
+        return EXIT_BAD_INPUT
     try:
         recording = open_recording(args.file)
         if args.info:

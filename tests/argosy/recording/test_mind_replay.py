@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +19,9 @@ import pytest
 from argosy.__main__ import main
 from argosy.recording.facts import End
 from argosy.recording.intake import Heard
-from argosy.recording.reader import open_recording
+from argosy.recording.lives import Life
+from argosy.recording.reader import BadRecording, open_recording
+from argosy.recording.records import TokenSeen
 from argosy.recording.writer import RecordingWriter
 from schemas.codec import codec
 from schemas.minds import MindInputs
@@ -62,8 +65,13 @@ class Recorded:
         path.write_text(text.replace(old, new), encoding="utf-8")
         return path
 
-    def changed(self, name: str, change: Callable[[MindInputs], MindInputs | None]) -> Path:
-        """Return a copy in which the buyer's inputs are changed; None leaves them out."""
+    def changed(
+        self, name: str, change: Callable[[MindInputs], MindInputs | None], *, stays: bool = False, twice: str = ""
+    ) -> Path:
+        """Return a copy in which the buyer's inputs are changed; None leaves them out.
+
+        `stays`: the buyer does not leave; `twice`: all is there once more, as of another fleet.
+        """
         recording, path = open_recording(self.path), self.path.with_name(name)
         writer = RecordingWriter(path, recording.facts, overwrite=True)
         for message in recording.messages():
@@ -72,8 +80,11 @@ class Recorded:
             if isinstance(record, MindInputs) and record.agent == "buyer":
                 changed = change(record)
                 data = None if changed is None else codec(MindInputs).encode(changed)
-            if data is not None:
-                writer.add(Heard(message.at, message.key, data, message.track.encoding, "put"))
+            if stays and isinstance(record, TokenSeen) and "/buyer/" in record.key and not record.alive:
+                data = None
+            for key in {message.key, message.key.replace("/lamp/", f"/{twice}/") if twice else message.key}:
+                if data is not None:
+                    writer.add(Heard(message.at, key, data, message.track.encoding, "put"))
         writer.close(End("done", recording.last))
         return path
 
@@ -197,6 +208,33 @@ def test_nothing_is_proved_beyond_inputs_that_are_missing(recorded: Recorded, re
     assert f"but not all of it is proved:\n  batch {last - 1} of its inputs is missing\n" in out
 
 
+def test_a_life_whose_end_is_missing_does_not_agree_although_its_daemon_was_seen_to_go(
+    recorded: Recorded, replayed: Replay, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = recorded.changed("tail.mcap", lambda batch: None if batch.final else batch)
+    code, out, _ = replayed("buyer", path=path)
+    assert code == 1
+    assert out.startswith("buyer: the same for ")
+    assert out.endswith(
+        "but not all of it is proved:\n  its end is not in the recording: it was killed, or its last inputs were lost\n"
+    )
+    assert main(["replay", str(path), "--info"]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"^  seller +\w+ +whole, ", out, re.MULTILINE)
+    assert re.search(r"^  buyer +\w+ +from birth to [\d.]+ s of mission time, its end is missing, ", out, re.MULTILINE)
+
+
+def test_a_recording_that_ended_before_the_agent_says_so(recorded: Recorded, replayed: Replay) -> None:
+    """Nothing is missing of what it was to hold: that agrees, and is not told as a life that is proved to its end."""
+    path = recorded.changed("sooner.mcap", lambda batch: None if batch.final else batch, stays=True)
+    code, out, _ = replayed("buyer", path=path)
+    assert code == 0
+    assert out.startswith("buyer: agrees as far as the recording goes: ")
+    assert "  note: the recording ends before the agent: what became of it is not in it\n" in out
+    path = recorded.changed("tail2.mcap", lambda batch: None if batch.number == 1 else batch, stays=True)
+    assert replayed("buyer", path=path)[0] == 1
+
+
 def test_a_recording_that_began_too_late_proves_nothing(recorded: Recorded, replayed: Replay) -> None:
     path = recorded.changed("late.mcap", lambda batch: None if batch.number == 0 else batch)
     code, out, _ = replayed("buyer", path=path)
@@ -246,16 +284,88 @@ def test_a_mind_that_could_not_be_recorded_says_why(recorded: Recorded, replayed
     assert "it is a clone" in out
 
 
+def cut_off(recorded: Recorded, good: Callable[[Life], bool]) -> Path:
+    """Return the longest beginning of the file, the file itself aside, of which the buyer's life is as is wanted."""
+    whole, cut = recorded.path.read_bytes(), recorded.path.with_name("cut.mcap")
+    for size in range(len(whole) - 1000, 1000, -500):
+        cut.write_bytes(whole[:size])
+        with suppress(BadRecording):
+            if any(good(life) for life in open_recording(cut).lives("buyer")):
+                return cut
+    raise AssertionError("there is no such beginning")
+
+
+def test_a_life_that_ended_before_the_file_was_cut_off_agrees(recorded: Recorded, replayed: Replay) -> None:
+    code, out, err = replayed("buyer", path=cut_off(recorded, lambda life: life.whole and life.ended))
+    assert code == 0
+    assert AGREES.fullmatch(out)
+    assert err.startswith("warning: ")
+
+
 def test_a_file_that_was_cut_off_is_proved_as_far_as_it_goes_and_does_not_agree(
     recorded: Recorded, replayed: Replay
 ) -> None:
-    whole = recorded.path.read_bytes()
-    (cut := recorded.path.with_name("cut.mcap")).write_bytes(whole[: len(whole) * 2 // 3])
+    cut = cut_off(recorded, lambda life: life.whole and not life.ended)
     code, out, err = replayed("buyer", path=cut)
     assert code == 1
     assert "agrees" not in out
     assert err.startswith("warning: ")
     assert "cut off" in out or "missing" in out
+    told = replayed("buyer", "--until", "1000", path=cut)
+    assert (told[0], told[1].split(", in ")[0]) == (1, out.split(", in ")[0])
+
+
+def test_what_was_asked_for_in_part_agrees_in_part(recorded: Recorded, replayed: Replay) -> None:
+    last = max(batch.number for batch in open_recording(recorded.path).lives("buyer")[0].batches)
+    path = recorded.changed("gap.mcap", lambda batch: None if batch.number == last - 1 else batch)
+    code, out, _ = replayed("buyer", "--until", "0.1", path=path)
+    assert code == 0
+    assert out.startswith("buyer: agrees up to second 0.1, as asked: ")
+
+
+def test_nothing_is_told_of_an_edited_program_where_the_recorded_one_does_not_live_as_it_was_recorded(
+    recorded: Recorded, replayed: Replay
+) -> None:
+    def another(batch: MindInputs) -> MindInputs:
+        return msgspec.structs.replace(batch, digest="0" * 24) if batch.number == 1 else batch
+
+    path = recorded.changed("tampered.mcap", another)
+    code, out, _ = replayed("buyer", "--program", "buyer.asl", path=path)
+    assert code == 1
+    assert "agrees" not in out
+    assert out.startswith("buyer: differs: ")
+    assert out.endswith("  this is the recorded program itself: buyer.asl cannot be compared with it\n")
+
+
+def test_one_of_several_fleets_has_to_be_named(recorded: Recorded, replayed: Replay) -> None:
+    path = recorded.changed("fleets.mcap", lambda batch: batch, twice="other")
+    code, out, err = replayed("buyer", path=path)
+    assert (code, out) == (2, "")
+    assert err == f"error: {path}: buyer is in several fleets: say --fleet lamp or other\n"
+    for fleet in ("lamp", "other"):
+        code, out, _ = replayed("buyer", "--fleet", fleet, path=path)
+        assert code == 0
+        assert AGREES.fullmatch(out)
+    code, _, err = replayed("buyer", "--fleet", "third", path=path)
+    assert code == 2
+    assert "there are no inputs of buyer of fleet third in it" in err
+
+
+@pytest.mark.parametrize(
+    "option", ["--info", "--json", "--loop", "--force", "--speed 2", "--from 1", "--to 2", "--only uav/**"]
+)
+def test_options_that_have_no_meaning_for_a_mind_are_refused(option: str, replayed: Replay) -> None:
+    code, out, err = replayed("buyer", *option.split())
+    assert (code, out) == (2, "")
+    assert err == f"error: {option.split()[0]}: has no meaning with --mind: nothing is said on a bus\n"
+
+
+@pytest.mark.parametrize("option", ["--program buyer.asl", "--life 1", "--until 2", "--why offer", "--show 1"])
+def test_options_that_have_a_meaning_for_a_mind_only_are_refused_without(
+    option: str, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["replay", str(recorded.path), *option.split()]) == 2
+    assert capsys.readouterr().err == f"error: {option.split()[0]}: has a meaning with --mind AGENT only\n"
 
 
 @pytest.mark.parametrize(
@@ -297,7 +407,7 @@ count(0).
 """
 
 
-def test_each_life_of_a_mind_that_was_killed_and_came_back_agrees(
+def test_a_mind_that_was_killed_and_came_back_is_proved_but_for_the_end_of_its_first_life(
     tmp_path: Path, free_port: Callable[[], int], capfd: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "count.yaml").write_text(COUNT, encoding="utf-8")
@@ -321,10 +431,11 @@ def test_each_life_of_a_mind_that_was_killed_and_came_back_agrees(
                 running.terminate()
                 running.wait(30)
     capfd.readouterr()
-    assert main(["replay", str(tmp_path / "count.mcap"), "--mind", "counter"]) == 0
+    assert main(["replay", str(tmp_path / "count.mcap"), "--mind", "counter"]) == 1
     lines = capfd.readouterr().out.splitlines(keepends=True)
-    assert AGREES.fullmatch(lines[0])
-    assert lines[1].startswith("  note: it was started again")
+    assert lines[0].startswith("counter: the same for ")
+    assert lines[0].endswith("but not all of it is proved:\n")
+    assert lines[1].startswith("  its end is not in the recording: it was killed, ")
     assert AGREES.fullmatch(lines[2].replace(", life 2", ""))
     assert main(["replay", str(tmp_path / "count.mcap"), "--mind", "counter", "--life", "2", "--why", "restarted"]) == 0
     assert "+restarted(1)" in capfd.readouterr().out
