@@ -14,17 +14,18 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import lz4.frame
+import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Footer, Message, Metadata, Schema
-from mcap.stream_reader import get_chunk_data_stream
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")
 CUT = "it was cut off, or is still being written"
-LARGEST = 1 << 30
-"""Bytes of the largest record that is read: a longer one is damage."""
+LARGEST = 1 << 26
+"""Bytes of the largest record that is read, packed or not: a longer one is damage. A recorder's are much smaller."""
 _READ: dict[int, Any] = {
     Opcode.SCHEMA: Schema.read,
     Opcode.CHANNEL: Channel.read,
@@ -102,6 +103,8 @@ _DAMAGE = (McapError, struct.error, ValueError, KeyError, EOFError, RuntimeError
 def _decoded(opcode: int, length: int, file: BinaryIO) -> Iterator[Schema | Channel | Message | Metadata]:
     if length > LARGEST:
         raise ValueError(f"a record of {length} bytes")
+    if not opcode:  # there is no such record: zeros are what a loss of power leaves
+        raise ValueError("there are zeros in it")
     if opcode == Opcode.MESSAGE:
         yield Message.read(ReadDataStream(BytesIO(file.read(length))), length)
         return
@@ -115,17 +118,15 @@ def _decoded(opcode: int, length: int, file: BinaryIO) -> Iterator[Schema | Chan
 
 
 def _of_chunk(chunk: Chunk) -> Iterator[Schema | Channel | Message]:
-    try:
-        stream, size = get_chunk_data_stream(chunk)
-    except Exception as error:  # each compression has errors of its own
-        raise ValueError(f"a chunk cannot be unpacked: {error}") from None
-    data = stream.read(size)
+    data = _unpacked(chunk)
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
         raise ValueError("a chunk has another checksum")
-    at = 0
+    at, size = 0, len(data)
     while at < size:
         opcode, length = _HEAD.unpack_from(data, at)
         at += _HEAD.size
+        if not opcode or at + length > size:
+            raise ValueError("a chunk holds what is no record")
         part = data[at : at + length]
         at += length
         if opcode == Opcode.MESSAGE:
@@ -139,6 +140,30 @@ def _of_chunk(chunk: Chunk) -> Iterator[Schema | Channel | Message]:
             )
         elif opcode in (Opcode.CHANNEL, Opcode.SCHEMA):
             yield _READ[opcode](ReadDataStream(BytesIO(part)))
+
+
+def _unpacked(chunk: Chunk) -> bytes:
+    """Return what a chunk holds: as much as it says, which is to be no more than is ever written. Raises ValueError."""
+    size: int = chunk.uncompressed_size
+    data: bytes
+    if size > LARGEST:
+        raise ValueError(f"a chunk of {size} bytes")
+    try:
+        match chunk.compression:
+            case "":
+                data = chunk.data
+            case "lz4":
+                data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+            case "zstd":
+                stream = zstandard.ZstdDecompressor(max_window_size=LARGEST).stream_reader(chunk.data)
+                data = stream.read(size + 1)
+            case other:
+                raise ValueError(f"no compression is called {other}")
+    except Exception as error:  # each compression has errors of its own
+        raise ValueError(f"a chunk cannot be unpacked: {error}") from None
+    if len(data) != size:
+        raise ValueError("a chunk is of another size than it says")
+    return data
 
 
 _MESSAGE = struct.Struct("<HIQQ")

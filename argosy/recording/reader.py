@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,71 +13,17 @@ from mcap.records import Channel, Message, Metadata, Schema
 
 from argosy.recording.facts import BEGIN, END, End, Facts, end_of, facts_of
 from argosy.recording.lives import PART, Life, lives_of
-from argosy.recording.mcap_records import BadRecording, McapFile
+from argosy.recording.mcap_records import BadRecording, Damage, McapFile
 from argosy.recording.plain_keys import fleet_of, is_plain
-from argosy.recording.records import PREFIX, RECORDS
+from argosy.recording.recorded import Recorded, Track
+from argosy.recording.records import PREFIX
 from schemas import keys
-from schemas.codec import BadRecord, codec
 from schemas.minds import MindInputs
 from schemas.records import Record
 
 __all__ = ["BadRecording", "Recorded", "Recording", "Topic", "open_recording"]
 R = TypeVar("R", bound=Record)
 SECOND = 1_000_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class Track:
-    """A channel of a file: a key, and what is said there."""
-
-    key: str
-    name: str
-    """Of the record, such as `Perception`; empty = JSON of others."""
-    encoding: str
-    """As it was on the bus; the recording itself holds JSON."""
-    origin: str
-    """`put`, `query` (an answer, so it was there before), `token` or `recorder`."""
-
-
-@dataclass(frozen=True, slots=True)
-class Recorded:
-    """A message of a recording."""
-
-    track: Track
-    at: int
-    """Unix nanoseconds at which the recorder took it."""
-    stamp: int
-    """Unix nanoseconds that its header has; that of `at` if it has none."""
-    seconds: float
-    """Since the beginning of the recording."""
-    data: bytes
-    """JSON."""
-
-    @property
-    def key(self) -> str:
-        """The key on which it was said."""
-        return self.track.key
-
-    @property
-    def name(self) -> str:
-        """Name of its record; empty = none of ours."""
-        return self.track.name
-
-    @property
-    def origin(self) -> str:
-        """`put`, `query`, `token` or `recorder`."""
-        return self.track.origin
-
-    @property
-    def record(self) -> Record | None:
-        """The record, decoded anew each time; None for what is none of ours, or does not decode."""
-        kind = RECORDS.get(self.name)
-        if kind is None:
-            return None
-        try:
-            return codec(kind).decode(self.data)
-        except BadRecord:
-            return None
 
 
 @dataclass(frozen=True)
@@ -98,11 +45,15 @@ class Recording:
         self.topics: list[Topic] = []
         self.end: End | None = None
         """How it ended; None: it was cut off."""
-        self.missing = ""
-        """What is missing of a file that was cut off, in one line; empty = nothing."""
+        self._lacks: list[str] = []
         self.begin = self.last = 0
         """Unix nanoseconds of the first and the last message."""
         self.facts = self._look_through()
+
+    @property
+    def missing(self) -> str:
+        """What is missing of its files, in one line; empty = nothing."""
+        return "; ".join(self._lacks)
 
     @property
     def fleets(self) -> list[str]:
@@ -140,38 +91,61 @@ class Recording:
             if isinstance(found, record):
                 yield message, found
 
-    def lives(self, agent: str | None = None) -> list[Life]:
-        """Return the lives of the minds that were recorded, or of one agent's."""
-        key = f"{keys.ROOT}/*/{agent or '*'}/{PART}"
-        return lives_of((message.key, batch) for message, batch in self.typed(MindInputs, (key,)))
+    def lives(self, agent: str | None = None, unread: Counter[tuple[str, str]] | None = None) -> list[Life]:
+        """Return the lives of the minds that were recorded, or of one agent's.
+
+        `unread`: is told how many stretches of inputs do not decode, by fleet and agent.
+        """
+        return lives_of(self._inputs(agent, Counter() if unread is None else unread))
+
+    def unread_inputs(self, agent: str | None = None) -> Counter[tuple[str, str]]:
+        """Return how many stretches of minds' inputs do not decode, by fleet and agent."""
+        unread: Counter[tuple[str, str]] = Counter()
+        for _ in self._inputs(agent, unread):
+            pass
+        return unread
+
+    def _inputs(self, agent: str | None, unread: Counter[tuple[str, str]]) -> Iterator[tuple[str, MindInputs]]:
+        only = f"{keys.ROOT}/*/{agent or '*'}/{PART}"
+        for message in self.messages(only=(only,), records=(MindInputs,)):
+            if isinstance(batch := message.record, MindInputs):
+                yield message.key, batch
+            elif (parsed := keys.parse(message.key)) is not None:
+                unread[parsed[0], parsed[1]] += 1
 
     def _look_through(self) -> Facts:
         """Read all of it once: what there is, and whether it is whole."""
         counts: dict[tuple[str, str], int] = {}
-        facts: Facts | None = None
-        path: Path | None = self.path
-        while path is not None:
-            file, self.end = McapFile(path), None
-            mine = self._look_into(file, counts)
-            if facts is not None and (mine is None or mine.recording != facts.recording):
-                break  # a file of another recording that has this name
-            if facts is None and mine is None:
-                raise BadRecording(f"{path}: no recording of Argosy{_because(file)}")
-            facts = facts or mine
-            self.files.append(path)
+        file = McapFile(self.path)
+        facts = _facts_of(file)
+        if facts is None:
+            raise BadRecording(f"{self.path}: no recording of Argosy{_because(file)}")
+        if facts.part > 1:
+            self._lacks.append(
+                f"{self.path}: is part {facts.part} of a recording: what was said before is in other files"
+            )
+        while True:
+            self._look_into(file, facts, counts)
+            self.files.append(file.path)
             following = self.end.following if self.end is not None else ""
-            path = path.with_name(Path(following).name) if following else None
-            if path is not None and not path.exists():
-                self.missing = f"{path}: is missing, in which the recording goes on"
-                path = None
-        assert facts is not None
+            if not following:
+                break
+            path = file.path.with_name(Path(following).name)
+            if not path.exists():
+                self._lacks.append(f"{path}: is missing, in which the recording goes on")
+                break
+            if (next_one := _part(path, facts, facts.part + len(self.files))) is None:
+                self._lacks.append(f"{path}: is not the file in which the recording goes on, but has its name")
+                break
+            file = next_one
         self.topics = [Topic(key, name, count) for (key, name), count in sorted(counts.items())]
         self.begin = self.begin or facts.started
         self.last = max(self.last, self.begin)
         return facts
 
-    def _look_into(self, file: McapFile, counts: dict[tuple[str, str], int]) -> Facts | None:
-        facts: Facts | None = None
+    def _look_into(self, file: McapFile, facts: Facts, counts: dict[tuple[str, str], int]) -> None:
+        """Read a file of it once."""
+        self.end, there = None, 0
         channels: dict[int, tuple[str, str]] = {}
         names: dict[int, str] = {}
         for record in file.records():
@@ -180,34 +154,30 @@ class Recording:
                     if record.channel_id in channels:
                         topic = channels[record.channel_id]
                         counts[topic] = counts.get(topic, 0) + 1
+                        there += 1
                     self.begin = min(self.begin or record.log_time, record.log_time)
                     self.last = max(self.last, record.log_time)
                 case Schema():
                     names[record.id] = _record_name(record)
                 case Channel():
                     channels[record.id] = (record.topic, names.get(record.schema_id, ""))
-                case Metadata(name=name) if name == BEGIN:
-                    try:
-                        facts = facts_of(record.metadata)
-                    except ValueError as error:
-                        raise BadRecording(f"{file.path}: {error}") from None
                 case Metadata(name=name) if name == END:
                     try:
                         self.end = end_of(record.metadata)
                     except ValueError as error:
                         raise BadRecording(f"{file.path}: how it ended cannot be read: {error}") from None
-        if file.damage is not None and facts is not None:
-            self.missing = self._what_is_missing(file, facts)
-        return facts
+        if self.end is not None and there < self.end.messages:
+            lost = f"{self.end.messages - there} of its {self.end.messages} messages"
+            self._lacks.append(f"{file.path}: {lost} are not in it: it is damaged, or was changed")
+        elif file.damage is not None:
+            self._lacks.append(self._what_is_missing(file.path, file.damage, facts))
 
-    def _what_is_missing(self, file: McapFile, facts: Facts) -> str:
-        damage = file.damage
-        assert damage is not None
+    def _what_is_missing(self, path: Path, damage: Damage, facts: Facts) -> str:
         until = (self.last - facts.started) / SECOND if self.last else 0.0
         left = f"; {damage.left} bytes behind that are of no use" if damage.left else ""
         if self.end is not None:
-            return f"{file.path}: {damage.why}: all messages are there{left}"
-        return f"{file.path}: {damage.why}: what was said after its first {until:.1f} s is missing{left}"
+            return f"{path}: {damage.why}: all messages are there{left}"
+        return f"{path}: {damage.why}: what was said after its first {until:.1f} s is missing{left}"
 
     def _read(self, wanted: _Wanted) -> Iterator[tuple[Track, Message]]:
         for path in self.files:
@@ -222,6 +192,29 @@ class Recording:
                         names[record.id] = _record_name(record)
                     case Channel():
                         tracks[record.id] = wanted.track(record, names.get(record.schema_id, ""))
+
+
+def _facts_of(file: McapFile) -> Facts | None:
+    """Return what a file says of itself, before anything else; None if it is none of ours. Raises BadRecording."""
+    for record in file.records():
+        if isinstance(record, Message):
+            break
+        if isinstance(record, Metadata) and record.name == BEGIN:
+            try:
+                return facts_of(record.metadata)
+            except ValueError as error:
+                raise BadRecording(f"{file.path}: {error}") from None
+    return None
+
+
+def _part(path: Path, facts: Facts, number: int) -> McapFile | None:
+    """Return the file at `path` if it is that part of a recording."""
+    try:
+        file = McapFile(path)
+        mine = _facts_of(file)
+    except BadRecording:
+        return None
+    return file if mine is not None and (mine.recording, mine.part) == (facts.recording, number) else None
 
 
 class _Wanted:
