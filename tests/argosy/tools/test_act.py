@@ -46,7 +46,7 @@ def test_an_action_is_followed_in_words_to_its_success(flying: Trial) -> None:
     assert lines[-1] == "uav: arm_motors(true) succeeded"
     code, lines, said = act(flying, "uav", "takeoff(20)")
     assert (code, said) == (0, "")
-    assert re.fullmatch(r"uav: takeoff\(20\) accepted, \d+ s at most", lines[0])
+    assert re.fullmatch(r"uav: takeoff\(20\) accepted, \d+ s at most, id operator:\w+:1", lines[0])
     assert any(re.match(r"uav: takeoff\(20\) running, altitude [\d.]+, to_go [\d.]+", line) for line in lines), lines
     assert lines[-1] == "uav: takeoff(20) succeeded"
 
@@ -58,7 +58,20 @@ def test_ctrl_c_cancels_it_and_says_what_became_of_it(flying: Trial) -> None:
         goto.signal(signal.SIGINT)
         assert goto.ends() == 130
     assert "uav: goto(-27.6, -48.515, 20): ctrl-C, cancelling it" in goto.lines
-    assert goto.lines[-1].startswith("uav: goto(-27.6, -48.515, 20) cancelled: cancelled by uav")
+    assert goto.lines[-1].startswith("uav: goto(-27.6, -48.515, 20) cancelled: cancelled by ")
+
+
+@pytest.mark.parametrize(("number", "name"), [(signal.SIGTERM, "SIGTERM"), (signal.SIGHUP, "SIGHUP")])
+def test_what_ends_the_command_cancels_the_action(flying: Trial, number: int, name: str) -> None:
+    words = ("argosy", "act", "uav", "goto", "-27.600", "-48.515", "20", "--mission", str(flying.path))
+    with running(*words) as goto:
+        goto.says("goto(-27.6, -48.515, 20) running", 60)
+        goto.signal(number)
+        assert goto.ends() == 128 + number
+    assert f"uav: goto(-27.6, -48.515, 20): {name}, cancelling it" in goto.lines
+    assert goto.lines[-1].startswith("uav: goto(-27.6, -48.515, 20) cancelled: cancelled by ")
+    code, lines, _ = act(flying, "uav", "set_mode", "GUIDED")
+    assert code == 0, f"nothing runs any more: {lines}"
 
 
 def test_what_ends_otherwise_is_a_failure(flying: Trial) -> None:
@@ -66,7 +79,7 @@ def test_what_ends_otherwise_is_a_failure(flying: Trial) -> None:
     assert (code, lines) == (1, ["uav: takeoff(500) refused: takeoff: expected altitude: float 1..120 m, got 500"])
     code, lines, _ = act(flying, "uav", "goto", "-27.600", "-48.515", "20", "--deadline", "2s")
     assert code == 1
-    assert lines[0] == "uav: goto(-27.6, -48.515, 20) accepted, 2 s at most"
+    assert lines[0].startswith("uav: goto(-27.6, -48.515, 20) accepted, 2 s at most, id operator:")
     assert "timed out: not done within 2 s; it waited for " in lines[-1]
 
 
@@ -92,9 +105,25 @@ def test_what_is_not_there_is_said_with_what_is(flying: Trial) -> None:
 
 
 def test_a_reader_that_goes_does_not_end_the_action(flying: Trial) -> None:
-    command = f"{sys.executable} -m argosy act uav --router {flying.endpoint} | head -n 1"
-    done = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=60, cwd=ROOT)
+    command = f"{sys.executable} -m argosy act uav goto -27.6042 -48.5184 20 --router {flying.endpoint}"
+    piped = ["bash", "-c", f"set -o pipefail; {command} | head -n 1"]  # the exit code is that of the action
+    done = subprocess.run(piped, capture_output=True, text=True, timeout=120, cwd=ROOT)
     assert (done.returncode, done.stderr) == (0, "")
+    assert " accepted, " in done.stdout
+    assert done.stdout.count("\n") == 1
+    code, lines, _ = act(flying, "uav", "goto", "-27.6042", "-48.5184", "20")
+    assert code == 0
+    assert len(lines) <= 3, "it was there already"
+
+
+def test_what_nobody_can_read_is_no_success(flying: Trial) -> None:
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "argosy", "act", "uav", "--router", flying.endpoint]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, cwd=ROOT)
+    assert (done.returncode, done.stderr) == (
+        1,
+        "error: what it has to say cannot be written: No space left on device\n",
+    )
 
 
 def test_percepts_by_hand_reach_the_mind_and_leave_it(flying: Trial) -> None:
