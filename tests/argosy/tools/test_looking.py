@@ -315,6 +315,32 @@ def test_what_comes_faster_than_it_is_shown_is_counted(endpoint: str) -> None:
     on_a_bus(endpoint, body)
 
 
+def test_a_board_that_is_not_reached_is_told_while_others_speak() -> None:
+    with Secured(TEXT) as fleet:
+        world = World(fleet)
+        fleet.routers(["pi1", "pi2"])
+        options = ["--mission", str(fleet.path), "--keys", str(fleet.keys("eye"))]
+
+        async def body() -> None:
+            async with world.member("pi2", "b") as bus:
+                with (
+                    running("argosy", "echo", "b", "--count", "5", *options) as echo,
+                    running("argosy", "hz", "b", "--once", "--window", "5s", *options) as hz,
+                ):
+                    async with asyncio.timeout(40):
+                        while echo.process.poll() is None or hz.process.poll() is None:
+                            bus.put(keys.health(NAME, "b", "agentd"), Health(daemon="agentd"))
+                            await asyncio.sleep(0.1)
+                    assert (echo.ends(), hz.ends()) == (0, 0)
+            for tool in (echo, hz):
+                assert "note: board pi3 is not reached: " in tool.text
+            assert echo.text.count("agentd up 0 s") == 5, "what repeats itself is shown again"
+            (row,) = [line for line in hz.lines if line.startswith("b/health/agentd")]
+            assert int(row.split()[-2]) > 10
+
+        asyncio.run(body())
+
+
 def test_of_several_boards_each_record_is_heard_once(tmp_path: Path) -> None:
     with Secured(TEXT) as fleet:
         world = World(fleet)
