@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import sys
 import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 
+from argosy.journal import json_lines, printable
 from argosy.operator_bus import ANY, Where, add_router_argument, on_the_bus, unreached
 from argosy.picture import without_figures
 from argosy.roll import SILENT, Roll, Row
@@ -93,7 +93,7 @@ def well(rows: list[Row]) -> bool:
 def _view(fleet: str, mission: Mission | None, args: Namespace) -> Callable[[list[Row]], None]:
     """Return what prints the rows: a table on a terminal, lines in a pipe, JSON."""
     if args.json:
-        return lambda rows: print(json.dumps(to_json(fleet, rows, well(rows)), ensure_ascii=False, indent=2))
+        return lambda rows: print(json_lines(to_json(fleet, rows, well(rows))))
     if args.plain or not sys.stdout.isatty():
         return lambda rows: _print_lines(fleet, rows)
     from rich.console import Console
@@ -131,14 +131,14 @@ async def _tell_changes(roll: Roll, fleet: str, args: Namespace) -> int:
         rows = roll.rows()
         now = time.strftime("%H:%M:%S")
         if args.json:
-            print(json.dumps(to_json(fleet, rows, well(rows)), ensure_ascii=False), flush=True)
+            print(json_lines(to_json(fleet, rows, well(rows)), indent=None), flush=True)
         else:
             said: dict[tuple[str, str], object] = {(row.title, row.daemon): _what_matters(row) for row in rows}
             for row in rows:
                 if known.get((row.title, row.daemon)) != said[row.title, row.daemon]:
                     print(now, line(row), flush=True)
             for name, daemon in known.keys() - said.keys():
-                print(now, f"gone {daemon} {name}", flush=True)
+                print(now, printable(f"gone {daemon} {name}"), flush=True)
             known = said
         await asyncio.sleep(WATCH_EVERY)
 

@@ -66,6 +66,11 @@ def printable(text: str) -> str:
     return "".join(char if char.isprintable() else " " for char in text)
 
 
+def json_lines(value: object, indent: int | None = 2) -> str:
+    """Return a value as JSON for people and programs, of which no terminal takes anything for a command."""
+    return "\n".join(map(escaped, json.dumps(value, ensure_ascii=False, indent=indent).split("\n")))
+
+
 def escaped(text: str) -> str:
     """Return a text with `\\uXXXX` in place of what a terminal may take for a command; JSON stays the same JSON."""
     return text if text.isprintable() else "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in text)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from argparse import ArgumentParser, Namespace
 from contextlib import aclosing
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import msgspec
 
-from argosy.journal import printable
+from argosy.journal import json_lines, printable
 from argosy.operator_bus import Where, add_router_argument, on_the_bus
 from commd.bus import Bus
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
@@ -89,12 +88,12 @@ def _of_file(path: Path) -> Mailboxes:
 def _show(boxes: list[Mailboxes], silent: list[str], args: Namespace) -> int:
     if args.json:
         told = {"boards": [msgspec.to_builtins(one) for one in boxes], "silent": silent}
-        print(json.dumps(told, indent=2, ensure_ascii=False))
+        print(json_lines(told))
     else:
         for one in boxes:
             print("\n".join(_board(one, args.dead)))
     for text in silent:
-        print(f"error: {text}", file=sys.stderr)
+        print(printable(f"error: {text}"), file=sys.stderr)
     return EXIT_FAILED if silent else EXIT_DONE
 
 
@@ -113,7 +112,7 @@ def _board(boxes: Mailboxes, dead: bool) -> list[str]:
         lines += [f"  {_dead(letter)}" for letter in boxes.dead]
         if missing := boxes.dead_count - len(boxes.dead):
             lines.insert(len(lines) - len(boxes.dead), f"  {_count(missing, 'older dead letter')} not shown")
-    return lines
+    return [printable(line) for line in lines]
 
 
 def _row(queue: Queue) -> tuple[str, str, str, str, str]:

@@ -32,7 +32,7 @@ def line(row: Row) -> str:
         told["in_mission"] = "no"
     words = " ".join(f"{name}={value}" for name, value in told.items() if value != "")
     notes = "".join(f" note={_quoted(note)}" for note in row.notes)
-    return f"{row.standing} {row.daemon} {row.title} {words}{notes}".rstrip()
+    return printable(f"{row.standing} {row.daemon} {row.title} {words}{notes}".rstrip())
 
 
 def summary(fleet: str, rows: Sequence[Row]) -> str:
@@ -46,7 +46,7 @@ def summary(fleet: str, rows: Sequence[Row]) -> str:
         return there if fleet != ANY_FLEET else f"{there}; who else should be, a mission says: `argosy status MISSION`"
     standings = dict.fromkeys(row.standing for row in ill)
     kinds = (f"{one}: {', '.join(f'{r.daemon} {r.title}' for r in ill if r.standing == one)}" for one in standings)
-    return f"{there}; {'; '.join(kinds)}"
+    return printable(f"{there}; {'; '.join(kinds)}")
 
 
 def to_json(fleet: str, rows: Sequence[Row], well: bool) -> dict[str, Any]:

@@ -43,19 +43,17 @@ def table(fleet: str, rows: Sequence[Row], *, away: bool = False) -> RenderableT
 
 
 def _cells(row: Row, board: str) -> list[Text]:
-    dim = "" if row.well else "dim"
+    dim, title = "" if row.well else "dim", printable(row.title)
     mark = Text.assemble("● " if row.well else "✖ ", row.standing, style=STYLES[row.standing])
-    name = (
-        Text(row.title, style="bold") if row.in_mission else Text(f"{row.title} (not in the mission)", style="yellow")
-    )
-    cells = [Text(board, style="bold"), Text(row.daemon), name, mark]
+    name = Text(title, style="bold") if row.in_mission else Text(f"{title} (not in the mission)", style="yellow")
+    cells = [Text(printable(board), style="bold"), Text(printable(row.daemon)), name, mark]
     health = row.now
     if health is None:
         return cells
     late = health.lag >= LATE
     return [
         *cells,
-        Text(health.version or "?", style=dim),
+        Text(printable(health.version) or "?", style=dim),
         Text(span(health.uptime), style=dim),
         Text(span(health.lag) if late else f"{health.lag * 1000:.0f} ms", style="yellow" if late else dim),
         _count(health.drops, dim),

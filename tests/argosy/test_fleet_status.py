@@ -15,6 +15,7 @@ from rich.console import Console
 
 from argosy.__main__ import main
 from argosy.exposition import exposition
+from argosy.journal import json_lines
 from argosy.roll import MOST, SILENT, Roll
 from argosy.status_lines import line, summary, to_json
 from argosy.status_table import span, table
@@ -167,6 +168,17 @@ def test_a_line_tells_everything_in_keys_and_values_and_takes_no_line_breaks_fro
     )
     told = to_json("trial", [row], True)["daemons"][0]
     assert (told["restarts"], told["standing"], told["board"]) == (4, "up", "pi2")
+
+
+def test_no_name_on_the_bus_reaches_a_terminal_as_a_command() -> None:
+    trial = Trial(None)
+    trial.alive("x\x1b[31m", "agentd\x07")
+    trial.tells("x\x1b[31m", "agentd\x07", version="\x9b2J")
+    rows = trial.roll.rows()
+    assert all(line(row).isprintable() for row in rows)
+    assert summary("any", rows).isprintable()
+    assert all(text.isprintable() for text in shown(rows).splitlines())
+    assert all(text.isprintable() for text in json_lines(to_json("any", rows, False)).splitlines())
 
 
 def test_an_older_daemon_that_tells_neither_version_nor_restarts_is_shown_all_the_same(mission: Mission) -> None:

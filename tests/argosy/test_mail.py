@@ -170,9 +170,9 @@ def test_what_came_from_others_is_shown_without_what_a_terminal_would_obey() -> 
         header=Header(), id="1", sender="a", performative="tell", receiver="b", content="\x1b[2J" + "x" * 100
     )
     boxes = Mailboxes(
-        board="pi1",
+        board="pi1\x07",
         queues=(
-            Queue(box="outbox", sender="a", receiver="b", messages=1, bytes=90, oldest=5, state="pi2 is\naway"),
+            Queue(box="outbox", sender="a\x1b", receiver="b", messages=1, bytes=90, oldest=5, state="pi2 is\naway"),
             Queue(box="inbox", sender="longer", receiver="c", messages=12, bytes=1_234_567, oldest=3700),
         ),
         dead=(DeadLetter(message=letter, reason="expired\x07", stamp=0),),
@@ -180,8 +180,8 @@ def test_what_came_from_others_is_shown_without_what_a_terminal_would_obey() -> 
     )
     lines = _board(boxes, dead=True)
     assert lines[:4] == [
-        "pi1: 13 messages waiting, 3 dead letters",
-        "  outbox  a > b           1 message, 90 B      oldest 5.0 s  pi2 is away",
+        "pi1 : 13 messages waiting, 3 dead letters",
+        "  outbox  a  > b          1 message, 90 B      oldest 5.0 s  pi2 is away",
         "  inbox   longer > c  12 messages, 1.2 MB  oldest 1 h 1 min",
         "  2 older dead letters not shown",
     ]
