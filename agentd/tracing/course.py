@@ -225,7 +225,7 @@ class Course:
 
 def weight(item: Given) -> int:
     """Bytes that an input takes, roughly."""
-    if type(item) is Mail:
+    if isinstance(item, Mail):
         return INPUT_BYTES + PART_BYTES * _parts(item.content)
     match item:
         case TeamReply(value=term):
@@ -233,7 +233,9 @@ def weight(item: Given) -> int:
         case NamesRead(names=names):
             return INPUT_BYTES + PART_BYTES * len(names)
         case PerceptsChanged(percepts=percepts):
-            return INPUT_BYTES * (1 + len(percepts))
+            return INPUT_BYTES + sum(
+                INPUT_BYTES + (0 if literal is None else PART_BYTES * _parts(literal)) for literal in percepts.values()
+            )
         case TimeRead() | ActionDone() | MailRefused() | TooDeep() | CameBack():
             return INPUT_BYTES
     return INPUT_BYTES + PART_BYTES * _parts(item.literal)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import tracemalloc
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from agentd.mind.inputs import (
     TooDeep,
 )
 from agentd.replaying import CannotReplay, acts, compare, replay
+from agentd.tracing.course import MOST_BYTES
 from agentd.tracing.given_terms import UNWRITTEN, Unreadable, read, written
 from agentd.tracing.readings import CameBack, Interrupted, MailRefused, NamesRead
 from agentd.wire import perceived
@@ -416,3 +418,55 @@ def test_what_has_no_form_on_the_wire_is_told_when_it_is_read() -> None:
     assert record.kind == UNWRITTEN
     with pytest.raises(Unreadable, match="what went in at cycle 3 could not be recorded: nested deeper than 100"):
         read(record)
+
+
+# --- what is kept for who comes late ---
+
+
+def scan(number: int) -> Any:
+    return perceived(Perception(name="scan", parameters=[[number + place / 8 for place in range(360)]]))
+
+
+def photo(number: int) -> Any:
+    return perceived(Perception(name="photo", parameters=[f"{number:05}" * 4_000]))
+
+
+def of_an_environment(make: Callable[[int], Any], number: int) -> Any:
+    literal = make(number)
+    return PerceptsChanged({(literal.sig, literal.args): literal})
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        lambda number: PerceptReplaced(scan(number)),
+        lambda number: PerceptReplaced(photo(number)),
+        lambda number: of_an_environment(scan, number),
+        lambda number: of_an_environment(photo, number),
+        lambda number: Mail("ann", "signal", scan(number), f"mid{number}.ann"),
+        lambda number: Mail("ann", "signal", photo(number), f"mid{number}.ann"),
+        lambda number: TeamReply(number, photo(number)),
+    ],
+    ids=["scans", "texts", "scans of an environment", "texts of an environment", "mail", "mail of texts", "answers"],
+)
+def test_large_inputs_are_weighed_as_they_are(given: Callable[[int], Any]) -> None:
+    """What is kept is bounded in the memory that it really takes, not by a number of inputs."""
+    traced = Traced.of("x.", listened=False)
+    course = traced.course
+    tracemalloc.start()
+    try:
+        before, most = tracemalloc.get_traced_memory()[0], 0
+        for number in range(1_000):
+            course.given(number + 1, given(number))
+            course.ran(number + 1, number * 0.05)
+            if number % 10 == 0:
+                most = max(most, tracemalloc.get_traced_memory()[0] - before)
+            if not course.on:
+                break
+        else:
+            raise AssertionError(f"all is kept, {most} bytes")
+        gone = tracemalloc.get_traced_memory()[0] - before
+    finally:
+        tracemalloc.stop()
+    assert most < 2 * MOST_BYTES
+    assert gone < MOST_BYTES / 4
