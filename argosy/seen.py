@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, field
+from itertools import islice
+from typing import Literal
 
-from argosy.journal import Level
+from argosy.journal import Level, printable
 from argosy.track import Track
 from schemas.records import ActionStatus, Perception, State
 from schemas.terms import Atom, Term, to_float
@@ -17,6 +21,13 @@ MOST_TOLD = 200
 """Names of percepts that are kept of such a robot."""
 KEPT_ACTIONS = 2_000
 """Actions that are remembered; older ones are only counted."""
+
+MAX_TEXT = 500
+"""Characters of an action, and of the reason for its end, that are kept."""
+MAX_FIGURES = 20
+"""Figures of an action's progress that are kept."""
+NOT_HEARD = 3.0
+"""Seconds without a status after which a running action counts as not heard; bridges tell of it each second."""
 
 Tell = Callable[[str, str, Level], None]
 """Takes who, what and what kind of thing it is: a change that is worth a line."""
@@ -33,10 +44,18 @@ class ActionSeen:
     name: str
     parameters: tuple[Term, ...]
     began: float
-    state: State
+    state: State | Literal["unknown"]
+    """`unknown`: nobody told how it ended, and nobody is there who could."""
     reason: str = ""
     feedback: dict[str, float] = field(default_factory=dict)
     ended: float | None = None
+    heard: float = 0.0
+    """When its bridge last told of it."""
+
+    def silent(self, now: float) -> float | None:
+        """Return for how many seconds nobody has told of it; None if it has ended, or was told of just now."""
+        age = now - self.heard
+        return age if self.ended is None and age > NOT_HEARD else None
 
     def age(self, now: float) -> float:
         """Return how long it took, or has taken until now."""
@@ -49,33 +68,64 @@ class ActionsSeen:
     def __init__(self) -> None:
         self.by_id: dict[str, ActionSeen] = {}
         self.forgotten = 0
+        self._open: dict[str, dict[str, ActionSeen]] = {}
+        """Those without a final state, by agent and id."""
 
-    def open(self) -> list[ActionSeen]:
-        """Return the actions that have no final state yet, the oldest first."""
-        return [action for action in self.by_id.values() if action.ended is None]
+    def open(self, agent: str | None = None) -> list[ActionSeen]:
+        """Return the actions that have no final state yet, of one agent or of all, the oldest first."""
+        those = self._open.values() if agent is None else (self._open.get(agent, {}),)
+        found = [one for each in those for one in each.values() if one.ended is None]
+        return found if agent is not None else sorted(found, key=lambda one: one.began)
+
+    def held(self) -> ActionsSeen:
+        """Return a copy that nothing changes any more."""
+        held = ActionsSeen()
+        held.by_id = {id: copy(action) for id, action in self.by_id.items()}
+        held._open = {agent: {id: held.by_id[id] for id in those} for agent, those in self._open.items()}
+        held.forgotten = self.forgotten
+        return held
 
     def status(self, agent: str, status: ActionStatus, now: float, tell: Tell) -> ActionSeen | None:
         """Take what became of an action. Returns it, or None if it had ended already."""
-        seen = self.by_id.get(status.id)
+        id = _short(status.id)
+        seen = self.by_id.get(id)
         if seen is None:
-            text = written(status.name, status.parameters)
-            seen = ActionSeen(status.id, agent, text, status.name, status.parameters, now, status.state)
-            if len(self.by_id) >= KEPT_ACTIONS:
-                self.by_id.pop(next(iter(self.by_id)))
-                self.forgotten += 1
-            self.by_id[status.id] = seen
+            text = _short(written(status.name, status.parameters))
+            parameters = status.parameters if len(text) < MAX_TEXT else ()  # what is not kept as text is not kept
+            seen = ActionSeen(id, agent, text, _short(status.name), parameters, now, status.state)
+            self._keep(seen)
             if not status.final:
                 tell(agent, text, "action")
-        if seen.ended is not None:
+        if seen.ended is not None and seen.state != "unknown":
             return None
-        seen.state, seen.reason = status.state, status.reason
-        seen.feedback = dict(status.feedback) or seen.feedback
+        if seen.ended is not None:  # somebody does tell of it
+            seen.ended = None
+            self._open.setdefault(seen.agent, {})[seen.id] = seen
+        seen.state, seen.reason, seen.heard = status.state, _short(status.reason), now
+        figures = ((printable(name[:MAX_TEXT]), value) for name, value in status.feedback.items())
+        seen.feedback = dict(islice(figures, MAX_FIGURES)) or seen.feedback
         if status.final:
-            seen.ended = now
-            why = f": {status.reason}" if status.reason else ""
+            self.end(seen, status.state, seen.reason, now)
+            why = f": {seen.reason}" if seen.reason else ""
             level: Level = "good" if status.state == "succeeded" else "warning"
             tell(agent, f"{seen.text} {status.state} after {seen.age(now):.1f} s{why}", level)
         return seen
+
+    def end(self, action: ActionSeen, state: State | Literal["unknown"], reason: str, now: float) -> None:
+        """An action has ended, or nobody is there any more who could tell how it ends."""
+        action.state, action.reason, action.ended = state, _short(reason), now
+        those = self._open.get(action.agent, {})
+        those.pop(action.id, None)
+        if not those:
+            self._open.pop(action.agent, None)
+
+    def _keep(self, action: ActionSeen) -> None:
+        if len(self.by_id) >= KEPT_ACTIONS:
+            gone = self.by_id.pop(next(iter(self.by_id)))
+            self._open.get(gone.agent, {}).pop(gone.id, None)
+            self.forgotten += 1
+        self.by_id[action.id] = action
+        self._open.setdefault(action.agent, {})[action.id] = action
 
 
 @dataclass
@@ -136,7 +186,7 @@ class RobotSeen:
             case "state", (mode, connected, armed):
                 self._state(mode, _is_true(connected), _is_true(armed), now, tell)
             case "altitude", (value,):
-                self.altitude = to_float(value)
+                self.altitude = finite(value)
                 if self.altitude is not None:
                     self.track.climbed(now, self.altitude)
             case "global_pos", (latitude, longitude):
@@ -146,19 +196,19 @@ class RobotSeen:
             case "home_pos", (latitude, longitude):
                 self.home = self.track.home = _pair(latitude, longitude)
             case "battery", (_, _, remaining):
-                self.battery = to_float(remaining)
+                self.battery = finite(remaining)
             case "gps", (_, satellites):
-                number = to_float(satellites)
+                number = finite(satellites)
                 self.satellites = None if number is None else int(number)
             case "heading", (value,):
-                self.heading = to_float(value)
+                self.heading = finite(value)
             case "velocity", (north, east, up):
-                parts = to_float(north), to_float(east), to_float(up)
+                parts = finite(north), finite(east), finite(up)
                 self.velocity = None if None in parts else parts  # type: ignore[assignment]
             case "holder", (agent,):
-                self.holder = plain(agent)
+                self.holder = _short(plain(agent))
             case "override", (mode,):
-                self.override = plain(mode)
+                self.override = _short(plain(mode))
                 tell(self.name, f"somebody else took control: {self.override}", "warning")
             case _:
                 return
@@ -166,13 +216,13 @@ class RobotSeen:
             self.heard = now
 
     def _no_vehicle(self, percept: Perception, now: float) -> None:
-        text = written(percept.name, percept.parameters)
+        text = printable(written(percept.name, percept.parameters))
         if percept.name in self.told or len(self.told) < MOST_TOLD:
             self.told[percept.name] = text if len(text) <= MAX_TOLD else f"{text[: MAX_TOLD - 2]}…)"
         self.heard = now
 
     def _state(self, mode: Term, connected: bool, armed: bool, now: float, tell: Tell) -> None:
-        name = plain(mode)
+        name = _short(plain(mode))
         if not connected:  # it tells neither mode nor armed: what was known last is all that is known
             if self.connected:
                 self.connected = False
@@ -208,6 +258,24 @@ def _is_true(term: Term) -> bool:
     return term is True or term == Atom("true") or (isinstance(term, str) and term.lower() == "true")
 
 
+def finite(term: Term) -> float | None:
+    """Return the number that a term is; None if it is none, or not one that can be measured: infinite, or no number."""
+    try:
+        number = to_float(term)
+    except OverflowError:  # an integer of more than 300 digits
+        return None
+    return number if number is not None and math.isfinite(number) else None
+
+
 def _pair(first: Term, second: Term) -> tuple[float, float] | None:
-    one, two = to_float(first), to_float(second)
-    return None if one is None or two is None else (one, two)
+    """Return degrees of latitude and longitude; None if these numbers are none."""
+    one, two = finite(first), finite(second)
+    if one is None or two is None or not (-90 <= one <= 90 and -180 <= two <= 180):
+        return None
+    return one, two
+
+
+def _short(text: str) -> str:
+    """Return one line that no terminal takes for a command, and that is not longer than is kept."""
+    text = printable(text)
+    return text if len(text) <= MAX_TEXT else f"{text[: MAX_TEXT - 1]}…"

@@ -2,6 +2,7 @@
 
 from argosy.team.letters import Letter, Letters
 from argosy.team.members import Member, TeamAgent, TeamBoard, TeamRobot
+from argosy.team.mission_clock import MissionClock
 from argosy.team.model import TeamModel
 from argosy.team.places import Place, Places
 from argosy.team.still import still
@@ -13,6 +14,7 @@ __all__ = [
     "Letter",
     "Letters",
     "Member",
+    "MissionClock",
     "Place",
     "Places",
     "TeamAgent",

@@ -58,7 +58,7 @@ class Letters:
             case "sent" | "undelivered":
                 letter = self._letter(deed, agent, deed.other)
                 if deed.kind == "undelivered":
-                    letter.undelivered = deed.reason or "not delivered"
+                    letter.undelivered = shortened(deed.reason) or "not delivered"
                 elif letter.sent is None:
                     letter.sent = at
             case "received":
@@ -79,11 +79,11 @@ class Letters:
 
     def _letter(self, deed: Deed, sender: str, receiver: str) -> Letter:
         self.number += 1
-        key = (deed.id or f"#{self.number}", sender, receiver)
-        letter = self._letters.pop(key, None) or Letter(key[0], sender, receiver, deed.performative, "")
+        key = (shortened(deed.id) or f"#{self.number}", shortened(sender), shortened(receiver))
+        letter = self._letters.pop(key, None) or Letter(*key, shortened(deed.performative), "")
         letter.number = self.number
         letter.content = letter.content or shortened(deed.text)
-        letter.in_reply_to = letter.in_reply_to or deed.in_reply_to
+        letter.in_reply_to = letter.in_reply_to or shortened(deed.in_reply_to)
         self._letters[key] = letter
         if len(self._letters) > self._most:
             del self._letters[next(iter(self._letters))]

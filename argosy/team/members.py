@@ -29,6 +29,8 @@ class Member:
     """How its daemon stands; None = it was never there."""
     since: float | None = None
     """Unix seconds at which it came, or went if it is gone."""
+    told: float | None = None
+    """Unix seconds at which its daemon last told how it is."""
 
     @property
     def there(self) -> bool:
@@ -101,11 +103,10 @@ class TeamRobot(Member):
 
     def age(self, now: float) -> float | None:
         """Return how old what is known of it is, in seconds: its bridge tells changes, and that it is there itself."""
-        told = self.row.age if self.row is not None else None
         if not self.seen.heard:
             return None
-        own = max(0.0, now - self.seen.heard)
-        return own if self.seen.lost or told is None else min(own, told)
+        last = self.seen.heard if self.seen.lost or self.told is None else max(self.seen.heard, self.told)
+        return max(0.0, now - last)
 
     def stale(self, now: float) -> bool:
         """Whether what is known of it is old, or nothing is known."""

@@ -6,8 +6,8 @@ heard.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from copy import copy
 from functools import partial
 from typing import Literal
 
@@ -19,15 +19,17 @@ from argosy.roll import Roll, Row
 from argosy.seen import ActionSeen, ActionsSeen, written
 from argosy.team.letters import Letters
 from argosy.team.members import Member, TeamAgent, TeamRobot
+from argosy.team.mission_clock import MissionClock
+from argosy.team.naming import named
 from argosy.team.places import Places
 from argosy.team.roster import Roster
 from argosy.team.telling import Teller
-from argosy.team.timeline import Timeline
+from argosy.team.timeline import Timeline, shortened
+from argosy.team.unheard import Lives, why_unknown
 from commd.presence import ROUTER_GRACE
-from schemas import keys
 from schemas.minds import MindDeeds, MindView
 from schemas.mission import Mission
-from schemas.records import ActionStatus, BoardServices, Health, Mailboxes, Perception
+from schemas.records import FINAL_STATES, ActionStatus, BoardServices, Health, Mailboxes, Perception, State
 
 SILENCE = 5.0
 """Seconds without an answer from a mind, while the router is there, after which it counts as silent."""
@@ -55,6 +57,7 @@ class TeamModel:
         )
         """Clients are programs that act as agents, and what else holds a name on the bus."""
         self.timeline, self.letters, self.places, self._actions = Timeline(), Letters(), Places(), ActionsSeen()
+        self.clock = MissionClock(mission)
         self.router_up = True
         self.router_since: float | None = None
         """Unix seconds at which the router was lost or came back; None = it has been there all the time."""
@@ -62,6 +65,7 @@ class TeamModel:
         """Counts up with whatever is taken in."""
         self._roll = Roll(mission, now)
         self._tell = Teller(self.timeline, self.letters, now)
+        self._lives = Lives()
 
     @property
     def eyes(self) -> dict[str, str]:
@@ -80,13 +84,11 @@ class TeamModel:
 
     def open_actions(self, agent: str | None = None) -> list[ActionSeen]:
         """Return the actions that have no final state yet, of one agent or of all, the oldest first."""
-        return [action for action in self._actions.open() if agent is None or action.agent == agent]
+        return self._actions.open(agent)
 
     def hold_actions(self) -> None:
         """Let what becomes of the actions from now on change nothing here: this model is a copy of one that goes on."""
-        held = ActionsSeen()
-        held.by_id = {id: copy(action) for id, action in self._actions.by_id.items()}
-        self._actions = held
+        self._actions = self._actions.held()
 
     def mail_for(self, agent: str) -> int:
         """Return how many messages wait for an agent at the boards, besides those in its mind's mailbox."""
@@ -96,7 +98,7 @@ class TeamModel:
 
     def token(self, key: str, alive: bool) -> None:
         """A liveliness token came or went."""
-        parsed = keys.parse(key)
+        parsed = named(key)
         if parsed is None or len(parsed[2]) != 3:
             return
         if parsed[0] != self.fleet:
@@ -104,10 +106,12 @@ class TeamModel:
                 self.other_fleets.add(parsed[0])
             return
         self._roll.token(key, alive)
+        if alive:
+            self._lives.token(parsed[1], parsed[2][1], parsed[2][2], self.now())
 
     def health(self, key: str, health: Health) -> None:
         """A daemon told how it is."""
-        parsed = keys.parse(key)
+        parsed = named(key)
         if parsed is None or parsed[0] != self.fleet or len(parsed[2]) != 2:
             return
         self.version += 1
@@ -118,6 +122,7 @@ class TeamModel:
             if without_figures(note) not in known:
                 self._tell(name, note, "warning")
         self._roll.heard(key, health)
+        member.told = self.now()
         if isinstance(member, TeamRobot):
             if health.percepts:
                 self._roster.has(name, tuple(health.percepts))
@@ -149,7 +154,7 @@ class TeamModel:
         self.places.action(action, self._positions, self.now())
         agent = self.agents.get(name)
         if agent is not None and status.reason.startswith(OPERATOR) and agent.robot in self.robots:
-            self.robots[agent.robot].seen.operator = status.reason.removeprefix(OPERATOR)
+            self.robots[agent.robot].seen.operator = shortened(status.reason.removeprefix(OPERATOR))
 
     def mind(self, agent: str, view: MindView, *, detailed: bool = False) -> None:
         """An agent showed its mind; `detailed`: with its plans and all decisions that it keeps."""
@@ -158,6 +163,9 @@ class TeamModel:
         assert isinstance(member, TeamAgent)
         if member.silent is not None:
             self._tell(agent, f"its mind answers again, after {self.now() - member.silent:.0f} s", "good")
+        self.clock.look(agent, view.time, self.now())
+        if not math.isfinite(view.time):
+            view = replace(view, time=0.0)
         member.mind, member.heard, member.silent, member.why_silent = view, self.now(), None, ""
         if detailed:
             member.detail, member.detailed = view, self.now()
@@ -177,8 +185,14 @@ class TeamModel:
     def deeds(self, key: str, told: MindDeeds) -> None:
         """An agent told what it has done."""
         name = self._name(key)
-        if name is not None:
-            self._tell.deeds(name, told)
+        if name is None:
+            return
+        self._tell.deeds(name, told)
+        for deed in told.deeds:
+            action = self.actions.get(shortened(deed.id)) if deed.kind == "outcome" else None
+            if action is not None and action.agent == name and action.state not in FINAL_STATES:
+                state = next((one for one in FINAL_STATES if one == deed.state), None)
+                self._ends(action, state or "unknown", deed.reason)
 
     def mailboxes(self, key: str, told: Mailboxes | None, problem: str = "") -> None:
         """A board told what waits there, or why it did not."""
@@ -222,6 +236,15 @@ class TeamModel:
                 for member in members.values():
                     if (member.name, member.daemon) not in rows:
                         self._stands(member, None)
+            for action in self._actions.open():
+                why = why_unknown(action, self._roster, self._lives, self.now())
+                if why:
+                    self._ends(action, "unknown", f"not known how it ended: {why}")
+                    self._tell(action.agent, f"{action.text}: {action.reason}", "warning")
+
+    def _ends(self, action: ActionSeen, state: State | Literal["unknown"], reason: str) -> None:
+        self._actions.end(action, state, reason, self.now())
+        self.places.action(action, self._positions, self.now())
 
     def _stands(self, member: Member, row: Row | None) -> None:
         was, member.row = member.there, row
@@ -237,7 +260,7 @@ class TeamModel:
 
     def _name(self, key: str) -> str | None:
         """Return whom a key of this fleet is about."""
-        parsed = keys.parse(key.partition("?")[0])
+        parsed = named(key.partition("?")[0])
         if parsed is None or parsed[0] != self.fleet:
             return None
         self.version += 1
@@ -246,7 +269,7 @@ class TeamModel:
     def _ordered(self, robot: TeamRobot, notes: tuple[str, ...]) -> None:
         """Tell from its bridge's notes whether an operator's order stands above the agents."""
         blocked = next((note.removeprefix(BLOCKED) for note in notes if note.startswith(BLOCKED)), "")
-        robot.seen.operator = blocked.removeprefix(OPERATOR) if blocked.startswith(OPERATOR) else ""
+        robot.seen.operator = shortened(blocked.removeprefix(OPERATOR)) if blocked.startswith(OPERATOR) else ""
 
     def _positions(self) -> set[tuple[float, float]]:
         """Return where the fleet is."""

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
-from argosy.seen import ActionSeen, written
+from argosy.seen import ActionSeen, finite, written
+from argosy.team.timeline import shortened
 from argosy.track import distance
 from schemas.records import Perception
-from schemas.terms import Term, to_float
+from schemas.terms import Term
 
 MOST = 1_000
 """Places that are kept."""
@@ -61,7 +62,7 @@ class Places:
             return
         identity = percept.key or tuple(range(len(percept.parameters)))
         key = ",".join(str(percept.parameters[one]) for one in identity if one < len(percept.parameters))
-        id = f"{agent}/{percept.name}({key})"
+        id = shortened(f"{agent}/{percept.name}({key})")
         if percept.update == "remove":
             for one in [self.all[id]] if id in self.all else self._of(agent, percept) if not percept.key else []:
                 one.present = False
@@ -72,8 +73,8 @@ class Places:
         if percept.update == "replace" and not percept.key:
             for one in self._of(agent, percept):
                 one.present = False
-        text = written(percept.name, percept.parameters)
-        self._keep(Place(id, "percept", percept.name, text, agent, position, now))
+        text = shortened(written(percept.name, percept.parameters))
+        self._keep(Place(id, "percept", shortened(percept.name), text, agent, position, now))
 
     def action(self, action: ActionSeen, robots: Callable[[], Collection[Position]], now: float) -> None:
         """Take how an action stands."""
@@ -88,7 +89,11 @@ class Places:
             self._keep(target)
 
     def _of(self, agent: str, percept: Perception) -> list[Place]:
-        return [one for one in self.all.values() if (one.kind, one.agent, one.name) == ("percept", agent, percept.name)]
+        return [
+            one
+            for one in self.all.values()
+            if (one.kind, one.agent, one.name) == ("percept", agent, shortened(percept.name))
+        ]
 
     def _keep(self, place: Place) -> None:
         self.all.pop(place.id, None)
@@ -101,7 +106,7 @@ class Places:
 
 def place_in(parameters: tuple[Term, ...], robots: Callable[[], Collection[Position]]) -> Position | None:
     """Return the first two neighbours among the parameters that are a place near a robot."""
-    for first, second in pairwise(map(to_float, parameters)):
+    for first, second in pairwise(map(finite, parameters)):
         if first is None or second is None or not (-90 <= first <= 90 and -180 <= second <= 180):
             continue
         if any(distance((first, second), robot) <= NEAR for robot in robots()):

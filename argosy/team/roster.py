@@ -63,7 +63,7 @@ class Roster:
         if member.agents == agents:
             return
         member.agents = agents
-        self.eyes = {one.agents[0]: name for name, one in self.robots.items() if one.agents}
+        self._see()
         for agent in agents:
             if agent in self.agents:
                 self.agents[agent].robot = robot
@@ -76,6 +76,9 @@ class Roster:
             if len(self._boards_of) < MOST:
                 self._boards_of[agent] = board
 
+    def _see(self) -> None:
+        self.eyes = {one.agents[0]: name for name, one in self.robots.items() if one.agents}
+
     def _robot_of(self, agent: str) -> str:
         return next((name for name, robot in self.robots.items() if agent in robot.agents), "")
 
@@ -85,6 +88,7 @@ class Roster:
                 gone = [one for one in members.values() if not one.there]
                 del members[min(gone or members.values(), key=lambda one: one.since or 0.0).name]
                 self.forgotten += 1
+                self._see()  # a robot that is forgotten is seen through nobody
             members[name] = make()
             self._put_in_order(members)
         return members[name]

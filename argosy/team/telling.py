@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from argosy.journal import Level
 from argosy.team.letters import Letters
-from argosy.team.timeline import Timeline, What
+from argosy.team.timeline import Timeline, What, shortened
 from schemas.minds import Deed, MindDeeds
 from schemas.records import ActionStatus
 
@@ -69,6 +69,7 @@ class Teller:
     def _is_new(self, what: What, id: str) -> bool:
         if not id:
             return True
+        id = shortened(id)
         if (what, id) in self._told:
             return False
         self._told[what, id] = None

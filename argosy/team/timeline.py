@@ -69,7 +69,10 @@ class Timeline:
     ) -> Entry:
         """Note that something happened; `more` are further fields of the entry."""
         self.number += 1
-        entry = Entry(self.number, at, who, what, shortened(text), level, id, **more)
+        short: dict[str, Any] = {
+            name: shortened(value) if isinstance(value, str) else value for name, value in more.items()
+        }
+        entry = Entry(self.number, at, who, what, shortened(text), level, shortened(id), **short)
         self.entries.append(entry)
         return entry
 

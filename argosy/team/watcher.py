@@ -9,6 +9,7 @@ from contextlib import aclosing, suppress
 
 from argosy.operator_bus import ANY
 from argosy.team.model import TeamModel
+from argosy.team.naming import named
 from commd.bus import Bus, BusClosed, Reply
 from schemas import keys
 from schemas.minds import MindDeeds, MindView
@@ -26,11 +27,11 @@ AT_ONCE = 32
 
 
 def steady_clock() -> float:
-    """Return Unix seconds of a clock that never jumps."""
-    return _EPOCH + time.monotonic()
+    """Return Unix seconds of a clock that never jumps, and that goes on while the machine sleeps."""
+    return _EPOCH + time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
-_EPOCH = time.time() - time.monotonic()
+_EPOCH = time.time() - time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 class TeamWatcher:
@@ -77,7 +78,7 @@ class TeamWatcher:
         await asyncio.gather(*tasks, return_exceptions=True)
 
     def _token(self, key: str, alive: bool) -> None:
-        parsed = keys.parse(key)
+        parsed = named(key)
         if not self.model.fleet and parsed is not None and alive:
             self.model.fleet = parsed[0]
             self._listen()
