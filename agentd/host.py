@@ -287,6 +287,7 @@ class Host:
         await self._come_back()
         waiting = asyncio.create_task(stop.wait())
         waiting.add_done_callback(lambda _: self._wake.set())
+        in_order = False
         try:
             while not stop.is_set():
                 loop.beat()
@@ -309,11 +310,12 @@ class Host:
                 pauses = [] if due is None else [max(0.0, clock.to_wall(due - clock.now()))]
                 pauses += [pause for pause in (look_at, loop.period, self._control.left) if pause is not None]
                 await wait_at_most(self._wake, min(pauses, default=None))
+            in_order = True
         finally:
             _busy.discard(self)
             loop.end()
             waiting.cancel()
-            await self._leave()
+            await self._leave(in_order)
 
     def _go_on(self, effects: list[Effect]) -> None:
         """Carry out what a run of the mind wants done."""
@@ -351,7 +353,7 @@ class Host:
         self._mailing.forget()
         return None
 
-    async def _leave(self) -> None:
+    async def _leave(self, in_order: bool) -> None:
         """Keep what there is, let the mail leave, end; after `.stopMAS` nothing is to come back."""
         for note in self._mind.drops.untold():
             self._carry_out(note)
@@ -365,7 +367,7 @@ class Host:
         await self._tasks.end()
         if self._keeping is not None:
             await self._keeping.finish()
-        self._tracing.close()
+        self._tracing.close(in_order=in_order)
 
     async def _end_atomic_plan(self) -> None:
         """An atomic plan is kept whole: what is left of one that does not wait is done, within `ATOMIC_END`."""

@@ -230,7 +230,7 @@ class Tracing:
         if self.course.listened:
             self.course.flush()
 
-    def close(self, *, in_order: bool = True) -> None:
+    def close(self, *, in_order: bool) -> None:
         """Tell what is left, then no more; `in_order`: the life has ended, it was not broken off by a defect."""
         self.flush()
         if in_order and self.course.listened:

@@ -242,9 +242,9 @@ async def lives_on(agent: Hosted, number: int) -> None:
     agent.tell(Mail("ann", "achieve", term(f"slow({number})"), f"a{number}"))
     agent.tell(Mail("ann", "achieve", term(f"plan({number})"), f"p{number}"))
     await until(lambda: "planned" in agent.prints, "it has another plan")
+    saved = len(agent.disk.savings)
     agent.tell(Mail("ann", "tell", term(f"late({number})"), f"l{number}"))
     await until(lambda: f"late {number}" in agent.prints, "it has used the plan")
-    saved = len(agent.disk.savings)
     await until(lambda: len(agent.disk.savings) > saved, "it is kept")
 
 
@@ -259,6 +259,8 @@ def test_each_life_of_an_agent_that_is_kept_lives_again(endpoint: str, tmp_path:
             await lives_on(agent, number)
             await recorder.catch_up()
             await (agent.die() if number == 0 else agent.end())
+            if number > 0:
+                await until(lambda one=recorder: one.inputs[-1].final, "its end is told")
             lives.append(recorder)
         for number, recorder in enumerate(lives):
             born = recorder.inputs[0].birth
@@ -267,6 +269,8 @@ def test_each_life_of_an_agent_that_is_kept_lives_again(endpoint: str, tmp_path:
             assert born.kept
             back_again = [item for batch in recorder.inputs for item in batch.inputs if item.kind == "CameBack"]
             assert [item.fields["life"] for item in back_again] == ([number] if number else [])
+            ends = [batch.final for batch in recorder.inputs]
+            assert ends == [False] * (len(ends) - 1) + [number > 0]  # who was killed has no end
             result = replay(recorder.inputs)
             assert result.agrees, result.difference
             assert result.decisions > 5
