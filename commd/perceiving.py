@@ -45,6 +45,8 @@ class Perceiving:
         self._reported = ""
         self._doubt = asyncio.Event()
         self._waiting: list[tuple[int, asyncio.Future[None]]] = []
+        self._left = ""
+        """The life of the bridge before the one that it seems to have now, until it has answered."""
         self._repaired_at = 0.0
         """When the present set came last: what was on its way then is older, and known by it."""
         self._doubt.set()
@@ -108,13 +110,18 @@ class Perceiving:
             return False
         if not snapshot and len(self.percepts) and not tells_of_none(self._reported):
             return not self._bus.router_up  # nobody answered: the bridge is away, and its return raises doubt again
-        before = self.percepts.boot
+        life = self.percepts.boot
         changes = self.percepts.restore(snapshot, asked_at)
         if changes is None:
             return False  # a newer perception came while the answer was on its way
         self._repaired_at = asyncio.get_running_loop().time()
-        if before == self.percepts.boot and self.percepts.seq < asked_at:
+        why = ""
+        if life == self.percepts.boot and self.percepts.seq < asked_at:
             why = f"its bridge is at seq {self.percepts.seq}, we were at {asked_at}"
+        elif life != self.percepts.boot == self._left:
+            why = f"its bridge lives on as {self._left}, and {life} was said"
+        self._left = ""
+        if why:
             self._note("not_of_the_bridge", f"a percept in the name of {self._robot} was not of its bridge: {why}")
         self.counters["repairs"] += 1
         self._tell(changes, self._by_hand.percepts)
@@ -130,7 +137,10 @@ class Perceiving:
             return
         family = perception.name, len(perception.parameters)
         beside, before = self._by_hand.percepts.family(*family), self.percepts.family(*family)
+        life = self.percepts.boot
         if self.percepts.apply(perception):
+            if life != self.percepts.boot:
+                self._left = life
             if beside:  # the mind knows them as one set: what concerns the bridge's alone is told belief by belief
                 self._tell(differences(before, self.percepts.family(*family)), self._by_hand.percepts)
             else:

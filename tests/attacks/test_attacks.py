@@ -88,7 +88,10 @@ def test_a_daemon_that_its_router_denies_ends_at_once_and_says_what_and_by_whom(
     agentd = world.fleet.run("agentd", "serve", str(world.fleet.path), "b", *where)
     bridged = world.fleet.run("bridged", "serve", str(world.fleet.path), "r2", *where)
     assert (agentd.ends(), bridged.ends()) == (1, 1)
-    assert "error: agentd: the router `commd/pi1` denies agentd of `b`: to serve argosy/three/b/inbox" in agentd.text
+    assert (
+        "error: agentd: the router `commd/pi1` denies agentd of `b`: to serve argosy/three/b/control, "
+        "to serve argosy/three/b/inbox, and " in agentd.text
+    )
     assert (
         "error: bridged: the router `commd/pi1` denies bridged of `r2`: to serve argosy/three/b/action/*"
         in bridged.text

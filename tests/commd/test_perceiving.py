@@ -15,7 +15,7 @@ from commd.bus import Bus, Query, open_bus
 from commd.perceiving import Perceiving
 from schemas import keys
 from schemas.percepts import PerceptSet
-from schemas.records import Health, Perception
+from schemas.records import Header, Health, Perception
 from tests.support.buses import FLEET, Connect, on_a_bus, until
 from tests.support.promises import least
 
@@ -165,6 +165,27 @@ def test_after_a_forged_percept_a_bridge_that_tells_nothing_is_believed(endpoint
         await until(lambda: heard[-1] == ("came", "link", ("up",)), "the bridge is heard")
 
     on_a_bus(endpoint, body)
+
+
+def test_a_percept_of_a_life_that_the_bridge_never_had_is_taken_back(
+    endpoint: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def body(connect: Connect) -> None:
+        bridge = FakeBridge(await connect("uav1", "bridged"))
+        perceiving, heard = perceive(await connect("uav"))
+        person = await connect("operator")
+        bridge.tell("altitude", 1)
+        await until(lambda: heard == [("came", "altitude", (1,))], "the first percept arrives")
+        await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
+        odd = Perception(header=Header(source="uav1", boot="zz", seq=5), name="victim", parameters=(1,))
+        person.put(keys.percept(FLEET, "uav", "victim"), odd)
+        await until(lambda: ("gone", "victim", (1,)) in heard, "the bridge is asked, and knows of none")
+        assert perceiving.counters["not_of_the_bridge"] == 1
+        bridge.tell("altitude", 2)
+        await until(lambda: ("came", "altitude", (2,)) in heard, "the bridge is heard")
+
+    on_a_bus(endpoint, body)
+    assert "was not of its bridge: its bridge lives on as " in caplog.text
 
 
 def test_an_old_percept_in_the_bridges_name_is_counted_and_told(
