@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from datetime import UTC, datetime
 from typing import Any
 
 from argosy.journal import printable
 from argosy.recording import sizes
-from argosy.recording.lives import Life, in_words
+from argosy.recording.lives import PART, Life, in_words
 from argosy.recording.reader import SECOND, Recording
+
+Unread = Counter[tuple[str, str]]
+"""Stretches of inputs that do not decode, by fleet and agent."""
 
 
 def contents(recording: Recording, *, as_json: bool = False) -> str:
     """Return what a recording holds."""
-    lives = recording.lives()
+    unread: Unread = Counter()
+    lives = recording.lives(unread=unread)
     if as_json:
-        return json.dumps(_data(recording, lives), indent=2, ensure_ascii=False) + "\n"
-    return "\n".join(map(printable, [*_head(recording), "", *_minds(lives), "", *_topics(recording)])) + "\n"
+        return json.dumps(_data(recording, lives, unread), indent=2, ensure_ascii=False) + "\n"
+    return (
+        "\n".join(map(printable, [*_head(recording), "", *_minds(recording, lives, unread), "", *_topics(recording)]))
+        + "\n"
+    )
 
 
 def _head(recording: Recording) -> list[str]:
@@ -43,11 +51,17 @@ def _head(recording: Recording) -> list[str]:
     return lines
 
 
-def _minds(lives: list[Life]) -> list[str]:
-    if not lives:
-        return ["no minds: `trace/inputs` was not recorded"]
-    width = max(len(life.agent) for life in lives)
-    return ["minds", *(f"  {life.agent:{width}}  {life.boot:8}  {_life(life)}" for life in lives)]
+def _minds(recording: Recording, lives: list[Life], unread: Unread) -> list[str]:
+    width = max((len(agent) for agent in [*(life.agent for life in lives), *(agent for _, agent in unread)]), default=0)
+    told = [f"  {life.agent:{width}}  {life.boot:8}  {_life(life)}" for life in lives]
+    for (_, agent), count in sorted(unread.items()):
+        batches = f"{count} batch{'' if count == 1 else 'es'}"
+        told.append(f"  {agent:{width}}  {batches} of its inputs cannot be read: another version of Argosy wrote them")
+    if told:
+        return ["minds", *told]
+    if any(topic.key.endswith(f"/{PART}") for topic in recording.topics):
+        return ["no minds: what stands under `trace/inputs` is none of Argosy's"]
+    return ["no minds: `trace/inputs` was not recorded"]
 
 
 def _life(life: Life) -> str:
@@ -76,7 +90,7 @@ def _topics(recording: Recording) -> list[str]:
     return [f"  {'':{width}}  {'':{names}}  {'number':>7}  {'Hz':>8}", *rows]
 
 
-def _data(recording: Recording, lives: list[Life]) -> dict[str, Any]:
+def _data(recording: Recording, lives: list[Life], unread: Unread) -> dict[str, Any]:
     facts, end = recording.facts, recording.end
     return {
         "files": [str(file) for file in recording.files],
@@ -100,6 +114,9 @@ def _data(recording: Recording, lives: list[Life]) -> dict[str, Any]:
                 "missing": life.missing,
             }
             for life in lives
+        ],
+        "unread_inputs": [
+            {"fleet": fleet, "agent": agent, "batches": count} for (fleet, agent), count in sorted(unread.items())
         ],
         "topics": [
             {"key": topic.key, "record": topic.record, "messages": topic.messages} for topic in recording.topics

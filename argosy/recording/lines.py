@@ -8,7 +8,8 @@ from typing import Self
 
 from argosy.recording import sizes
 from argosy.recording.of_a_run import ENDED
-from argosy.recording.recorder import NOTES, Recorder
+from argosy.recording.recorder import Recorder
+from argosy.recording.sieve import NOTES
 
 REFRESH = 1.0
 """Wall seconds between two looks at the recorder."""
@@ -52,4 +53,4 @@ def summary(recorder: Recorder) -> list[str]:
         lines.append(f"note: {recorder.unread} messages are neither JSON nor MessagePack and are kept as bytes")
     if recorder.wild:
         lines.append(f"warning: {recorder.wild} messages were put on many keys at once (`*`): they stand under {NOTES}")
-    return lines + [f"warning: {gap}" for gap in recorder.minds.gaps()]
+    return lines + [f"warning: {gap}" for gap in [*recorder.minds.gaps(), *recorder.minds.cut_short()]]

@@ -28,6 +28,10 @@ class _Heard:
     missing: set[int] = field(default_factory=set)
     uncounted: int = 0
     """Numbers that are missing beyond those that are kept account of."""
+    ended: bool = False
+    """Whether the last stretch of all was heard."""
+    gone: bool = False
+    """Whether its agent is there no longer."""
 
 
 class Minds:
@@ -36,13 +40,14 @@ class Minds:
     def __init__(self) -> None:
         self._lives: dict[Whose, _Heard] = {}
 
-    def heard(self, whose: Whose, number: int) -> bool:
+    def heard(self, whose: Whose, number: int, *, final: bool = False) -> bool:
         """Note a stretch. Returns whether it is new."""
         life = self._lives.get(whose)
         if life is None:
             if len(self._lives) >= MOST_LIVES:
                 return True
             life = self._lives[whose] = _Heard()
+        life.ended = life.ended or final
         if number < life.next:
             if number not in life.missing:
                 return False
@@ -55,6 +60,11 @@ class Minds:
             life.uncounted += max(0, len(stretch) - room)
         life.next = number + 1
         return True
+
+    def gone(self, whose: Whose) -> None:
+        """Note that an agent is there no longer."""
+        if (life := self._lives.get(whose)) is not None:
+            life.gone = True
 
     def knows(self, fleet: str, agent: str) -> bool:
         """Whether any stretch of an agent was heard."""
@@ -72,3 +82,11 @@ class Minds:
             which = f"{life.uncounted} more and {in_words(numbers)}" if life.uncounted else in_words(numbers)
             told.append(f"{whose.agent} (boot {whose.boot}): of its inputs {which} of {life.next} are missing")
         return told
+
+    def cut_short(self) -> list[str]:
+        """Return in words whose end is missing, of those that are there no longer."""
+        return [
+            f"{whose.agent} (boot {whose.boot}): the end of its life is missing: it was killed, or its last inputs lost"
+            for whose, life in list(self._lives.items())
+            if life.gone and not life.ended
+        ]

@@ -12,23 +12,17 @@ from typing import Final
 
 import msgspec
 
-from argosy.recording import sizes, transcode
+from argosy.recording import sizes
 from argosy.recording.facts import End, Facts
 from argosy.recording.intake import Heard, Intake
-from argosy.recording.lives import PART
-from argosy.recording.minds import Minds, Whose
-from argosy.recording.plain_keys import is_plain
-from argosy.recording.records import PREFIX, RecorderNote, Unread
+from argosy.recording.minds import Minds
+from argosy.recording.records import PREFIX, RecorderNote
+from argosy.recording.sieve import NOTES, Sieve
 from argosy.recording.writer import Compression, RecordingWriter
-from schemas import keys
 from schemas.durations import Duration
 
 PERIOD: Final = 1.0
 """Wall seconds between two chunks: what is lost at most when the recorder is killed."""
-NOTES: Final = "argosy/recorder"
-"""The topic of what the recorder says of itself."""
-MOST_STREAMS: Final = 60_000
-"""Keys of which is known what was heard last."""
 SECOND: Final = 1_000_000_000
 PER_CHANNEL: Final = 10
 """Bytes of a chunk's entry in the index at the end of a file, for each of its channels; and 100 for itself."""
@@ -68,9 +62,7 @@ class Recorder:
         self.files = [path]
         self.problem = ""
         """Why it could not go on, if it could not."""
-        self.wild = 0
-        """Messages that were put on many keys at once."""
-        self._limits, self._facts, self._several = limits, facts, several
+        self._limits, self._facts, self._sieve = limits, facts, Sieve(self.minds, several=several)
         self._compression: Compression = compression
         self._overwrite = overwrite
         if limits.split and not overwrite and (there := self._in_the_way()) is not None:
@@ -80,7 +72,6 @@ class Recorder:
         """Bytes and messages of the files before this one."""
         self._since_flush = self._chunks = 0
         self._began = intake.now()
-        self._newest: dict[str, tuple[str, int]] = {}
         self._told_dropped = 0
         self._why = self._ended_early = ""
         """Why it ended, and why it did before it was to."""
@@ -102,6 +93,11 @@ class Recorder:
     def dropped(self) -> int:
         """Messages that were heard and are not in the file."""
         return self.intake.dropped + self.intake.too_large + self._writer.no_channel
+
+    @property
+    def wild(self) -> int:
+        """Messages that were put on many keys at once."""
+        return self._sieve.wild
 
     @property
     def unread(self) -> int:
@@ -170,9 +166,7 @@ class Recorder:
     def _drain(self) -> bool:
         """Write what waits. Returns whether there is room for more."""
         for heard in self.intake.take():
-            if not is_plain(heard.key):
-                heard = self._wild(heard)
-            if self._wanted(heard) and self._writer.add(heard) is not None:
+            if (new := self._sieve.new(heard)) is not None and self._writer.add(new) is not None:
                 self._since_flush += len(heard.payload) + 64
             if self._size_of_file() >= self._limits.size and not self._full(
                 f"{sizes.in_words(self._limits.size)} are full"
@@ -230,35 +224,6 @@ class Recorder:
                 following=following,
             )
         )
-
-    def _wild(self, heard: Heard) -> Heard:
-        """Return what was put on many keys at once as something that the recorder tells: it is no topic."""
-        self.wild += 1
-        payload = transcode.unread(heard.payload, heard.encoding, deleted=heard.deleted, key=heard.key)
-        return Heard(heard.at, NOTES, payload, f"application/json;{PREFIX}{Unread.__name__}/1", "recorder")
-
-    def _wanted(self, heard: Heard) -> bool:
-        """Whether a message is new: what is asked for may have been heard already, and so what comes by two routers."""
-        if heard.deleted or heard.origin in ("token", "recorder"):
-            return True
-        inputs = heard.key.endswith(PART)
-        asked_for = "/percept/" in heard.key or heard.key.endswith("/manifest")
-        if heard.origin == "put" and not (inputs or asked_for or self._several):
-            return True
-        said = transcode.said_in(heard.payload, heard.encoding)
-        if said is None or not said.header.boot:
-            return True
-        header = said.header
-        if inputs and (parsed := keys.parse(heard.key)) is not None:
-            return self.minds.heard(Whose(parsed[0], parsed[1], header.boot), said.number)
-        boot, seq = self._newest.get(heard.key, ("", -1))
-        old = boot == header.boot and header.seq <= seq
-        if old and (self._several or heard.origin == "query"):
-            return False
-        if len(self._newest) >= MOST_STREAMS:
-            self._newest.clear()
-        self._newest[heard.key] = (header.boot, max(header.seq, seq) if boot == header.boot else header.seq)
-        return True
 
     def _tell_dropped(self) -> None:
         if self.dropped > self._told_dropped:

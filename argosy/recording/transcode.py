@@ -21,6 +21,8 @@ class Said(msgspec.Struct, frozen=True):
     header: Header = Header()
     number: int = 0
     """Of a stretch of a mind's inputs."""
+    final: bool = False
+    """Whether that is the last one of its life."""
 
 
 _SAID = msgspec.json.Decoder(Said)

@@ -45,7 +45,8 @@ def read(path: Path) -> tuple[list[float], str]:
 
 def chunks(data: bytes) -> list[tuple[int, int]]:
     """Return where the chunks of a file begin and end."""
-    found, at = [], 8
+    found: list[tuple[int, int]] = []
+    at = 8
     while True:
         opcode, length = HEAD.unpack_from(data, at)
         if opcode == Opcode.DATA_END:

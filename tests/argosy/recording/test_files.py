@@ -12,8 +12,9 @@ from argosy.recording import facts, sizes, writer
 from argosy.recording.facts import End
 from argosy.recording.intake import Heard, Intake
 from argosy.recording.reader import BadRecording, open_recording
-from argosy.recording.recorder import NOTES, Limits, Recorder
+from argosy.recording.recorder import Limits, Recorder
 from argosy.recording.records import RecorderNote, Unread
+from argosy.recording.sieve import NOTES
 from schemas import keys
 from schemas.minds import MindInputs
 from schemas.records import Perception

@@ -14,9 +14,12 @@ from collections.abc import Callable
 from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from argosy.recording.reader import open_recording
-from argosy.recording.recorder import NOTES, PERIOD
+from argosy.recording.recorder import PERIOD
 from argosy.recording.records import RecorderNote, TokenSeen, Unread
+from argosy.recording.sieve import NOTES
 from commd.bus import Bus, Query, open_bus
 from schemas import keys
 from schemas.codec import codec
@@ -196,6 +199,29 @@ def test_inputs_that_nobody_keeps_any_more_are_told_as_missing(endpoint: str, tm
         assert found.end is not None
         assert (found.end.gaps, found.end.why) == ((told,), "told to end (SIGTERM)")
         assert found.lives()[0].missing == [1, 2]
+
+    on_a_bus(endpoint, body)
+
+
+def test_an_agent_that_is_gone_without_its_last_inputs_is_told(endpoint: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+
+    async def body(connect: Connect) -> None:
+        buses = {name: await connect(name, "agentd") for name in ("killed", "left", "here")}
+        tokens = {name: await bus.claim(name) for name, bus in buses.items()}
+        async with recording(endpoint, path) as recorder:
+            for name, bus in buses.items():
+                await subscribed(bus, keys.trace(FLEET, name, "inputs"))
+                one = stretch(0, bus.boot, name)
+                bus.put(keys.trace(FLEET, name, "inputs"), replace(one, final=name == "left"))
+                await seen(path, keys.trace(FLEET, name, "inputs"), 1)
+            for name in ("killed", "left"):
+                buses[name].withdraw(tokens[name])
+                await seen(path, f"argosy/{FLEET}/{name}/alive/agentd", 2)
+            code, out, _ = await recorder.end()
+        told = "the end of its life is missing: it was killed, or its last inputs lost"
+        warnings = [line for line in out.splitlines() if line.startswith("warning")]
+        assert (code, warnings) == (0, [f"warning: killed (boot {buses['killed'].boot}): {told}"])
 
     on_a_bus(endpoint, body)
 

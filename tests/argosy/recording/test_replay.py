@@ -9,9 +9,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import pytest
 import zenoh
 from mcap.writer import Writer
 
+from argosy.__main__ import main
 from argosy.recording import transcode
 from argosy.recording.facts import BEGIN as BEGUN
 from argosy.recording.facts import End
@@ -302,6 +304,34 @@ def test_what_is_in_it_is_told(tmp_path: Path) -> None:
         assert (told["fleets"], told["seconds"], told["minds"][0]["missing"]) == ([FLEET], 2.0, [1])
 
     asyncio.run(body())
+
+
+def test_inputs_that_another_version_wrote_are_not_told_as_not_recorded(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    inputs = heard(keys.trace(FLEET, "uav", "inputs"), stretch(0))
+    other = inputs._replace(payload=b'{"number": 1, "steps": "of another version"}')
+    for name, messages, told in (
+        (
+            "a",
+            [other, other],
+            ["minds", "  uav  2 batches of its inputs cannot be read: another version of Argosy wrote them"],
+        ),
+        (
+            "b",
+            [other, inputs],
+            ["minds", "  uav  b1        from birth to 0.0 s of mission time, its end is missing, 0"],
+        ),
+        ("c", [inputs._replace(encoding="text/plain;x")], ["no minds: what stands under `trace/inputs` is none"]),
+        ("d", fast(1), ["no minds: `trace/inputs` was not recorded"]),
+    ):
+        path = recorded(tmp_path / f"{name}.mcap", messages)
+        assert main(["replay", str(path), "--info"]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        found = lines[lines.index("") + 1 :][: len(told)]
+        assert all(line.startswith(wanted) for line, wanted in zip(found, told, strict=True)), found
+    assert main(["replay", str(tmp_path / "b.mcap"), "--info", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["unread_inputs"] == [{"fleet": FLEET, "agent": "uav", "batches": 1}]
 
 
 def test_what_was_messagepack_is_the_same_record_again() -> None:
