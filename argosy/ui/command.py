@@ -147,4 +147,4 @@ def _tell(args: Namespace, doors: Doors) -> None:
         text = "other machines reach this page, without TLS: whoever reads the address on its way has all its buttons"
         print(f"warning: {text}", file=sys.stderr, flush=True)
     if args.browser:
-        webbrowser.open(doors.url)
+        webbrowser.open(doors.once())

@@ -8,6 +8,7 @@ this server (no name that an attacker points here: DNS rebinding), and, for what
 from __future__ import annotations
 
 import hmac
+import re
 import secrets
 import socket
 from collections.abc import Awaitable, Callable
@@ -30,6 +31,8 @@ HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
+HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[\w.-]+)(:[0-9]{1,5})?", re.ASCII)
+"""What a `Host` header may be: it is copied into the policy above."""
 STRANGER = "This page belongs to another run of `argosy ui`, or to none: open the address that it has printed.\n"
 ELSEWHERE = "refused: this request does not come from the page of `argosy ui`\n"
 MISNAMED = "refused: `argosy ui` does not answer to the name {host}\n"
@@ -44,6 +47,9 @@ class Doors:
     port: int
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24), repr=False)
 
+    tickets: list[str] = field(default_factory=list, repr=False)
+    """What opens once, if it was not used yet."""
+
     @property
     def cookie(self) -> str:
         """Name of the cookie; browsers share cookies among the ports of a host, so the port is part of it."""
@@ -52,16 +58,26 @@ class Doors:
     @property
     def url(self) -> str:
         """The address to open, with the token."""
+        return self._address(self.token)
+
+    def once(self) -> str:
+        """Return an address that opens once only: it stands in a command line, which all users may read."""
+        self.tickets[:] = [secrets.token_urlsafe(24)]
+        return self._address(self.tickets[0])
+
+    def _address(self, token: str) -> str:
         host = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(self.listen, self.listen)  # noqa: S104
-        return f"http://{_bracketed(host)}:{self.port}/?token={self.token}"
+        return f"http://{_bracketed(host)}:{self.port}/?token={token}"
 
     def names(self, host: str) -> bool:
         """Whether a `Host` header names this server: an address cannot be pointed elsewhere, and other names are few.
 
         The port may be another one: somebody may reach us through an ssh tunnel.
         """
-        name = host.rpartition(":")[0] if ":" in host and not host.endswith("]") else host
-        name = name.strip("[]").lower()
+        found = HOST.fullmatch(host)
+        if found is None:
+            return False
+        name = found["name"].strip("[]").lower()
         if name in ("localhost", self.listen.lower()):
             return True
         try:
@@ -73,7 +89,7 @@ class Doors:
 
     def knows(self, request: web.Request) -> bool:
         """Whether a request has this run's cookie."""
-        return hmac.compare_digest(request.cookies.get(self.cookie, "").encode(), self.token.encode())
+        return hmac.compare_digest(request.cookies.get(self.cookie, "").encode("utf-8", "replace"), self.token.encode())
 
     def is_ours(self, request: web.Request) -> bool:
         """Whether a request comes from our own page."""
@@ -83,11 +99,17 @@ class Doors:
     def enter(self, request: web.Request) -> web.StreamResponse | None:
         """Answer a request that shows the token: with the cookie, and the address without the token."""
         shown = request.query.get("token")
-        if shown is None or request.path != "/" or not hmac.compare_digest(shown.encode(), self.token.encode()):
+        if shown is None or request.path != "/" or not self._opens(shown.encode("utf-8", "replace")):
             return None
         answer = web.Response(status=303, headers={"Location": "/"})
         answer.set_cookie(self.cookie, self.token, httponly=True, samesite="Strict", path="/")
         return answer
+
+    def _opens(self, shown: bytes) -> bool:
+        if self.tickets and hmac.compare_digest(shown, self.tickets[0].encode()):
+            self.tickets.clear()
+            return True
+        return hmac.compare_digest(shown, self.token.encode())
 
     @web.middleware
     async def guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:

@@ -200,6 +200,10 @@ def test_own_tiles_are_served(tmp_path: Path) -> None:
         ("0.0.0.0", "evil.example:8080", False),
         ("ground.example", "ground.example:8080", True),
         ("ground.example", "GROUND.example", True),
+        ("127.0.0.1", "localhost:80; script-src *", False),
+        ("127.0.0.1", "localhost:", False),
+        ("127.0.0.1", "127.0.0.1:80 x", False),
+        ("127.0.0.1", "[::1]:80;", False),
     ],
 )
 def test_a_server_answers_to_addresses_and_to_its_own_names(listen: str, host: str, named: bool) -> None:
@@ -211,3 +215,34 @@ def test_each_run_has_another_token_and_does_not_show_it_in_errors() -> None:
     assert one.token != other.token
     assert len(one.token) >= 32
     assert one.token not in repr(one)
+
+
+def test_an_address_of_a_command_line_opens_once() -> None:
+    async def body() -> None:
+        async with served() as browser:
+            once = browser.doors.once()
+            assert browser.doors.token not in once
+            path = once.partition(f":{browser.doors.port}")[2]
+            assert (await browser.get("/?token=guessed"))[0] == 401
+            assert (await browser.get(path))[0] == 303
+            browser.session.cookie_jar.clear()
+            assert (await browser.get(path))[0] == 401, "somebody else has read it"
+            await browser.enter()
+
+    asyncio.run(body())
+
+
+def test_bytes_that_are_no_text_are_refused_and_are_no_defect(caplog: pytest.LogCaptureFixture) -> None:
+    async def body() -> None:
+        async with served() as browser:
+            port, name = browser.doors.port, browser.doors.cookie.encode()
+            for line, cookie in ((b"GET / ", b"\xff\xfe"), (b"GET /?token=%ff%fe ", b"x")):
+                reader, writer = await asyncio.open_connection("127.0.0.1", port)
+                head = b"HTTP/1.1\r\nHost: 127.0.0.1\r\nCookie: " + name + b"=" + cookie
+                writer.write(line + head + b"\r\nConnection: close\r\n\r\n")
+                answer = await asyncio.wait_for(reader.read(), 10)
+                writer.close()
+                assert b" 401 " in answer.split(b"\r\n")[0]
+
+    asyncio.run(body())
+    assert caplog.text == ""
