@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import Callable
 from contextlib import suppress
 
 import msgspec
 from aiohttp import WSMsgType, web
 
+from argosy.team import steady_clock
 from argosy.ui.shown import Seen, Shown
 
 PERIOD = 0.25
@@ -80,7 +80,7 @@ class Page:
         while not socket.closed:
             self._hurry.clear()
             self._refresh()
-            now = time.time()
+            now = steady_clock()
             message = self._shown.news(self._seen, self.looks_at, now)
             if len(message) > EMPTY or now - told >= BEAT:
                 try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from typing import Literal
@@ -20,8 +21,9 @@ from argosy.ui.mission_time import MissionTime
 from argosy.ui.orders import ControlWish, Orders, StopWish
 from argosy.ui.portraits import agent_view, board_view, robot_view
 from argosy.ui.shown import OF_MINDS, OF_PLANS, Shown
-from argosy.ui.views import HappenedView, HeadView, LetterView, OrderedView, SeenMind
+from argosy.ui.views import DefectView, HappenedView, HeadView, LetterView, OrderedView, SeenMind
 from commd.bus import Bus
+from commd.logs import one_line
 from schemas.mission import Ending, Mission
 from schemas.records import Header, Outcome
 from schemas.release import RELEASE
@@ -57,6 +59,7 @@ class Following:
         """Numbers of the last entry and of the last change of a letter that are shown."""
         self._letters: dict[tuple[str, str, str], LetterView] = {}
         self._said: dict[str, str] = {}
+        self._defect = ""
 
     @asynccontextmanager
     async def _follow(self, bus: Bus, fleet: str) -> AsyncIterator[None]:
@@ -81,6 +84,18 @@ class Following:
         if now - self._made < FRESH:
             return
         self._made = now
+        try:
+            self._bring(now)
+        except Exception as error:  # said on the page, and its other parts and its orders go on
+            what = f"a defect of argosy ui: {type(error).__name__}: {one_line(str(error))}"
+            if what != self._defect:
+                print(f"argosy ui: {what}", file=sys.stderr, flush=True)
+            self._defect = what
+            self.shown.add({"defect": DefectView(text=what), "head": self._head()} | self._ordered())
+        else:
+            self._defect = ""
+
+    def _bring(self, now: float) -> None:
         self._look()
         self._time.look(self.model)
         if now - self._marked >= MARKED:
@@ -94,6 +109,11 @@ class Following:
             del self._said[gone]
         self._take_letters()
         self.shown.show(self._parts(), [_happened(entry) for entry in entries])
+
+    def left(self, page: Page) -> None:
+        """Forget a page, and look away from what it alone looked at."""
+        self.pages.discard(page)
+        self._look()
 
     def _look(self) -> None:
         """Let the watcher look at the minds that pages look at."""
@@ -116,14 +136,16 @@ class Following:
             parts[f"board/{name}"] = board_view(board)
         for letter in self._letters.values():
             parts[f"letter/{letter.number}"] = letter
-        for order in self.orders.last:
-            parts[f"order/{order.number}"] = order
+        parts |= self._ordered()
         for name in self._looked & model.agents.keys():
             detail = model.agents[name].detail
             shown = None if detail is None else replace(detail, header=Header(), plans=())
             parts[OF_MINDS + name] = SeenMind(heard=model.agents[name].detailed, mind=shown)
             parts[OF_PLANS + name] = () if detail is None else detail.plans
         return parts
+
+    def _ordered(self) -> dict[str, object]:
+        return {f"order/{order.number}": order for order in self.orders.last}
 
     def _head(self) -> HeadView:
         link, model, mission = self.link, self.model, self.mission
@@ -218,6 +240,7 @@ def _letter(letter: Letter, number: int) -> LetterView:
         sent=letter.sent,
         received=letter.received,
         in_reply_to=letter.in_reply_to,
+        state=letter.state,
         undelivered=letter.undelivered,
     )
 

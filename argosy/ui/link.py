@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import sys
-import time
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
 
 from argosy.operator_bus import ANY, Where, operator_bus, unreached
+from argosy.team import steady_clock
 from commd.bus import Bus, BusClosed
 from schemas import keys
 
@@ -26,7 +26,7 @@ class Link:
         self.bus: Bus | None = None
         self.fleet = "" if place.fleet == ANY else place.fleet
         self.problem = "looking for the router"
-        self.changed = time.time()
+        self.changed = steady_clock()
         """Unix seconds since when the router is as it is."""
         self.fleets: tuple[str, ...] = ()
         """Where several are on the router and none was named."""
@@ -89,7 +89,7 @@ class Link:
     def _router(self, up: bool) -> None:
         if up == self._seen_up:
             return
-        self._seen_up, self.changed = up, time.time()
+        self._seen_up, self.changed = up, steady_clock()
         print(f"argosy ui: the router {'is back' if up else 'is lost: it is tried for'}", file=sys.stderr, flush=True)
 
     def _say(self, problem: str) -> None:
@@ -97,4 +97,4 @@ class Link:
         if problem and problem != self.problem:
             print(f"argosy ui: {problem}; it is tried again", file=sys.stderr, flush=True)
         if problem != self.problem:
-            self.problem, self.changed = problem, time.time()
+            self.problem, self.changed = problem, steady_clock()

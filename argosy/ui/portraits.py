@@ -58,7 +58,7 @@ def _running(action: ActionSeen) -> RunningView:
         text=action.text[:200],
         state=action.state,
         began=action.began,
-        feedback={name: round(value, 1) for name, value in list(action.feedback.items())[:4]},
+        feedback={name: round(value, 1) for name, value in list(action.feedback.items())[:4] if math.isfinite(value)},
     )
 
 
@@ -77,13 +77,13 @@ def robot_view(model: TeamModel, robot: TeamRobot, named: Robot | None) -> Robot
         lost=seen.lost,
         mode=seen.mode,
         armed=seen.armed,
-        position=seen.position,
+        position=_place(seen.position),
         altitude=_rounded(seen.altitude, 1),
         heading=_rounded(seen.heading, 0),
         speed=None if velocity is None else _rounded(math.hypot(velocity[0], velocity[1]), 1),
         battery=_rounded(seen.battery, 0),
         satellites=seen.satellites,
-        home=seen.home,
+        home=_place(seen.home),
         radius=None if named is None or named.limits.radius is None else float(named.limits.radius),
         ceiling=None if named is None or named.limits.altitude is None else float(named.limits.altitude),
         operator=seen.operator,
@@ -101,6 +101,11 @@ def board_view(board: TeamBoard) -> BoardView:
         waiting=board.waiting(),
         problem=board.problem,
     )
+
+
+def _place(at: tuple[float, float] | None) -> tuple[float, float] | None:
+    """Return a place on earth, or None: JSON has no infinity, and a map no place for it."""
+    return at if at is not None and abs(at[0]) <= 90 and abs(at[1]) <= 180 else None
 
 
 def _rounded(value: float | None, digits: int) -> float | None:

@@ -21,6 +21,7 @@ REQUEST = 16_384
 """Bytes of what a page posts."""
 PAGES = 16
 """Pages at once."""
+FULL = f"{PAGES} pages are open already: close one, and this one comes by itself\n"
 W = TypeVar("W")
 
 
@@ -34,17 +35,21 @@ def application(doors: Doors, following: Following, tiles: Path | None = None) -
 
     async def feed(request: web.Request) -> web.StreamResponse:
         if len(pages) >= PAGES:
-            return web.Response(status=503, text=f"{PAGES} pages are open already\n")
+            return web.Response(status=503, text=FULL)
         one = Page(following.shown, following.refresh)
         pages.add(one)
         try:
             return await one.serve(request)
         finally:
-            pages.discard(one)
+            following.left(one)
+
+    async def here(_request: web.Request) -> web.Response:
+        """Say that this run is the one whose cookie the page has, or why the page gets nothing."""
+        return web.Response(status=503, text=FULL) if len(pages) >= PAGES else web.Response(text="here\n")
 
     app.router.add_get("/", page)
     app.router.add_get("/feed", feed)
-    app.router.add_get("/here", _here)
+    app.router.add_get("/here", here)
     app.router.add_post("/stop", _asked(StopWish, following.stop))
     app.router.add_post("/control", _asked(ControlWish, following.control))
     app.router.add_post("/why", _asked(WhyWish, following.why))
@@ -53,11 +58,6 @@ def application(doors: Doors, following: Following, tiles: Path | None = None) -
     if tiles is not None:
         app.router.add_static("/tiles", tiles)
     return app
-
-
-async def _here(_request: web.Request) -> web.Response:
-    """Say that this run is the one whose cookie the page has."""
-    return web.Response(text="here\n")
 
 
 def _asked(

@@ -57,6 +57,12 @@ class Shown:
             number += 1
             self.events.append((number, encoded(event)))
 
+    def add(self, parts: Mapping[str, object]) -> None:
+        """Take over some parts; the others stay as they are."""
+        self.turn += 1
+        for key, part in parts.items():
+            self.parts[key] = (self.turn, encoded(part))
+
     def news(self, seen: Seen, looks_at: Collection[str], now: float) -> bytes:
         """Return a message with what is new for a page, as JSON, and note that it has it. `now` is Unix time."""
         changed, wanted = list[bytes](), set[str]()

@@ -59,6 +59,12 @@ class HeadView(View, frozen=True, kw_only=True):
     """Boards that are not reached, each with the reason."""
 
 
+class DefectView(View, frozen=True, kw_only=True):
+    """What cannot be shown by a defect of ours (part `defect`): all else is as it was before."""
+
+    text: str
+
+
 class RunningView(View, frozen=True, kw_only=True):
     """An action that runs."""
 
@@ -88,8 +94,8 @@ class AgentView(View, frozen=True, kw_only=True):
     name: str
     board: str = ""
     robot: str = ""
-    standing: str = "missing"
-    """Of its daemon: up, coming, silent, twice, unclaimed or missing (docs/health.md)."""
+    standing: str
+    """Of its daemon, always told: up, coming, silent, twice, unclaimed or missing (docs/health.md)."""
     since: float | None = None
     notes: tuple[str, ...] = ()
     state: str = ""
@@ -119,7 +125,7 @@ class RobotView(View, frozen=True, kw_only=True):
     name: str
     board: str = ""
     agents: tuple[str, ...] = ()
-    standing: str = "missing"
+    standing: str
     since: float | None = None
     notes: tuple[str, ...] = ()
     stale: float | None = None
@@ -153,7 +159,7 @@ class BoardView(View, frozen=True, kw_only=True):
     """A board (part `board/NAME`)."""
 
     name: str
-    standing: str = "missing"
+    standing: str
     since: float | None = None
     notes: tuple[str, ...] = ()
     waiting: int = 0
@@ -203,8 +209,9 @@ class LetterView(View, frozen=True, kw_only=True):
     sent: float | None = None
     received: float | None = None
     in_reply_to: str = ""
+    state: Literal["in_flight", "received", "undelivered"]
     undelivered: str = ""
-    """Why it will not come; empty = it came or is on its way."""
+    """Why it was given up by somebody; it may have come all the same."""
 
 
 class HappenedView(View, frozen=True, kw_only=True):
@@ -228,6 +235,10 @@ class OrderedView(View, frozen=True, kw_only=True):
     number: int
     order: str
     at: float
+    clicked: float
+    """When the page has ordered it, as it said: by this the page knows its own order."""
+    state: Literal["looking", "waiting", "confirmed", "NOT confirmed", "NOT ordered"]
+    """Of the whole order; `looking`: nobody knows yet whom to order. `confirmed` is said of at least one robot."""
     of: str = ""
     """`all`, or nothing for a single robot."""
     outcomes: dict[str, tuple[str, str]] = {}

@@ -10,9 +10,11 @@ import aiohttp
 import pytest
 
 from argosy.operator_bus import ANY, Where
+from commd.bus import Query
+from schemas.minds import MindView
 from schemas.records import Outcome
 from tests.argosy.team.fleet import Fleet
-from tests.argosy.ui.fleets import HOME, fleet, router
+from tests.argosy.ui.fleets import HOME, Agent, fleet, router
 from tests.argosy.ui.serving import served
 from tests.support.buses import session, subscribed, until
 
@@ -225,5 +227,31 @@ def test_of_fifty_agents_a_page_is_told_what_changed_and_nothing_else() -> None:
                 told = await feed.hear()
                 assert list(told["set"]) == ["robot/uav7"]
                 assert feed.sizes[-1] < 1_000
+
+    asyncio.run(body())
+
+
+def test_whom_a_page_has_looked_at_is_not_looked_at_any_more_when_it_has_closed(endpoint: str) -> None:
+    asked: list[str] = []
+
+    class Curious(Agent):
+        async def _mind(self, query: Query[MindView]) -> None:
+            asked.append(query.parameters.get("last", "20"))
+            await super()._mind(query)
+
+    async def body() -> None:
+        async with router(endpoint), session(endpoint, "scout") as bus, served(Where("sar", endpoint)) as browser:
+            Curious(bus, "scout")
+            await browser.enter()
+            async with browser.feed("scout") as feed:
+                await feed.until("mind/scout")
+                assert browser.following._looked == {"scout"}
+            await until(lambda: not browser.following.pages, "the page is closed")
+            assert browser.following._looked == frozenset()
+            watcher = browser.following._watcher
+            assert watcher is not None
+            del asked[:]
+            await until(lambda: len(asked) >= 2, "it is asked still")
+            assert set(asked[1:]) == {"0"}, "for the list and the map, and not for a panel that nobody sees"
 
     asyncio.run(body())
