@@ -6,7 +6,6 @@ As in `argosy stop` every robot of the mission is ordered, seen or not, and whoe
 from __future__ import annotations
 
 import asyncio
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import aclosing
@@ -17,6 +16,7 @@ from msgspec.structs import replace
 
 from argosy.operator_bus import bridges
 from argosy.stop import UNANSWERED, order_robot
+from argosy.team import steady_clock
 from argosy.ui.views import OrderedView
 from commd.bus import Bus, BusClosed
 from schemas import keys
@@ -25,6 +25,7 @@ from schemas.names import check_name
 from schemas.records import Outcome
 
 WAITING = ("waiting", "")
+CUT = ("NOT confirmed", "it was cut off: NOT known whether it was done")
 NOBODY = "the router is not reached, so nobody was told"
 ROBOTS = 200
 """Robots of one order."""
@@ -34,12 +35,16 @@ CONTROL_PATIENCE = 5.0
 """Wall seconds that an agent has to answer."""
 LONGEST = 4_000
 """Characters of a goal or belief."""
+LATE = 5.0
+"""Wall seconds after which an order that comes is none any more: whoever gave it sees another sky by now."""
 
 
 class StopWish(msgspec.Struct, forbid_unknown_fields=True):
     """What a page asks of robots."""
 
     order: Literal["hold", "land", "rtl", "release"]
+    at: float
+    """When that was, by our clock as the page was told it."""
     robots: list[str] | None = None
     """None: all."""
 
@@ -49,6 +54,7 @@ class ControlWish(msgspec.Struct, forbid_unknown_fields=True):
 
     agent: str
     do: Literal["pause", "step", "resume", "goal", "belief"]
+    at: float
     text: str = ""
 
 
@@ -67,11 +73,15 @@ class Orders:
         """Order robots, all at once, and wait for what each of them says."""
         self._number += 1
         view = OrderedView(
-            number=self._number, order=wish.order, at=time.time(), of="all" if wish.robots is None else ""
-        )
+            number=self._number, order=wish.order, at=steady_clock(), clicked=wish.at, state="looking",
+            of="all" if wish.robots is None else "",
+        )  # fmt: skip
         self.last.append(view)
         problem = (
-            self._rights() or misnamed(wish.robots or (), "a robot") or (NOBODY if bus is None or not fleet else "")
+            late(wish.at)
+            or self._rights()
+            or misnamed(wish.robots or (), "a robot")
+            or (NOBODY if bus is None or not fleet else "")
         )
         if problem or bus is None:
             return self._now(replace(view, problem=problem))
@@ -85,7 +95,8 @@ class Orders:
                     telling.add(asyncio.create_task(self._told(bus, fleet, more, wish.order)))
                     view = self._now(replace(view, outcomes=view.outcomes | {more: WAITING}))
             if not telling:
-                return self._now(replace(view, problem="no robot is there"))
+                view = self._now(replace(view, problem="no robot is there"))
+                return view
             there = {robot for _, robot in await looking}
             for told in asyncio.as_completed(telling):
                 robot, outcome = await told
@@ -100,6 +111,9 @@ class Orders:
             for task in (looking, *telling):
                 task.cancel()
             await asyncio.gather(looking, *telling, return_exceptions=True)
+            cut = {robot: CUT for robot, told in view.outcomes.items() if told == WAITING}
+            if cut or not (view.outcomes or view.problem):  # by an error, or the end of this process
+                self._now(replace(view, outcomes=view.outcomes | cut, problem="" if cut else CUT[1]))
         return view
 
     async def _told(self, bus: Bus, fleet: str, robot: str, order: str) -> tuple[str, Outcome]:
@@ -107,6 +121,7 @@ class Orders:
 
     def _now(self, view: OrderedView) -> OrderedView:
         """Let pages see how an order stands."""
+        view = replace(view, state=_state(view))
         for index, one in enumerate(self.last):
             if one.number == view.number:
                 self.last[index] = view
@@ -114,7 +129,7 @@ class Orders:
 
     async def control(self, bus: Bus | None, fleet: str, wish: ControlWish) -> Outcome:
         """Order a mind; refused in words unless its mission allows it."""
-        if why := self._rights() or misnamed((wish.agent,), "an agent"):
+        if why := late(wish.at) or self._rights() or misnamed((wish.agent,), "an agent"):
             return Outcome(ok=False, reason=why)
         if bus is None or not fleet:
             return Outcome(ok=False, reason=NOBODY)
@@ -132,6 +147,27 @@ class Orders:
         except BusClosed as closed:
             return Outcome(ok=False, reason=str(closed))
         return told
+
+
+def _state(view: OrderedView) -> Literal["looking", "waiting", "confirmed", "NOT confirmed", "NOT ordered"]:
+    states = {state for state, _ in view.outcomes.values()}
+    if view.problem:
+        return "NOT ordered"
+    if not states:
+        return "looking"
+    return "waiting" if "waiting" in states else "confirmed" if states == {"confirmed"} else "NOT confirmed"
+
+
+def late(at: float) -> str:
+    """Say why an order of that time is none any more; empty if it is a fresh one.
+
+    One lies somewhere while this process, its machine or the way to it hangs, and comes when nobody expects it.
+    """
+    age = steady_clock() - at
+    if abs(age) <= LATE:
+        return ""
+    when = f"{age:.0f} s after it was given" if age > 0 else f"{-age:.0f} s before it was given, by our clock"
+    return f"it came {when}, and may not be meant any more: order again"
 
 
 def misnamed(names: Sequence[str], what: str) -> str:

@@ -9,7 +9,7 @@ export class Act {
     this._actions = actions;
     this._done = new Map();
     this.why = el("p", { class: "hint" });
-    const control = (order, text, title) => el("button", { type: "button", "data-do": order, title, on: { click: () => this._order(order, "") } }, text);
+    const control = (order, text, title) => el("button", { type: "button", "data-do": order, title, on: { click: (event) => event.currentTarget.getAttribute("aria-disabled") !== "true" && this._order(order, "") } }, text);
     this.pause = control("pause", "❚❚ pause", "let it reason no more; it goes on by itself after a while if it is forgotten");
     this.step = control("step", "▸❚ step", "run one cycle of the paused mind");
     this.resume = control("resume", "▶ resume", "let it reason again");

@@ -2,7 +2,7 @@
 
 import { el, keyed, put, say, shortened, span } from "./dom.js";
 import { allow, orderButtons } from "./head.js";
-import { byName, nameTones, stateOf, toneOf } from "./tones.js";
+import { byName, isThere, nameTones, stateOf, toneOf } from "./tones.js";
 
 const SORTS = { name: "by name", trouble: "trouble first" };
 
@@ -54,7 +54,7 @@ export class Agents {
   _update(node, { agent, robot }, wire) {
     const now = wire.now();
     put(node, "aria-selected", agent && agent.name === this._selected ? "true" : "false");
-    const [sign, kind, word] = agent ? stateOf(agent) : ["◇", robot.standing === "missing" ? "gone" : "calm", "no agent seen"];
+    const [sign, kind, word] = agent ? stateOf(agent) : ["◇", !isThere(robot) ? "gone" : "calm", "no agent seen"];
     say(node.sign, sign);
     put(node.sign, "class", `sign ${kind}`);
     say(node.who, agent?.name ?? robot.name);
@@ -80,7 +80,7 @@ export class Agents {
     node.dot.style.setProperty("--tone", toneOf(robot.name));
     say(node.robot, robot.name);
     say(node.how, how(robot, now));
-    put(node.how, "class", `how data ${robot.lost || robot.standing === "missing" ? "bad" : robot.operator || robot.stale ? "warn" : ""}`);
+    put(node.how, "class", `how data ${robot.lost || !isThere(robot) ? "bad" : robot.operator || robot.stale ? "warn" : ""}`);
     put(node.how, "title", how(robot, now));
     for (const button of node.buttons) allow(button, observer);
   }
@@ -104,7 +104,7 @@ function counts(agent) {
 
 // "GUIDED armed 20.1 m 87 %"
 export function how(robot, now) {
-  if (robot.standing === "missing") return robot.since ? `bridge gone ${span(now - robot.since)}` : "no bridge yet";
+  if (!isThere(robot)) return robot.since ? `bridge gone ${span(now - robot.since)}` : "no bridge yet";
   const told = [];
   if (robot.operator) told.push(`OPERATOR: ${robot.operator}`);
   if (robot.lost) told.push("LOST");

@@ -9,13 +9,14 @@ import { Orders } from "./orders.js";
 import { Panel } from "./panel.js";
 import { Timeline } from "./timeline.js";
 import { Wire } from "./wire.js";
-import { byName } from "./tones.js";
+import { byName, isThere } from "./tones.js";
 
 const byId = (id) => document.getElementById(id);
-const [first, tab] = decodeURIComponent(location.hash.slice(1)).split("/");
+const [first, tab] = decoded(location.hash.slice(1)).split("/");
 let selected = first || null;
 let pending = new Set();
 let drawing = 0;
+const failing = new Map(); // part of the page -> why it was not drawn last
 
 const actions = {
   tab,
@@ -37,11 +38,14 @@ const actions = {
     panel.why(about);
   },
   async stop(order, robot) {
-    const answer = await wire.post("/stop", { order, robots: robot ? [robot] : null });
-    if (answer.lost || answer.ok === false) orders.note(`${order} ${robot ?? "all"}: ${answer.reason}`);
+    const asked = orders.asked(`${order} ${robot ?? "all"}`, wire.stamp());
+    draw(new Set());
+    const answer = await wire.post("/stop", { order, at: asked.at, robots: robot ? [robot] : null });
+    orders.answered(asked, answer);
+    draw(new Set());
   },
   async control(agent, action, text) {
-    const answer = await wire.post("/control", { agent, do: action, text });
+    const answer = await wire.post("/control", { agent, do: action, text, at: wire.stamp() });
     return { ok: answer.ok === true, reason: answer.reason ?? "" };
   },
   async fleet(name) {
@@ -58,6 +62,14 @@ const actions = {
     draw(new Set());
   },
 };
+
+function decoded(text) {
+  try {
+    return decodeURIComponent(text);
+  } catch {
+    return ""; // somebody wrote it by hand
+  }
+}
 
 function note() {
   const place = `#${encodeURIComponent(selected ?? "")}/${actions.tab ?? "mind"}`;
@@ -103,18 +115,29 @@ function draw(changed) {
 function paint(changed) {
   if (!selected || !wire.get(`agent/${selected}`)) {
     const there = wire.of("agent").sort((one, other) => byName(one.name, other.name));
-    const one = there.find((agent) => agent.standing && agent.standing !== "missing") ?? null;
+    const one = there.find(isThere) ?? null;
     if (one && (!selected || wire.silentFor === 0)) selected = one.name;
   }
   if (selected) wire.look([selected]);
   put(document.body, "data-old", wire.problem || (wire.get("head")?.router ?? "never") !== "up" ? "true" : null);
-  head.render(wire);
-  agents.render(wire, selected);
-  map.render(wire, changed, selected);
-  if (!panes.timeline.hidden) timeline.render(wire, changed, selected);
-  if (!panes.mail.hidden) letters.render(wire, changed, selected);
-  panel.render(wire, changed, selected);
-  orders.render(wire);
+  const wrong = [];
+  // What cannot be drawn is said, and takes nothing else with it; orders and the header come first.
+  const part = (name, render) => {
+    try {
+      render();
+    } catch (error) {
+      wrong.push(`${name} cannot be drawn: ${error.message}. What stands there may be old`);
+      if (failing.get(name) !== error.message) console.warn(name, error);
+      failing.set(name, error.message);
+    }
+  };
+  part("orders", () => orders.render(wire));
+  part("the list", () => agents.render(wire, selected));
+  part("the map", () => map.render(wire, changed, selected));
+  if (!panes.timeline.hidden) part("the timeline", () => timeline.render(wire, changed, selected));
+  if (!panes.mail.hidden) part("the mail", () => letters.render(wire, changed, selected));
+  part("the panel", () => panel.render(wire, changed, selected));
+  head.render(wire, wrong);
 }
 
 document.addEventListener("keydown", (event) => {

@@ -2,6 +2,7 @@
 
 import { count, el, keyed, put, say, span } from "./dom.js";
 import { confirmed } from "./confirm.js";
+import { isThere } from "./tones.js";
 
 const ORDERS = { hold: "hold", land: "land", rtl: "rtl", release: "release" };
 const MEANING = {
@@ -35,7 +36,8 @@ export class Head {
     this._actions = actions;
   }
 
-  render(wire) {
+  // `wrong` tells what else of the page could not be drawn.
+  render(wire, wrong) {
     const head = wire.get("head");
     if (!head) return this._say([["bad", wire.problem]]);
     document.title = `${head.fleet || "Argosy"} · argosy`;
@@ -44,8 +46,8 @@ export class Head {
     put(this.mission, "title", head.file);
     const up = (head.router ?? "never") === "up" && !wire.problem;
     put(this.router, "class", `chip ${up ? "good" : "bad"}`);
-    say(this.router, up ? "● router" : `✕ router ${head.router === "away" ? "away" : "not reached"} ${span(wire.now() - head.router_since)}`);
-    put(this.router, "title", head.endpoint);
+    say(this.router, wire.problem ? "? router" : up ? "● router" : `✕ router ${head.router === "away" ? "away" : "not reached"} ${span(wire.now() - head.router_since)}`);
+    put(this.router, "title", wire.problem ? `${head.endpoint}: nothing is known of it while argosy ui is not there` : head.endpoint);
     this._time(head, wire);
     const held = Object.entries(head.done ?? {});
     put(this.done, "hidden", held.length === 0);
@@ -53,10 +55,10 @@ export class Head {
     put(this.done, "title", held.map(([formula, holds]) => `${holds ? "●" : "○"} ${formula}`).join("\n"));
     put(this.done, "class", held.length && held.every(([, holds]) => holds) ? "chip done good" : "chip done");
     const agents = wire.of("agent"), robots = wire.of("robot");
-    const there = (all) => all.filter((one) => one.standing && one.standing !== "missing").length;
+    const there = (all) => all.filter(isThere).length;
     say(this.members, `${there(agents)}/${count(agents.length, "agent")}, ${there(robots)}/${count(robots.length, "robot")}`);
     for (const button of this.stops) allow(button, head.observer);
-    this._say(banners(head, wire, this._actions));
+    this._say([...banners(head, wire, this._actions), ...wrong.map((text) => ["bad", text])]);
   }
 
   _time(head, wire) {
@@ -64,7 +66,9 @@ export class Head {
     put(this.time, "hidden", zero === null);
     if (zero === null) return;
     const speed = head.speed ?? 1;
-    const seconds = Math.max(0, (wire.now() - zero) * speed);
+    // The clock stands while nobody tells the time.
+    const until = wire.problem ? wire.now() - wire.silentFor : (head.router ?? "never") === "up" ? wire.now() : head.router_since;
+    const seconds = Math.max(0, (until - zero) * speed);
     const text = `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
     say(this.time, `${text}${head.timeout ? ` of ${Math.round(head.timeout / 60)} min` : ""}${speed === 1 ? "" : ` ×${speed}`}`);
   }
@@ -99,12 +103,12 @@ function banners(head, wire, actions) {
   } else if (!wire.of("agent").some(isThere) && !wire.of("robot").some(isThere)) {
     found.push(["warn", `Nobody of fleet ${head.fleet} is on the bus at ${head.endpoint} now`, null, "nobody"]);
   }
+  const defect = wire.get("defect");
+  if (defect) found.push(["bad", `${defect.text}. What is below does not change any more`, null, "defect"]);
   for (const line of head.unreached ?? []) found.push(["warn", line]);
   for (const [formula, holds] of Object.entries(head.failed ?? {})) if (holds) found.push(["bad", `The mission has failed: ${formula}`]);
   return found;
 }
-
-const isThere = (one) => one.standing && one.standing !== "missing";
 
 // The buttons of orders to one robot, or to all (robot null).
 export function orderButtons(actions, robot) {

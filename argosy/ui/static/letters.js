@@ -74,7 +74,7 @@ export class Letters {
 
   // How a message is, and what is to be said of it besides its content.
   _state(letter, now) {
-    if (letter.undelivered) return ["lost", `  ${letter.undelivered}`];
+    if (isLost(letter)) return ["lost", `  ${letter.undelivered}`];
     if (isFlying(letter)) {
       const age = letter.sent ? now - letter.sent : 0;
       return ["flight", age > FLIGHT ? `  on its way for ${span(age)}` : ""];
@@ -88,11 +88,11 @@ export class Letters {
     const [state, more] = this._state(letter, now);
     const direction = to > from ? 1 : -1;
     const self = from === to;
-    const end = self ? from + 24 : letter.undelivered ? from + (to - from) * 0.62 : to;
+    const end = self ? from + 24 : isLost(letter) ? from + (to - from) * 0.62 : to;
     const told = `${letter.performative} ${letter.content}`;
     const room = Math.max(8, Math.floor(((self ? gap : Math.abs(to - from)) - 16) / 5.9));
     const time = this._time(letter.sent ?? letter.received);
-    const tip = letter.undelivered ? `M${end - 5} -5L${end + 5} 5M${end - 5} 5L${end + 5} -5` : `M${end - 7 * direction} -4L${end} 0L${end - 7 * direction} 4`;
+    const tip = isLost(letter) ? `M${end - 5} -5L${end + 5} 5M${end - 5} 5L${end + 5} -5` : `M${end - 7 * direction} -4L${end} 0L${end - 7 * direction} 4`;
     const group = svg("g", { class: `letter ${state}`, tabindex: "0", role: "button", "data-id": letter.id, style: { "--tone": toneOf(this._wire.get(`agent/${letter.sender}`)?.robot || letter.sender) } },
       svg("title", {}, `${letter.sender} → ${letter.receiver}: ${told}${more}`),
       svg("rect", { class: "hit", x: 0, y: -ROW * 0.7, width: "100%", height: ROW }),
@@ -120,7 +120,11 @@ export class Letters {
 }
 
 function isFlying(letter) {
-  return !letter.undelivered && !letter.received;
+  return letter.state === "in_flight";
+}
+
+function isLost(letter) {
+  return letter.state === "undelivered";
 }
 
 function at(letter) {

@@ -1,7 +1,7 @@
 // The map: vehicles with track, target and home, victims, waypoints and areas, on tiles or on a plain grid in metres.
 
 import { el, put, say, shortened, span } from "./dom.js";
-import { byName, toneOf } from "./tones.js";
+import { byName, isThere, toneOf } from "./tones.js";
 
 const L = window.L;
 const METRES = 111320; // of a degree of latitude
@@ -64,7 +64,7 @@ export class FleetMap {
     let vehicle = this.vehicles.get(robot.name);
     if (!vehicle) this.vehicles.set(robot.name, (vehicle = this._make(robot)));
     if (!vehicle.begun) {
-      vehicle.track.setLatLngs(wire.tracks[robot.name] ?? []);
+      vehicle.track.setLatLngs(wire.tracks.get(robot.name) ?? []);
       vehicle.begun = true;
     }
     const at = robot.position ?? robot.home;
@@ -78,7 +78,7 @@ export class FleetMap {
     const target = agents.map((agent) => targets.get(agent)).find(Boolean);
     vehicle.way.setLatLngs(target && robot.position ? [robot.position, target.position] : []);
     const chosen = agents.includes(selected);
-    const old = robot.lost || robot.stale || robot.standing === "missing";
+    const old = robot.lost || robot.stale || !isThere(robot);
     put(vehicle.icon, "class", `vessel${chosen ? " chosen" : ""}${old ? " old" : ""}${robot.armed ? " armed" : ""}`);
     const heading = robot.heading ?? vehicle.course; // without a compass: where it went last
     const turned = heading !== undefined && (robot.heading !== undefined || robot.armed);

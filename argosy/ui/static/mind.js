@@ -21,7 +21,6 @@ class Mind {
     element.append(this.state, el("div", { class: "line mind-bar" }, this.filter, this.young));
     this.parts = Object.fromEntries(PARTS.map((name) => [name, new Part(name)]));
     element.append(...Object.values(this.parts).map((part) => part.box));
-    this.parts.plans.box.addEventListener("toggle", () => this.parts.plans.box.open && this.actions?.plans());
     this.none = el("p", { class: "empty" });
     element.append(this.none);
   }
@@ -275,7 +274,7 @@ function stateOf(view, mind) {
 }
 
 // "visit" of "+!visit(1)[source(self)]"
-export function functor(text) {
+function functor(text) {
   return String(text ?? "").replace(/^[-+^!?~@]+/, "").split(/[([\s:;,]/)[0];
 }
 

@@ -6,7 +6,7 @@ import { Act } from "./act.js";
 import { how } from "./agents.js";
 import { render as renderMind } from "./mind.js";
 import { render as renderWhy } from "./why.js";
-import { stateOf } from "./tones.js";
+import { isThere, stateOf } from "./tones.js";
 
 const TABS = { mind: "Mind", why: "Why", act: "Act" };
 
@@ -74,7 +74,7 @@ export class Panel {
     for (const button of this.stops.children) allow(button, wire.get("head")?.observer);
     say(this.how, `${robot.name}  ${how(robot, wire.now())}`);
     put(this.how, "title", this.how.textContent);
-    put(this.how, "class", `how data ${robot.lost || robot.standing === "missing" ? "bad" : robot.operator || robot.stale ? "warn" : ""}`);
+    put(this.how, "class", `how data ${robot.lost || !isThere(robot) ? "bad" : robot.operator || robot.stale ? "warn" : ""}`);
   }
 
   _pane(wire, agent) {
@@ -85,19 +85,16 @@ export class Panel {
       ask: (about) => this.why(about),
       agent: (name) => this._actions.select(name, null),
       source: (position) => this._actions.source(position),
-      order: (action, text) => this._actions.control(agent.name, action, text),
-      plans: () => undefined, // they come with the mind
     };
-    const control = controlOf(head, agent);
     if (this.tab === "mind") {
       const told = wire.get(`mind/${agent.name}`);
       const missionNow = () => (head?.mission_zero === undefined || head.mission_zero === null ? null : (wire.now() - head.mission_zero) * (head.speed ?? 1));
-      renderMind(this.panes.mind, { name: agent.name, mind: told?.mind ?? null, heard: told?.heard ?? null, plans: wire.get(`plans/${agent.name}`), now, missionNow, control, there: agent.standing !== "missing", silent: Boolean(agent.silent) }, actions);
+      renderMind(this.panes.mind, { name: agent.name, mind: told?.mind ?? null, heard: told?.heard ?? null, plans: wire.get(`plans/${agent.name}`), now, missionNow, there: isThere(agent), silent: Boolean(agent.silent) }, actions);
     } else if (this.tab === "why") {
       const asked = this._asked.get(agent.name) ?? { about: "", busy: false, error: "", explanation: null, asked: null };
       renderWhy(this.panes.why, { name: agent.name, ...asked, now }, actions);
     } else {
-      this.act.render(agent, control, wire.now());
+      this.act.render(agent, controlOf(head, agent));
     }
   }
 
@@ -124,9 +121,9 @@ export class Panel {
 }
 
 // Whether minds take orders, as far as it is known beforehand; an agent may refuse all the same, and says why.
-export function controlOf(head, agent) {
+function controlOf(head, agent) {
   if (head?.observer) return { allowed: false, why: head.observer };
   if (head?.inject === false) return { allowed: false, why: "the mission does not say `inject: true`: its minds take no orders" };
-  if (agent.standing === "missing") return { allowed: false, why: `${agent.name} is not there` };
+  if (!isThere(agent)) return { allowed: false, why: `${agent.name} is not there` };
   return { allowed: true, why: "" };
 }

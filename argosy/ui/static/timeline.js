@@ -1,6 +1,6 @@
 // What happened, the newest at the bottom: prints, actions, mail, who came and went; by kind, by agent, by words.
 
-import { clock, el, keyed, put, say } from "./dom.js";
+import { clock, count, el, keyed, put, say } from "./dom.js";
 import { toneOf } from "./tones.js";
 
 const KINDS = {
@@ -12,6 +12,7 @@ const KINDS = {
 };
 const SIGNS = { action: "▸", outcome: "▪", print: "“", log: "≡", sent: "", received: "", undelivered: "✕", operator: "!", came: "+", went: "−", told: "·" };
 const ROWS = 300;
+const HAND = 1500; // ms for which the list goes on after a hand has moved it
 
 export class Timeline {
   constructor(element, actions) {
@@ -27,7 +28,14 @@ export class Timeline {
     this.list = el("ol", { class: "events" });
     this.scroll = el("div", { class: "scroll", tabindex: "0", "aria-label": "timeline", on: { scroll: () => this._scrolled() } }, this.list);
     this.bar = el("div", { class: "bar sub" }, ...this.kinds, el("label", { class: "only" }, this.one, "only ", this.oneName), this.search);
-    element.append(this.bar, this.scroll, this.newer);
+    this.missed = el("p", { class: "missed warn", hidden: true });
+    element.append(this.bar, this.missed, this.scroll, this.newer);
+    // Only a hand moves it away from the newest: rows that get their size scroll it, too.
+    for (const kind of ["wheel", "touchmove", "pointerdown", "keydown"]) this.scroll.addEventListener(kind, () => (this._hand = performance.now()), { passive: true });
+    const size = new ResizeObserver(() => this._bottom && this._down());
+    size.observe(this.scroll);
+    size.observe(this.list);
+    this._hand = -HAND;
     this._bottom = true;
     this._seen = 0;
   }
@@ -37,6 +45,8 @@ export class Timeline {
     const other = selected !== this._selected;
     this._selected = selected;
     say(this.oneName, selected ?? "the selected agent");
+    put(this.missed, "hidden", wire.leftOut === 0);
+    say(this.missed, `${count(wire.leftOut, "event")} did not come here: too many at once, or while this page was away`);
     if (!changed.has("events") && !other) return;
     if (other && this.one.checked) this._bottom = true;
     this._all();
@@ -90,6 +100,7 @@ export class Timeline {
   }
 
   _scrolled() {
+    if (this._bottom && performance.now() - this._hand > HAND) return;
     this._bottom = this.scroll.scrollHeight - this.scroll.scrollTop - this.scroll.clientHeight < 24;
     if (this._bottom) put(this.newer, "hidden", true);
   }

@@ -19,9 +19,14 @@ export function byName(one, other) {
   return one.localeCompare(other, "en", { numeric: true });
 }
 
+// Whether the daemon of an agent or robot is there.
+export function isThere(one) {
+  return one.standing !== "missing";
+}
+
 // How an agent is: [sign, class, word]
 export function stateOf(agent) {
-  if (agent.standing === "missing") return ["✕", "gone", agent.since ? "gone" : "not there yet"];
+  if (!isThere(agent)) return ["✕", "gone", agent.since ? "gone" : "not there yet"];
   if (agent.silent) return ["?", "bad", "silent"];
   if (agent.standing === "silent") return ["?", "bad", "hangs"];
   if (agent.state === "paused") return ["❚❚", "warn", "paused"];

@@ -10,11 +10,15 @@ from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
 import pytest
-from playwright.async_api import Page, async_playwright
+from playwright.async_api import Locator, Page, async_playwright
 
 NEEDED = os.environ.get("ARGOSY_NEEDS_BROWSER") == "1"
 PATIENCE = 30_000.0
 """Milliseconds for anything that the page is to show."""
+
+
+APART = 500.0
+"""Milliseconds between two clicks that are no double click."""
 
 
 @dataclass
@@ -39,6 +43,12 @@ class Seen:
         """Return what an element says."""
         return await self.page.locator(selector).first.inner_text(timeout=PATIENCE)
 
+    async def twice(self, button: Locator) -> None:
+        """Click a button of an order as somebody does who means it."""
+        await button.click()
+        await self.page.wait_for_timeout(APART)
+        await button.click()
+
 
 def chromium() -> str:
     """Return the browser's path, or skip the test that wants it; fail where one must be."""
@@ -50,12 +60,12 @@ def chromium() -> str:
 
 
 @asynccontextmanager
-async def browsing(url: str, width: int = 1280, height: int = 800) -> AsyncIterator[Seen]:
+async def browsing(url: str, width: int = 1280, height: int = 800, touch: bool = False) -> AsyncIterator[Seen]:
     """Open a page; it is closed at the end, whatever happens."""
     async with async_playwright() as playwright:
         browser = await playwright.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
         try:
-            page = await browser.new_page(viewport={"width": width, "height": height})
+            page = await browser.new_page(viewport={"width": width, "height": height}, has_touch=touch)
             page.set_default_timeout(PATIENCE)
             seen = Seen(page)
             page.on("request", lambda request: seen.hosts.add(urlsplit(request.url).hostname or request.url[:40]))

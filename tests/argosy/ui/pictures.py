@@ -11,7 +11,7 @@ from pathlib import Path
 
 from playwright.async_api import Browser, Page, async_playwright
 
-from tests.argosy.ui.browsing import chromium
+from tests.argosy.ui.browsing import APART, chromium
 from tests.support.ports import free_port
 from tests.support.processes import ROOT, running
 
@@ -75,6 +75,7 @@ async def pictures(url: str) -> None:
         await page.locator(".acts .bad").wait_for()
         for _ in range(2):
             await page.click("header [data-order=hold]")
+            await page.wait_for_timeout(APART)
         await page.locator(".outcome.good").wait_for()
         await page.click("header [data-order=release]")
         await page.wait_for_timeout(500)

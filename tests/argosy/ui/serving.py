@@ -14,6 +14,7 @@ import aiohttp
 from aiohttp import web
 
 from argosy.operator_bus import Where
+from argosy.team import steady_clock
 from argosy.ui.doors import Doors
 from argosy.ui.following import Following
 from argosy.ui.server import application
@@ -49,7 +50,9 @@ class Browser:
             return answer.status, await answer.text(), answer.headers
 
     async def post(self, path: str, wish: object, **headers: str) -> tuple[int, str]:
-        """Post as the page does, unless `headers` say otherwise. Returns status and body."""
+        """Post as the page does, now, unless wish and `headers` say otherwise. Returns status and body."""
+        if isinstance(wish, dict) and path in ("/stop", "/control"):
+            wish = {"at": steady_clock()} | wish
         sent = {"Origin": self.base, "Content-Type": "application/json"} | headers
         data = wish if isinstance(wish, bytes) else json.dumps(wish).encode()
         async with self.session.post(self.base + path, data=data, headers=sent) as answer:

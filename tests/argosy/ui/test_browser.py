@@ -12,7 +12,7 @@ import pytest
 
 from argosy.operator_bus import Where
 from schemas.records import Outcome
-from tests.argosy.ui.browsing import Seen, browsing, chromium
+from tests.argosy.ui.browsing import APART, Seen, browsing, chromium
 from tests.argosy.ui.fleets import fleet, router
 from tests.argosy.ui.serving import served
 from tests.support.processes import Daemon, running
@@ -174,8 +174,7 @@ async def _stop(seen: Seen) -> None:
     await seen.shows("#panel [data-order=hold][data-state=armed]", "sure?")
     await seen.gone("#panel [data-order=hold][data-state=armed]")  # whoever thinks twice has ordered nothing
     assert await seen.page.locator(".outcome").count() == 0
-    await hold.click()
-    await hold.click()
+    await seen.twice(hold)
     await seen.shows(".outcome.good", "uav1: hold confirmed")
     await seen.shows(".row[data-agent=scout]", "OPERATOR: hold")
     release = await seen.page.locator("header [data-order=release]").bounding_box()
@@ -203,6 +202,7 @@ def test_a_hold_that_was_not_confirmed_stays_on_the_page_and_a_lost_router_ages_
                 uav1.tell()
                 await seen.page.focus("header [data-order=hold]")
                 await seen.page.keyboard.press("Enter")
+                await seen.page.wait_for_timeout(APART)
                 await seen.page.keyboard.press("Enter")
                 await seen.shows(".outcome.bad", "uav1: hold NOT confirmed (the vehicle stays in AUTO)")
                 assert uav1.orders == ["hold"]

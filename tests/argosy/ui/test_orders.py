@@ -6,7 +6,12 @@ import asyncio
 import json
 from pathlib import Path
 
+import pytest
+
+import argosy.ui.orders
 from argosy.operator_bus import Where
+from argosy.team import steady_clock
+from commd.bus import Bus
 from schemas.mission import load_mission
 from schemas.records import Outcome
 from tests.argosy.ui.fleets import fleet, router
@@ -205,5 +210,44 @@ def test_a_silent_agent_or_an_unreadable_question_is_told_in_words(endpoint: str
             )
             found = await posted(browser, "/why", {"agent": "scout"})
             assert found["explanation"]
+
+    asyncio.run(body())
+
+
+def test_an_order_that_comes_late_or_from_a_clock_that_is_not_ours_is_refused_in_words(endpoint: str) -> None:
+    async def body() -> None:
+        async with (
+            fleet(endpoint, {"uav1": Outcome(ok=True)}) as ([uav1], [scout]),
+            served(Where("sar", endpoint)) as browser,
+        ):
+            await linked(browser, "uav1", "scout")
+            told = await posted(browser, "/stop", {"order": "hold", "at": steady_clock() - 8})
+            assert told["state"] == "NOT ordered"
+            assert told["problem"] == "it came 8 s after it was given, and may not be meant any more: order again"
+            told = await posted(browser, "/stop", {"order": "hold", "at": steady_clock() + 60})
+            assert "60 s before it was given, by our clock" in str(told["problem"])
+            told = await posted(browser, "/control", {"agent": "scout", "do": "pause", "at": steady_clock() - 8})
+            assert told["ok"] is False
+            assert "8 s after it was given" in str(told["reason"])
+            assert (await browser.post("/stop", {"order": "hold", "at": None}))[0] == 400
+            assert (uav1.orders, scout.ordered) == ([], [])
+
+    asyncio.run(body())
+
+
+def test_an_order_that_was_cut_off_is_not_waited_for_by_its_pages(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def fails(_bus: Bus, _fleet: str) -> list[tuple[str, str]]:
+        raise OSError("the session went")
+
+    async def body() -> None:
+        async with fleet(endpoint, {"uav1": None}), served(Where("sar", endpoint)) as browser:
+            await linked(browser, "uav1")
+            monkeypatch.setattr(argosy.ui.orders, "bridges", fails)
+            assert (await browser.post("/stop", {"order": "hold"}))[0] == 500
+            [view] = browser.following.orders.last
+            assert view.state == "NOT confirmed"
+            assert view.outcomes == {"uav1": ("NOT confirmed", "it was cut off: NOT known whether it was done")}
 
     asyncio.run(body())

@@ -1,0 +1,314 @@
+"""What the page says when something is wrong: a server that hangs, members that are gone, hands that slip."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import signal
+from collections.abc import Callable, Coroutine
+from contextlib import AsyncExitStack
+
+import pytest
+
+import argosy.ui.orders
+from argosy.operator_bus import Where
+from argosy.team import TeamModel
+from argosy.ui.marks import marks
+from commd.bus import Bus
+from schemas.records import Outcome
+from tests.argosy.ui.browsing import APART, PATIENCE, Seen, browsing, chromium
+from tests.argosy.ui.fleets import Agent, Robot, fleet, router
+from tests.argosy.ui.serving import Browser, served
+from tests.support.buses import session, until
+from tests.support.processes import running
+
+FINE = Outcome(ok=True)
+
+
+def runs(body: Callable[[], Coroutine[object, object, None]]) -> None:
+    """Run a test that ends."""
+    chromium()
+    asyncio.run(asyncio.wait_for(body(), 120))
+
+
+def test_a_server_that_hangs_is_told_of_and_what_was_ordered_meanwhile_is_refused_when_it_goes_on(
+    endpoint: str,
+) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            ([uav1], _) = await stack.enter_async_context(fleet(endpoint, {"uav1": FINE}))
+            ui = stack.enter_context(running("argosy", "ui", "--fleet", "sar", "--router", endpoint, "--port", "0"))
+            await asyncio.to_thread(ui.says, "open http://")
+            url = re.search(r"^open (\S+)$", ui.text, re.M)
+            assert url is not None
+            seen = await stack.enter_async_context(browsing(url[1]))
+            await seen.shows(".row[data-agent=scout]", "waiting")
+            ui.signal(signal.SIGSTOP)
+            try:
+                await seen.shows(".banner.bad", "argosy ui does not answer")
+                await seen.shows("body[data-old]")
+                await seen.shows("#router", "? router")
+                await seen.twice(seen.page.locator("header [data-order=hold]"))
+                await seen.shows(".outcome.calm", "hold all: is being ordered")
+                await seen.shows(".outcome.bad", "hold all: NOT known whether it was done")
+                await seen.page.wait_for_timeout(5_000)  # as long as an order is one
+            finally:
+                ui.signal(signal.SIGCONT)
+            await seen.shows(".outcome.bad", "NOT ordered: it came")
+            await seen.gone(".banner.bad")
+            await seen.twice(seen.page.locator("header [data-order=land]"))
+            await seen.shows(".outcome.good", "land all: confirmed by it")
+            assert uav1.orders == ["land"], "what was ordered while it hung was not done"
+
+    runs(body)
+
+
+def test_who_is_gone_is_shown_as_gone_everywhere(endpoint: str) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            await stack.enter_async_context(router(endpoint))
+            browser = await stack.enter_async_context(served(Where("sar", endpoint)))
+            seen = await stack.enter_async_context(browsing(browser.doors.url))
+            async with session(endpoint, "scout") as one, session(endpoint, "uav1") as other:
+                scout, uav1 = Agent(one, "scout"), Robot(other, "uav1", "scout", FINE)
+                telling = asyncio.create_task(_tells(scout, uav1))
+                try:
+                    await seen.shows(".row[data-agent=scout]", "GUIDED armed")
+                finally:
+                    telling.cancel()
+            await seen.shows(".row.gone[data-agent=scout] .state.gone", "gone")
+            await seen.shows(".row[data-agent=scout] .how.bad", "bridge gone")
+            await seen.shows(".vessel.old .label")
+            await seen.shows("#panel .title .state.gone", "gone")
+            await seen.page.click("#tab-act")
+            await seen.shows("#pane-act .hint", "Not allowed: scout is not there")
+
+    runs(body)
+
+
+async def _tells(scout: Agent, uav1: Robot) -> None:
+    from schemas import keys
+    from schemas.records import Health
+
+    while True:
+        scout.bus.put(keys.health("sar", "scout", "agentd"), Health(daemon="agentd"))
+        uav1.bus.put(keys.health("sar", "uav1", "bridged"), Health(daemon="bridged", percepts={"scout": "b:1:0"}))
+        uav1.tell()
+        await asyncio.sleep(0.5)
+
+
+async def paged(stack: AsyncExitStack, endpoint: str, *robots: str) -> tuple[list[Robot], Browser, Seen]:
+    """Open the page of a fleet of robots that confirm whatever they are told."""
+    craft, _ = await stack.enter_async_context(fleet(endpoint, dict.fromkeys(robots, FINE)))
+    browser = await stack.enter_async_context(served(Where("sar", endpoint)))
+    seen = await stack.enter_async_context(browsing(browser.doors.url))
+    for robot in robots:
+        await seen.shows(f".row[data-robot={robot}]")
+    return craft, browser, seen
+
+
+def test_a_key_that_is_held_and_a_double_click_order_nothing(endpoint: str) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            [uav1], _, seen = await paged(stack, endpoint, "uav1")
+            button = seen.page.locator("header [data-order=release]")
+            await button.focus()
+            for _ in range(40):
+                await seen.page.keyboard.down("Enter")
+                await seen.page.wait_for_timeout(33)
+            await seen.page.keyboard.up("Enter")
+            await seen.shows("header [data-order=release][data-state=armed]")
+            await seen.gone("header [data-order=release][data-state=armed]")
+            await button.dblclick(delay=20)
+            await seen.shows("header [data-order=release][data-state=armed]")
+            assert uav1.orders == []
+            await seen.page.wait_for_timeout(APART)
+            await button.click()
+            await button.click()
+            await button.click()
+            await seen.shows(".outcome.good", "release all: confirmed by it")
+            assert uav1.orders == ["release"], "one order, whatever was clicked after it"
+
+    runs(body)
+
+
+def test_nothing_is_confirmed_while_it_is_not_known_whom_to_order(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def body() -> None:
+        known = asyncio.Event()
+
+        async def nobody(_bus: Bus, _fleet: str) -> list[tuple[str, str]]:
+            await known.wait()
+            return []
+
+        monkeypatch.setattr(argosy.ui.orders, "bridges", nobody)
+        async with router(endpoint), served(Where("sar", endpoint)) as browser, browsing(browser.doors.url) as seen:
+            await seen.shows("#router", "● router")
+            await seen.twice(seen.page.locator("header [data-order=hold]"))
+            await seen.shows(".outcome.calm", "hold all: looking for robots")
+            assert browser.following.orders.last[-1].state == "looking"
+            known.set()
+            await seen.shows(".outcome.bad", "hold all: NOT ordered: no robot is there")
+
+    runs(body)
+
+
+def test_the_newest_order_is_on_top_and_many_robots_alike_are_one_line(endpoint: str) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            robots = [f"uav{number}" for number in range(6)]
+            craft, _, seen = await paged(stack, endpoint, *robots)
+            for robot in craft:
+                robot.answer = Outcome(ok=False, reason="it hangs")
+            await seen.twice(seen.page.locator("header [data-order=hold]"))
+            await seen.shows(".outcome.bad li", "6 robots: hold NOT confirmed (it hangs)")
+            for robot in craft[:5]:
+                robot.answer = FINE
+            await seen.twice(seen.page.locator("header [data-order=land]"))
+            await seen.shows(".outcome.bad b", "land all: 1 of 6 NOT confirmed")
+            told = await seen.page.locator(".outcome").all_inner_texts()
+            assert [bool(re.search("land all", one)) for one in told] == [True, False]
+            assert told[0].index("uav5: land NOT confirmed (it hangs)") < told[0].index("5 robots: land confirmed")
+
+    runs(body)
+
+
+@pytest.mark.parametrize("width", [720, 768, 900, 1024, 1280])
+def test_the_stop_buttons_are_in_the_window_whatever_else_there_is_to_say(width: int) -> None:
+    async def body() -> None:
+        async with (
+            served(Where("search-and-rescue-number-2", "tcp/127.0.0.1:9")) as browser,
+            browsing(browser.doors.url, width=width) as seen,
+        ):
+            await seen.shows("#router", "not reached")
+            await seen.page.evaluate("""() => {
+                document.querySelector('.time').hidden = document.querySelector('.done').hidden = false;
+                document.querySelector('.time').textContent = '12:34 of 40 min ×0.46';
+                document.querySelector('.done').textContent = '10 of 13 done';
+            }""")
+            for order in ("hold", "land", "rtl", "release"):
+                box = await seen.page.locator(f"header [data-order={order}]").bounding_box()
+                assert box is not None
+                assert box["x"] >= 0
+                assert box["x"] + box["width"] <= width
+                assert box["width"] > 30
+
+    runs(body)
+
+
+def test_a_part_that_cannot_be_drawn_is_told_and_the_others_go_on(endpoint: str) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            [uav1], _, seen = await paged(stack, endpoint, "uav1")
+            uav1.tell()
+            await seen.shows(".vessel .label")
+            await seen.page.evaluate(
+                "() => { window.L.Marker.prototype.setLatLng = () => { throw Error('no place') } }"
+            )
+            await seen.shows(".banner.bad", "the map cannot be drawn: no place")
+            await seen.twice(seen.page.locator("header [data-order=hold]"))
+            await seen.shows(".outcome.good", "hold all: confirmed by it")
+
+    runs(body)
+
+
+def test_a_defect_of_the_server_is_a_banner_and_orders_go_on(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            _, browser, seen = await paged(stack, endpoint, "uav1")
+
+            def broken(_model: TeamModel, _beliefs: object) -> None:
+                raise OverflowError("cannot convert float infinity to integer")
+
+            monkeypatch.setattr("argosy.ui.following.marks", broken)
+            await seen.shows(".banner.bad", "a defect of argosy ui: OverflowError: cannot convert float infinity")
+            await seen.twice(seen.page.locator("header [data-order=hold]"))
+            await seen.shows(".outcome.good", "hold all: confirmed by it")
+            monkeypatch.setattr("argosy.ui.following.marks", marks)
+            await seen.gone(".banner.bad")
+            assert browser.following.pages
+
+    runs(body)
+    assert capsys.readouterr().err.count("a defect of argosy ui") == 1
+
+
+def test_a_fresh_page_on_a_tablet_shows_the_newest_events_and_follows_them() -> None:
+    async def body() -> None:
+        async with served() as browser:
+            timeline = browser.following.model.timeline
+            for number in range(400):
+                timeline.add(1.0 + number, "scout", "print", f"line {number} " + "x" * (number % 7 * 40))
+            async with browsing(browser.doors.url, width=768, height=1024, touch=True) as seen:
+                for number in range(400, 440):
+                    await seen.shows(".event", f"line {number - 1}")
+                    timeline.add(1.0 + number, "scout", "print", f"line {number} " + "x" * (number % 7 * 40))
+                await seen.shows(".event", "line 439")
+                await seen.page.wait_for_timeout(500)
+                assert not await seen.page.locator(".newer").is_visible()
+                below = "(one => one.scrollHeight - one.scrollTop - one.clientHeight)(document.querySelector(LIST))"
+                below = below.replace("LIST", "'#timeline .scroll'")
+                assert await seen.page.evaluate(below) < 24
+                await seen.page.locator("#timeline .scroll").hover()
+                await seen.page.mouse.wheel(0, -2_000)
+                await seen.page.wait_for_function(f"{below} > 500", timeout=PATIENCE)
+                timeline.add(900.0, "scout", "print", "the last one")
+                await seen.shows(".newer", "1 newer")
+
+    runs(body)
+
+
+def test_events_that_a_page_missed_are_counted_on_it() -> None:
+    async def body() -> None:
+        async with served() as browser, browsing(browser.doors.url) as seen:
+            add = browser.following.model.timeline.add
+            add(1.0, "scout", "print", "the first")
+            await seen.shows(".event", "the first")
+            assert not await seen.page.locator(".missed").is_visible()
+            following = browser.following
+            following.shown.show(
+                {},
+                [{"n": number, "at": 1.0, "who": "scout", "what": "print", "text": "x"} for number in range(2, 3_103)],
+            )
+            await seen.shows(".missed", "101 events did not come here")
+
+    runs(body)
+
+
+def test_a_page_for_which_there_is_no_room_says_so_and_comes_when_there_is() -> None:
+    async def body() -> None:
+        async with served() as browser, AsyncExitStack() as stack:
+            await browser.enter()
+            first = await browser.session.ws_connect(f"{browser.base}/feed", origin=browser.base)
+            for _ in range(15):
+                await stack.enter_async_context(browser.feed())
+            await until(lambda: len(browser.following.pages) == 16, "16 pages are open")
+            seen = await stack.enter_async_context(browsing(browser.doors.url))
+            await seen.shows(".banner.bad", "argosy ui refuses this page: 16 pages are open already")
+            await first.close()
+            await seen.shows("#router", "router")
+            await seen.gone(".banner:has-text('16 pages')")
+
+    runs(body)
+
+
+@pytest.mark.parametrize("hash", ["#%", "#constructor/mind"])
+def test_an_address_that_somebody_has_written_by_hand_opens_the_page(hash: str) -> None:
+    async def body() -> None:
+        async with served() as browser, browsing(browser.doors.url + hash) as seen:
+            await seen.shows("#router", "not reached")
+
+    runs(body)
+
+
+def test_a_robot_may_be_called_as_what_every_object_has(endpoint: str) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            [robot], _, seen = await paged(stack, endpoint, "constructor")
+            robot.tell()
+            await seen.shows(".vessel .label", "constructor")
+            assert not await seen.page.locator(".banner.bad").count()
+
+    runs(body)
