@@ -6,22 +6,22 @@ import sys
 from argparse import ArgumentParser, Namespace
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 
 from argosy.plot_figure import FORMATS, NOTHING, PANELS, Panel, has, write_plot
-from argosy.plot_scene import Scene, SceneReader, part_of
+from argosy.plot_scene import Heard, Scene, SceneReader, part_of
 from argosy.plot_style import INCH, WIDTHS
 from argosy.plot_tables import write_tables
 from argosy.recording.reader import BadRecording, Recording, open_recording
+from argosy.recording.units import SECOND
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas import keys
 from schemas.findings import Findings
 from schemas.minds import MindDeeds
 from schemas.mission import read_mission
-from schemas.records import ActionStatus, Perception, Record
+from schemas.records import ActionStatus, Perception
 
-SECOND = 1_000_000_000
 PROMPT = 0.5
 """Wall seconds: what was heard within them after it was said stands where it was said, by the clock of who said it."""
 LEAST, MOST = 50.0, 600.0
@@ -42,9 +42,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     parser.add_argument("--robot", action="append", default=[], metavar="R", help="only this robot (repeatable)")
     parser.add_argument(
-        "--from", dest="begin", type=float, metavar="S", help="from this second of the recording on, in mission time"
+        "--from", dest="begin", type=_seconds, metavar="S", help="from this second of the recording on, in mission time"
     )
-    parser.add_argument("--to", dest="end", type=float, metavar="S", help="up to this second")
+    parser.add_argument("--to", dest="end", type=_seconds, metavar="S", help="up to this second")
     parser.add_argument(
         "--width",
         type=_width,
@@ -64,6 +64,16 @@ def _panels(text: str) -> list[Panel]:
 
 
 _panels.__name__ = f"panels (of {', '.join(PANELS)})"
+
+
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not isfinite(seconds):
+        raise ValueError
+    return seconds
+
+
+_seconds.__name__ = "number of seconds"
 
 
 def _width(text: str) -> float:
@@ -110,13 +120,6 @@ def run(args: Namespace) -> int:
     return EXIT_DONE
 
 
-@dataclass(frozen=True, slots=True)
-class _Heard:
-    at: float
-    key: str
-    record: Record
-
-
 def read_scene(recording: Recording, fleet: str | None = None) -> Scene:
     """Return all that a recording tells of one fleet. Raises NothingToPlot if it is not clear of which."""
     fleets = recording.fleets
@@ -150,7 +153,7 @@ def _team(recording: Recording, fleet: str) -> tuple[str, dict[str, str], list[s
     return facts.mission or fleet, {name: name for name in seen}, []
 
 
-def _heard(recording: Recording, fleet: str, unread: Counter[str]) -> Iterator[_Heard]:
+def _heard(recording: Recording, fleet: str, unread: Counter[str]) -> Iterator[Heard]:
     """Yield what a plot shows, in order, with mission seconds since the beginning; count what cannot be read."""
     speed = next((deeds.speed for _, deeds in recording.typed(MindDeeds)), recording.facts.speed)
     only = (f"{keys.ROOT}/{fleet}/**",)
@@ -159,7 +162,7 @@ def _heard(recording: Recording, fleet: str, unread: Counter[str]) -> Iterator[_
             unread[message.name] += 1
         else:
             late = (message.at - message.stamp) / SECOND  # what a query answered was said long ago
-            yield _Heard((message.seconds - (late if 0 < late < PROMPT else 0)) * speed, message.key, record)
+            yield Heard((message.seconds - (late if 0 < late < PROMPT else 0)) * speed, message.key, record)
 
 
 def _figure(scene: Scene, args: Namespace) -> str:

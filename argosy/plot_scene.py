@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from argosy.journal import printable
-from argosy.seen import ActionSeen, ActionsSeen, RobotSeen
+from argosy.seen import ActionSeen, ActionsSeen, RobotSeen, finite
 from argosy.track import Track, distance
 from schemas import keys
 from schemas.minds import Deed, MindDeeds
 from schemas.records import ActionStatus, Perception, Record
-from schemas.terms import to_float
+from schemas.terms import Term
 from schemas.text import write
 
 SHORTEST = 1.0
 """Mission seconds that are shown at least, also of a recording that is over at once."""
 NEAR = 20_000.0
 """Metres from home within which the last two parameters of a percept are taken for a place."""
+HIGHEST = 1_000_000.0
+"""Metres above home that are drawn."""
 MAX_MESSAGES = 20_000
 """Messages that are kept; further ones are counted."""
 MAX_PLACES = 2_000
@@ -30,20 +31,16 @@ DROPS = "drop"
 """How the names of actions begin that leave something behind where the robot is."""
 
 
-class Heard(Protocol):
+@dataclass(frozen=True, slots=True)
+class Heard:
     """A record of a recording."""
 
-    @property
-    def at(self) -> float:
-        """Mission seconds."""
-
-    @property
-    def key(self) -> str:
-        """Its key on the bus."""
-
-    @property
-    def record(self) -> Record:
-        """Decoded."""
+    at: float
+    """Mission seconds."""
+    key: str
+    """Its key on the bus."""
+    record: Record
+    """Decoded."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +142,7 @@ class SceneReader:
             parsed = keys.parse(heard.key)
             agent = parsed[1] if parsed else "?"
             match heard.record:
-                case Perception() as percept if agent in self._eyes:
+                case Perception() as percept if agent in self._eyes and not _absurd(percept):
                     robot = self._robots[self._eyes[agent]]
                     robot.percept(percept, heard.at, _tell_nobody)
                     self._sight(robot, percept)
@@ -163,11 +160,11 @@ class SceneReader:
         if percept.update == "remove" or len(percept.parameters) < 3:
             return
         *names, latitude, longitude = percept.parameters
-        one, two, home = to_float(latitude), to_float(longitude), robot.home or robot.position
-        if one is None or two is None or home is None or distance((one, two), home) > NEAR:
+        where, home = _position(latitude, longitude), robot.home or robot.position
+        if where is None or home is None or distance(where, home) > NEAR:
             return
         label = ",".join(map(write, names))
-        self._mark(label, Place(self._now, percept.name, robot.name, (one, two), label))
+        self._mark(label, Place(self._now, percept.name, robot.name, where, label))
 
     def _status(self, agent: str, status: ActionStatus) -> None:
         self._actions.status(agent, status, self._now, _tell_nobody)
@@ -175,10 +172,9 @@ class SceneReader:
         if robot is None:
             return
         if status.name in TARGETS and len(status.parameters) >= 2:
-            latitude, longitude = map(to_float, status.parameters[:2])
-            if latitude is not None and longitude is not None:
-                place = Place(self._now, TARGET, robot.name, (latitude, longitude))
-                self._mark(f"{robot.name} {latitude:.7f} {longitude:.7f}", place)
+            where = _position(*status.parameters[:2])
+            if where is not None:
+                self._mark(f"{robot.name} {where[0]:.7f} {where[1]:.7f}", Place(self._now, TARGET, robot.name, where))
         if status.name.startswith(DROPS) and status.state == "succeeded" and robot.position is not None:
             self._mark(status.id, Place(self._now, status.name, robot.name, robot.position))
 
@@ -235,6 +231,19 @@ class SceneReader:
         if self._left_out:
             scene.notes.append(f"of {self._left_out} deeds the agents themselves had no room to tell")
         return scene
+
+
+def _absurd(percept: Perception) -> bool:
+    """Whether it tells an altitude that no figure has room for."""
+    return percept.name == "altitude" and any(abs(finite(term) or 0) > HIGHEST for term in percept.parameters)
+
+
+def _position(latitude: Term, longitude: Term) -> tuple[float, float] | None:
+    """Return degrees; None for what is no place on earth."""
+    one, two = finite(latitude), finite(longitude)
+    if one is None or two is None or abs(one) > 90 or abs(two) > 180:
+        return None
+    return one, two
 
 
 def _tell_nobody(who: str, what: str, level: object) -> None:

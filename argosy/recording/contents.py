@@ -10,7 +10,8 @@ from typing import Any
 from argosy.journal import printable
 from argosy.recording import sizes
 from argosy.recording.lives import PART, Life, in_words
-from argosy.recording.reader import SECOND, Recording
+from argosy.recording.reader import Recording
+from argosy.recording.units import SECOND
 
 Unread = Counter[tuple[str, str]]
 """Stretches of inputs that do not decode, by fleet and agent."""

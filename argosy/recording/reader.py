@@ -17,13 +17,13 @@ from argosy.recording.mcap_records import BadRecording, Damage, McapFile
 from argosy.recording.plain_keys import fleet_of, is_plain
 from argosy.recording.recorded import Recorded, Track
 from argosy.recording.records import PREFIX
+from argosy.recording.units import SECOND
 from schemas import keys
 from schemas.minds import MindInputs
 from schemas.records import Record
 
 __all__ = ["BadRecording", "Recorded", "Recording", "Topic", "open_recording"]
 R = TypeVar("R", bound=Record)
-SECOND = 1_000_000_000
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,12 @@ from argosy.recording.intake import Heard, Intake
 from argosy.recording.minds import Minds
 from argosy.recording.records import PREFIX, RecorderNote
 from argosy.recording.sieve import NOTES, Sieve
+from argosy.recording.units import SECOND
 from argosy.recording.writer import Compression, RecordingWriter
 from schemas.durations import Duration
 
 PERIOD: Final = 1.0
 """Wall seconds between two chunks: what is lost at most when the recorder is killed."""
-SECOND: Final = 1_000_000_000
 PER_CHANNEL: Final = 10
 """Bytes of a chunk's entry in the index at the end of a file, for each of its channels; and 100 for itself."""
 

@@ -291,3 +291,27 @@ def test_records_that_this_version_cannot_read_are_counted(tmp_path: Path, capsy
     assert capsys.readouterr().err == (
         "note: 1 of its records Perception cannot be read: another version of Argosy wrote them\n"
     )
+
+
+def test_figures_that_are_no_place_and_no_time_end_in_a_line_or_are_not_drawn(
+    flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for number in ("nan", "inf"):
+        with pytest.raises(SystemExit) as ended:
+            main(["plot", str(flown), "--from", number])
+        assert ended.value.code == 2
+        assert f"argument --from: invalid number of seconds value: '{number}'" in capsys.readouterr().err
+    fleet = Fleet(tmp_path / "wild.mcap")
+    fly(fleet)
+    for big in (1e308, -1e308, 200.0, float("inf")):
+        fleet.percept("rescuer", "global_pos", big, big)
+        fleet.percept("scout", "home_pos", big, 5)
+        fleet.percept("scout", "victim", 9, big, big)
+        fleet.percept("rescuer", "altitude", big)
+        fleet.action("rescuer", 9, "running", "goto", big, big, 10)
+    path = fleet.close()
+    assert main(["plot", str(path)]) == 0
+    told = capsys.readouterr()
+    assert "Limits" not in told.err
+    assert "Warning" not in told.err
+    assert [place.kind for place in read_scene(open_recording(path)).places] == ["victim", "target", "drop_buoy"]
