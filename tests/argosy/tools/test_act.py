@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import AsyncGenerator, Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
 from argosy.__main__ import main
+from argosy.tools.act import _perform
 from argosy.tools.calls import read_action
+from commd.bus import Bus
+from schemas.records import ActionStatus, Header
 from schemas.terms import Atom, Structure, Term
 from schemas.text import BadTerm
 from tests.argosy.tools.flying import Trial, trial
@@ -159,6 +165,33 @@ def test_a_bridge_that_is_killed_meanwhile_is_no_success(flying: Trial) -> None:
         flying.bridged.kill()
         assert goto.ends(60) == 1
     assert goto.lines[-1].startswith("uav: goto(-27.6, -48.515, 20) NOT confirmed, how it ended is not known: ")
+
+
+def test_an_order_to_cancel_that_comes_before_the_action_is_given_again(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answers = iter(("refused", "cancelled"))
+
+    async def follow(*_: object) -> AsyncGenerator[ActionStatus, None]:
+        await asyncio.Event().wait()
+        yield ActionStatus(id="i", state="running")
+
+    async def cancel(*_: object) -> ActionStatus:
+        return ActionStatus(id="i", state=next(answers))  # type: ignore[arg-type]
+
+    monkeypatch.setattr("argosy.tools.act.follow", follow)
+    monkeypatch.setattr("argosy.tools.act.cancel", cancel)
+    monkeypatch.setattr("argosy.tools.act.OVERTAKEN", 0.0)
+    bus = SimpleNamespace(name="ops", boot="b", header=lambda _: Header())
+
+    async def body() -> int:
+        performing = asyncio.create_task(_perform(cast(Bus, bus), "f", "uav", "land", (), None))
+        await asyncio.sleep(0)
+        performing.cancel()
+        return await performing
+
+    assert asyncio.run(body()) == 130
+    assert capsys.readouterr().out.splitlines() == ["uav: land: ctrl-C, cancelling it", "uav: land cancelled"]
 
 
 @pytest.mark.parametrize(

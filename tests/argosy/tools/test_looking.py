@@ -276,6 +276,28 @@ def test_list_shows_who_serves_and_who_says_what(flying: Trial) -> None:
     assert "  query  mailboxes  nothing -> Mailboxes" in lines
 
 
+def test_what_cannot_be_shown_is_written_otherwise_and_what_is_lost_is_no_success(endpoint: str) -> None:
+    async def speak(bus: Bus) -> None:
+        key = keys.percept("sar", "uav", "name")
+        bus.put(key, Perception(header=bus.header("percept"), name="name", parameters=("Zoë",)))
+        await asyncio.sleep(0.1)
+
+    def command(line: str, **environment: str) -> subprocess.CompletedProcess[str]:
+        said = f"{sys.executable} -m argosy echo --count 1 --router {endpoint} {line}"
+        env = {**os.environ, **environment}
+        return subprocess.run(said, shell=True, capture_output=True, text=True, timeout=60, cwd=ROOT, env=env)
+
+    with talking(endpoint, speak):
+        ascii_alone = command("", LC_ALL="C", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0")
+        assert (ascii_alone.returncode, ascii_alone.stderr) == (0, "")
+        assert 'name("Zo\\xeb")' in ascii_alone.stdout
+        closed = command(">&-")
+        assert (closed.returncode, closed.stderr) == (0, "")
+        full = command("> /dev/full")
+        assert full.returncode == 1
+        assert full.stderr == "error: what it has to say cannot be written: No space left on device\n"
+
+
 def test_list_of_nobody_fails(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
         code, lines, said = await asyncio.to_thread(typed, "list", "--router", endpoint, "--wait", "300ms")
