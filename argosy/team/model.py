@@ -61,6 +61,8 @@ class TeamModel:
         self.router_up = True
         self.router_since: float | None = None
         """Unix seconds at which the router was lost or came back; None = it has been there all the time."""
+        self.defect = ""
+        """What went wrong in here when it was last looked at who is there; empty: nothing."""
         self.version = 0
         """Counts up with whatever is taken in."""
         self._roll = Roll(mission, now)

@@ -103,8 +103,12 @@ class TeamWatcher:
 
     async def _tick(self) -> None:
         while True:
-            self.model.tick()
-            self._ask_who_is_due(time.monotonic())
+            try:
+                self.model.tick()
+                self._ask_who_is_due(time.monotonic())
+                self.model.defect = ""
+            except Exception as error:  # said where it is seen: silence would look like a fleet that rests
+                self.model.defect = f"who is there is not known any more: {type(error).__name__}: {error}"
             await asyncio.sleep(TICK)
 
     def _ask_who_is_due(self, now: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import ClassVar
 
 from textual.app import App
@@ -12,6 +13,7 @@ from argosy.watch.glyphs import UNICODE, Glyphs
 from argosy.watch.link import Link
 from argosy.watch.page import Page
 from argosy.watch.pages import Help, Overview
+from argosy.watch.rows import said
 
 PERIOD = 0.5
 """Wall seconds between two drawings."""
@@ -48,6 +50,15 @@ class WatchApp(App[None]):
     def shown(self) -> TeamModel:
         """The model that is shown: the fleet's, or as it was when the view was paused."""
         return self._still or self.link.model
+
+    def _fatal_error(self) -> None:
+        """End with one line for what nobody has caught, instead of a page of our own code."""
+        if os.environ.get("ARGOSY_DEBUG"):
+            super()._fatal_error()
+            return
+        what = f"{type(self._exception).__name__}: {self._exception}"
+        self._exit_renderables.append(said(f"error: defect in argosy watch: {what}; ARGOSY_DEBUG=1 shows where"))
+        self._close_messages_no_wait()
 
     def on_mount(self) -> None:
         """Show the fleet."""

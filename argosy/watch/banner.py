@@ -30,8 +30,8 @@ def title(model: TeamModel, router: str) -> Text:
     )
 
 
-def banner(link: Link, model: TeamModel, paused: bool) -> Text:
-    """Return what is wrong with what is shown, a line for each; empty if nothing is."""
+def banner(link: Link, model: TeamModel, paused: bool) -> list[Text]:
+    """Return what is wrong with what is shown, a line for each; none if nothing is."""
     now, lines = link.model.now(), list[Text]()
     live = link.model
     if link.failure:
@@ -61,4 +61,4 @@ def banner(link: Link, model: TeamModel, paused: bool) -> Text:
     if paused:
         text = f"PAUSED as it was at {clock(model.now())}: the fleet goes on without you; space to go on"
         lines.append(said(text, "reverse yellow"))
-    return Text("\n").join(lines)
+    return lines

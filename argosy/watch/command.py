@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+import signal
 import sys
 from argparse import ArgumentParser, Namespace
 
@@ -45,6 +46,9 @@ async def _show(place: Where, mission: Mission | None, words: str) -> int:
 
     link = Link(place, mission)
     app = WatchApp(link, glyphs=glyphs_of(os.environ, sys.stdout.encoding or ""), filter=words)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:  # ignored: under nohup
+            asyncio.get_running_loop().add_signal_handler(number, app.exit)  # it gives the terminal back
     dialling = asyncio.create_task(link.run())
     dialling.add_done_callback(lambda _: app.exit() if link.failure else None)
     try:

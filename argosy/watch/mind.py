@@ -7,17 +7,20 @@ from rich.text import Text
 from agentd.why import decision_lines, failure_lines
 from argosy.team import TeamAgent, TeamModel
 from argosy.watch.glyphs import Glyphs
+from argosy.watch.overview import unheard
 from argosy.watch.rows import BAD, DIM, GOOD, WARN, Row, head, joined, said
 from argosy.watch.words import count, place, places, span
 from schemas.minds import DecisionView, FailureView, IntentionView, MindView
 
+OLD = 3.0
+"""Seconds after which what is shown of a mind counts as old; each is asked every 2 s."""
 MOST_OUTCOMES = 5
 """Actions that have ended that are shown."""
 
 
 def seen(agent: TeamAgent) -> tuple[MindView | None, float | None]:
-    """Return the view of its mind with the most in it, and when it was heard."""
-    if agent.detail is not None:
+    """Return the view of its mind with the most in it, unless a newer one is there, and when it was heard."""
+    if agent.detail is not None and (agent.heard or 0.0) - (agent.detailed or 0.0) <= OLD:
         return agent.detail, agent.detailed
     return agent.mind, agent.heard
 
@@ -39,8 +42,16 @@ def title(model: TeamModel, agent: TeamAgent) -> Text:
         f"{view.time:.0f} s of mission",
         (f"lag {span(agent.lag)}", BAD if agent.lag >= 1 else DIM),
         (f"{agent.drops} dropped" if agent.drops else "", WARN),
-        (f"SILENT, as it was {span(old)} ago" if agent.silent is not None or not agent.there else "", BAD),
+        (_age(agent, old), BAD),
     )
+
+
+def _age(agent: TeamAgent, old: float) -> str:
+    if not agent.there:
+        return f"GONE, as it was {span(old)} ago"
+    if agent.silent is not None:
+        return f"SILENT, as it was {span(old)} ago"
+    return f"as it was {span(old)} ago" if old > OLD else ""
 
 
 def mind(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Row]:
@@ -107,7 +118,10 @@ def _actions(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Row]:
     for action in running:
         figures = "  ".join(f"{name} {value:.1f}" for name, value in action.feedback.items())
         text = joined(
-            (f"  {glyphs.runs} {action.text}", "blue"), f"{action.state} {span(action.age(now))}", (figures, DIM)
+            (f"  {glyphs.runs} {action.text}", "blue"),
+            f"{action.state} {span(action.age(now))}",
+            unheard(action, now),
+            (figures, DIM),
         )
         rows.append(Row(text, indent=6))
     for action in ended[: -MOST_OUTCOMES - 1 : -1]:
@@ -142,19 +156,24 @@ def _formula(text: str, holds: bool, bad: bool, glyphs: Glyphs) -> Row:
     )
 
 
-def beliefs(agent: TeamAgent) -> list[Row]:
+def _old(agent: TeamAgent, now: float) -> list[Row]:
+    """Return how old the details are that are shown, if they are old: only the mind that is looked at is asked."""
+    old = now - (agent.detailed or now)
+    return [Row(Text(f"as it was {span(old)} ago", BAD))] if old > OLD else []
+
+
+def beliefs(agent: TeamAgent, now: float) -> list[Row]:
     """Return what it believes, source by source, each with its age in mission seconds."""
-    view, _ = seen(agent)
+    view = agent.detail
     if view is None:
-        return [Row(Text("its mind has not been seen yet", WARN))]
-    if agent.detail is None:
-        return [Row(Text("not asked for yet", WARN))]
+        word = "its mind has not been seen yet" if agent.mind is None else "not asked for yet"
+        return [Row(Text(word, WARN))]
     groups: dict[str, list[Row]] = {}
     for belief in view.believed:
         age = f"{span(view.time - belief.since)}" if belief.since is not None else ""
         row = Row(joined(f"  {_without_source(belief.text, belief.sources)}", (age, DIM)), indent=4)
         groups.setdefault(", ".join(belief.sources) or "nobody says who told it", []).append(row)
-    rows: list[Row] = []
+    rows = _old(agent, now)
     for source in sorted(groups, key=_order):
         rows += [head(f"from {source} {len(groups[source])}"), *groups[source]]
     if view.beliefs_left_out:
@@ -171,12 +190,12 @@ def _order(source: str) -> tuple[int, str]:
     return ({"percept": 1, "self": 2}.get(source, 0), source)
 
 
-def decisions(agent: TeamAgent, opened: set[str]) -> list[Row]:
+def decisions(agent: TeamAgent, opened: set[str], now: float) -> list[Row]:
     """Return the last decisions, the newest first; those that are opened with their reasons."""
-    view, _ = seen(agent)
-    if view is None or agent.detail is None:
+    view = agent.detail
+    if view is None:
         return [Row(Text("not asked for yet", WARN))]
-    rows: list[Row] = []
+    rows = _old(agent, now)
     together: list[tuple[int, str, DecisionView | FailureView]] = []
     together += [(one.cycle, f"d{one.cycle} {one.event}", one) for one in view.decisions]
     together += [(one.cycle, f"f{one.cycle} {one.formula}", one) for one in view.failures]

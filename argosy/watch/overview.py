@@ -83,7 +83,18 @@ def _figures(seen: RobotSeen, style: str, width: int) -> list[Text]:
 
 def _action(action: ActionSeen, now: float, glyphs: Glyphs) -> Text:
     figures = "  ".join(f"{name} {value:.1f}" for name, value in action.feedback.items())
-    return joined((f"{glyphs.runs} {rounded(action.text)}", "blue"), f"{span(action.age(now))}", (figures, DIM))
+    return joined(
+        (f"{glyphs.runs} {rounded(action.text)}", "blue"),
+        f"{span(action.age(now))}",
+        unheard(action, now),
+        (figures, DIM),
+    )
+
+
+def unheard(action: ActionSeen, now: float) -> tuple[str, str]:
+    """Return for how long nobody has told of an action, if that is long, and its style."""
+    silent = action.silent(now)
+    return ("" if silent is None else f"not heard for {span(silent)}", BAD)
 
 
 def _agents(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:

@@ -16,7 +16,7 @@ from textual.widgets import Input, Static
 from argosy.team import TeamModel
 from argosy.watch.banner import banner
 from argosy.watch.lines import Lines
-from argosy.watch.rows import joined
+from argosy.watch.rows import BAD, joined, safe, said
 
 if TYPE_CHECKING:
     from argosy.watch.app import WatchApp
@@ -53,7 +53,7 @@ class Pane(Vertical):
             (f"{mark if lines.has_focus else ' '}{self.title.upper()} ", style), (where, "dim"), (left_out, "yellow")
         )
         if told != self._told:
-            self._told = told
+            self._told = safe(told)
             self._heading.update(told)
 
 
@@ -122,7 +122,16 @@ class Page(Screen[None]):
         if self.app.screen is not self or not self.is_mounted:
             return
         model = self.watch_app.shown
-        title, above = self.top(model), banner(self.watch_app.link, model, self.watch_app.paused)
+        title, defect = self._title, self.watch_app.link.model.defect
+        try:
+            title = safe(self.top(model))
+            self.draw(model)
+        except Exception as error:  # one record must not take the view of a whole fleet away
+            defect = f"this cannot be drawn, and stays as it was: {type(error).__name__}: {error}"
+        lines = banner(self.watch_app.link, model, self.watch_app.paused)
+        if defect:
+            lines.insert(0, said(f"defect in argosy watch: {defect}", BAD))
+        above = Text("\n").join(map(safe, lines))
         if title != self._title:
             self._title = title
             self.query_one("#title", Static).update(title)
@@ -131,7 +140,6 @@ class Page(Screen[None]):
             widget = self.query_one("#banner", Static)
             widget.update(above)
             widget.display = bool(above.plain)
-        self.draw(model)
         for pane in self.query(Pane):
             pane.head(self.watch_app.glyphs.cursor)
         keys = self.LONG_KEYS if self.size.width >= 100 else self.KEYS

@@ -165,9 +165,9 @@ class AgentPage(Page):
         if self._seen("mind"):
             self._mind.show_rows(mind.mind(model, agent, self.watch_app.glyphs))
         if self._seen("beliefs"):
-            self._beliefs.show_rows(mind.beliefs(agent))
+            self._beliefs.show_rows(mind.beliefs(agent, model.now()))
         if self._seen("decisions"):
-            self._decisions.show_rows(mind.decisions(agent, self._opened))
+            self._decisions.show_rows(mind.decisions(agent, self._opened, model.now()))
         if self._seen("happened"):
             self._events.show_rows(self._happenings.update(model))
 

@@ -27,10 +27,21 @@ class Row:
     found_by: str = field(default="", compare=False)
     """Further words by which a filter finds it."""
 
+    def __post_init__(self) -> None:
+        """Let nothing through that a terminal takes for a command, whoever made the text."""
+        safe(self.text)
+
     def matches(self, words: Sequence[str]) -> bool:
         """Whether every word stands in it, and none of those with a `-` before them; in small letters."""
         text = f"{self.text.plain} {self.found_by}".lower()
         return all(word[1:] not in text if word[:1] == "-" and word[1:] else word in text for word in words)
+
+
+def safe(text: Text) -> Text:
+    """Return this text with a blank for each character that a terminal may take for a command; its styles stay."""
+    if not text.plain.isprintable():
+        text.plain = printable(text.plain)
+    return text
 
 
 def said(text: str, style: str = "") -> Text:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import time
 
@@ -11,6 +12,8 @@ _LONG = re.compile(r"(\.\d{6})\d+")
 
 def span(seconds: float) -> str:
     """Return how long, in as few letters as tell it: `0.4 s`, `12 s`, `3 min`, `2 h 5 min`."""
+    if not math.isfinite(seconds):
+        return "? s"
     if seconds < 9.95:
         return f"{max(0.0, seconds):.1f} s"
     if seconds < 120:

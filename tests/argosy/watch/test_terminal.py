@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -155,3 +157,39 @@ def test_a_mission_that_cannot_be_read_is_told_in_a_line() -> None:
     assert done.returncode == 2
     assert b"no such file" in done.stderr
     assert b"Traceback" not in done.stderr
+
+
+def test_nothing_that_a_fleet_says_is_a_command_to_the_terminal_or_ends_the_view(endpoint: str) -> None:
+    command = [sys.executable, "-m", "tests.argosy.watch.hostile", endpoint]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE)
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"there\n"
+        with watch(endpoint, "--fleet", "hostile", columns=160, lines=50) as terminal:
+            terminal.shows("+!evil")
+            terminal.until(lambda text: "GUIDED" in text and "▸ goto(" in text, "the vehicle")
+            assert "1 of 1 agent  1 of 1 robot  1 of 1 board" in terminal.text
+            terminal.press("\x1b[B\r")
+            terminal.until(lambda text: "INTENTIONS 1" in text and "DROPPED" in text, "the mind")
+            terminal.until(lambda text: "BELIEFS" in text and "FROM " in text and "fails" in text, "all panes")
+            terminal.press("q")
+            assert terminal.end() == 0
+            assert b"PWNED" in terminal.output, "its words are shown"
+            for sequence in (b"\x1b]0;PWNED", b"\x1b[5;5HPWNED", b"\x9b2J", "\x9b".encode(), "\u202e".encode()):
+                assert sequence not in terminal.output
+            assert b"defect" not in terminal.output
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_who_ends_it_gets_his_terminal_back(router: subprocess.Popen[bytes], endpoint: str, number: int) -> None:
+    with watch(endpoint) as terminal:
+        terminal.shows("nobody is there yet")
+        before = len(terminal.output)
+        os.kill(terminal.pid, number)
+        assert terminal.end() == 0
+        after = terminal.output[before:]
+        assert b"\x1b[?1049l" in after, "the screen of before"
+        assert b"\x1b[?25h" in after, "the cursor"

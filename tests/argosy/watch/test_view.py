@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from textual.pilot import Pilot
 
+from argosy.watch import pages
 from argosy.watch.app import WatchApp
 from argosy.watch.glyphs import ASCII, UNICODE, glyphs_of
 from schemas import keys
@@ -439,3 +440,82 @@ def test_the_timeline_follows_what_happens_unless_one_has_scrolled_back() -> Non
         await until(app, pilot, "line 100")
 
     show(fleet, body)
+
+
+def test_an_action_of_which_nobody_tells_says_so_and_how_it_ended_is_not_known_once_its_agent_is_gone() -> None:
+    fleet = flying().waits(8)
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        await until(app, pilot, "▸ goto(-27.603512,-48.5182,20)  9.0 s  not heard for 9.0 s")
+        fleet.goes("scout", "agentd").waits(1)
+        await pilot.press("down", "down", "enter")
+        await until(app, pilot, "not known how it ended: its agent is gone")
+        assert "ACTIONS 0 RUNNING" in text_of(app)
+        assert "GONE, as it was 10 s ago" in text_of(app)
+
+    show(fleet, body, (200, 40))
+
+
+def test_details_of_long_ago_are_not_the_mind_of_now() -> None:
+    fleet = thinking().waits(600)
+    fleet.mind("scout", "+!new_goal", time=640.0, cycle=9).told("scout", "agentd")
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        await pilot.press("down", "down", "space", "enter")
+        await until(app, pilot, "640 s of mission")
+        await until(app, pilot, "+!new_goal")
+        assert "+!visit(3)" not in text_of(app).partition("BELIEFS")[0]
+        assert text_of(app).count("as it was 600 s ago") + text_of(app).count("as it was 10 min ago") == 2
+        assert "height(20)" in text_of(app)
+
+    show(fleet, body, (160, 40))
+
+
+def test_a_mind_that_was_not_heard_for_a_while_says_how_old_it_is() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        await pilot.press("down", "down", "enter")
+        await until(app, pilot, "as it was 4.0 s ago")
+
+    show(thinking().waits(4), body, (160, 40))
+
+
+def test_a_vehicle_says_how_old_it_is_while_the_router_is_away() -> None:
+    fleet = flying()
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        fleet.model.router(up=False)
+        fleet.waits(12)
+        await until(app, pilot, "as it was 13 s ago")
+
+    show(fleet, body, (160, 24))
+
+
+def test_what_cannot_be_drawn_is_one_line_and_the_view_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    fleet, drawn = flying(), pages.overview
+
+    def broken(*_: object) -> list[object]:
+        raise ValueError("cannot convert\x1b[2J float infinity to integer")
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        monkeypatch.setattr(pages, "overview", broken)
+        await until(app, pilot, "defect in argosy watch: this cannot be drawn, and stays as it was: ValueError: cannot")
+        assert "GUIDED" in text_of(app)
+        assert app.is_running
+        monkeypatch.setattr(pages, "overview", drawn)
+        await pilot.pause(0.3)
+        assert "defect" not in text_of(app)
+        fleet.model.defect = "who is there is not known"
+        await until(app, pilot, "defect in argosy watch: who is there is not known")
+
+    show(fleet, body, (160, 24))
+
+
+def test_what_nobody_has_caught_ends_it_with_one_line() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        app._exception = ValueError("a defect\x1b[2J")
+        app._fatal_error()
+        (line,) = app._exit_renderables
+        assert str(line) == ("error: defect in argosy watch: ValueError: a defect [2J; ARGOSY_DEBUG=1 shows where")
+        app._exception = None
+
+    show(flying(), body)
