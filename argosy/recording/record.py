@@ -12,6 +12,7 @@ from argparse import ArgumentParser, Namespace
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import NoReturn
 
 from argosy.fleet_bus import FleetBus
 from argosy.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus, unreached
@@ -38,6 +39,8 @@ ENDS = {
 """What ends a recording, and how that is told."""
 NOBODY = 5.0
 """Wall seconds of silence after which it is told that nobody is there."""
+DISK, HURRY = 60.0, 3.0
+"""Wall seconds that the disk has for what still waits; and after a second signal."""
 LAST_LOOK = 5.0
 """Wall seconds for what is still missing to be asked for, when it is told to end."""
 
@@ -137,7 +140,7 @@ class _Recording:
 
     def __init__(self, bus: Bus, recorder: Recorder, asker: Asker) -> None:
         self._bus, self._recorder, self._asker = bus, recorder, asker
-        self._ended, self._told = asyncio.Event(), asyncio.Event()
+        self._ended, self._told, self._again = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self._why = ""
         self._router_lost = False
 
@@ -171,7 +174,18 @@ class _Recording:
                 async with asyncio.timeout(LAST_LOOK):
                     await self._asker.last_look()
         self._recorder.stop(self._why)
-        await ended
+        again = asyncio.create_task(self._again.wait())
+        await asyncio.wait((ended, again), timeout=DISK, return_when=asyncio.FIRST_COMPLETED)
+        again.cancel()
+        await asyncio.wait((ended,), timeout=HURRY)
+        if not self._ended.is_set():
+            self._leave()
+
+    def _leave(self) -> NoReturn:
+        """Leave without the thread that writes: it waits for the disk, and nothing can end that."""
+        told = f"{self._recorder.path.parent.absolute()} takes nothing any more: left without what still waits"
+        print(f"error: {told}; what is recorded up to there can be read", file=sys.stderr, flush=True)
+        os._exit(EXIT_FAILED)
 
     def _finish(self) -> int:
         for line in summary(self._recorder):
@@ -183,6 +197,8 @@ class _Recording:
 
     def _tell(self, why: str) -> None:
         self._why = self._why or why
+        if self._told.is_set():
+            self._again.set()
         self._told.set()
 
     def _router(self, up: bool) -> None:

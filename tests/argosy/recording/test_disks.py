@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import resource
 import shutil
+import signal
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -22,7 +25,7 @@ from argosy.recording.writer import RecordingWriter
 from schemas import keys
 from schemas.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, altitude, heard, write
-from tests.argosy.recording.recorders import argosy, recording
+from tests.argosy.recording.recorders import Process, argosy, recording
 from tests.support.buses import Connect, on_a_bus, until
 
 SMALL = 1024 * 1024
@@ -132,6 +135,43 @@ def test_a_recorder_whose_disk_is_full_ends_with_1_and_says_so(endpoint: str, sm
         assert (code, err) == (1, f"error: {told}; what is recorded up to there can be read\n")
         assert out.splitlines()[-1].endswith(f"; ended: {told}")
         assert f"{path}: {sum(topic.messages for topic in open_recording(path).topics)} messages in " in out
+
+    on_a_bus(endpoint, body)
+
+
+HANGS = """
+import sys, time
+from argosy.__main__ import main
+from argosy.recording.writer import RecordingWriter
+flush, flushed = RecordingWriter.flush, []
+def hang(writer):
+    flushed.append(1)
+    flush(writer) if len(flushed) == 1 else time.sleep(1000)
+RecordingWriter.flush = hang
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_a_second_ctrl_c_leaves_a_disk_that_hangs(endpoint: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+
+    async def body(connect: Connect) -> None:
+        command = [sys.executable, "-c", HANGS, "record", "--router", endpoint, "-o", str(path)]
+        pipe = asyncio.subprocess.PIPE
+        handle = await asyncio.create_subprocess_exec(*command, stdout=pipe, stderr=pipe)
+        recorder = Process(handle)
+        try:
+            await recorder.until("recording ")
+            handle.send_signal(signal.SIGINT)
+            await asyncio.sleep(1)
+            assert handle.returncode is None
+            code, _, err = await recorder.end(signal.SIGINT)
+        finally:
+            if handle.returncode is None:
+                handle.kill()
+                await handle.wait()
+        told = f"error: {tmp_path} takes nothing any more: left without what still waits"
+        assert (code, err) == (1, f"{told}; what is recorded up to there can be read\n")
 
     on_a_bus(endpoint, body)
 
