@@ -14,6 +14,7 @@ from pathlib import Path
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file
 from agentd.plugins import discover
+from argosy.recording import lives
 from argosy.recording.mind_proof import OTHER_VERSION, LifeAgain
 from argosy.recording.mind_words import SHOWN
 from argosy.recording.reader import BadRecording, Recording, open_recording
@@ -137,7 +138,7 @@ def _lives(recording: Recording, args: Namespace, fleet: str, edited: dict[Path,
     lived = [life for life in recording.lives(args.mind) if life.fleet == fleet]
     if not lived:
         raise Refused(f"error: {args.file}: no inputs of {args.mind} can be read: {OTHER_VERSION}")
-    last, there = len(lived), _there_at_the_end(recording, fleet, args.mind)
+    last, there = len(lived), _lives_on(recording, lived[-1])
     found = [
         LifeAgain(number, life, args, edited, followed=number < last, lives_on=there and number == last)
         for number, life in enumerate(lived, 1)
@@ -149,12 +150,22 @@ def _lives(recording: Recording, args: Namespace, fleet: str, edited: dict[Path,
     return [found[args.life - 1]]
 
 
-def _there_at_the_end(recording: Recording, fleet: str, agent: str) -> bool:
-    """Whether the recording came to its end in order, and the agent's daemon was there then."""
+def _lives_on(recording: Recording, life: lives.Life) -> bool:
+    """Whether the recording came to its end in order, and the daemon that this life was in was still there then."""
+    since: dict[str, int] = {}
+    """When daemons were seen first."""
     there: set[str] = set()
-    for _, seen in recording.typed(TokenSeen, (f"{keys.ROOT}/{fleet}/{agent}/alive/agentd",)):
-        (there.add if seen.alive else there.discard)(seen.key)
-    return bool(there) and recording.end is not None and not recording.missing
+    heard = 0
+    only = (f"{keys.ROOT}/{life.fleet}/{life.agent}/alive/agentd", keys.trace(life.fleet, life.agent, "inputs"))
+    for message in recording.messages(only=only, records=(TokenSeen, MindInputs)):
+        match message.record:
+            case TokenSeen(key=key, alive=alive):
+                since.setdefault(key, message.at)
+                (there.add if alive else there.discard)(key)
+            case MindInputs(header=header) if header.boot == life.boot:
+                heard = message.at
+    itself = any(since[key] <= heard for key in there)  # not the next one, of which no inputs have come yet
+    return itself and recording.end is not None and not recording.missing
 
 
 def _unread(recording: Recording, fleet: str, agent: str) -> int:

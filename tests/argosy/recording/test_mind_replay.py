@@ -66,11 +66,18 @@ class Recorded:
         return path
 
     def changed(
-        self, name: str, change: Callable[[MindInputs], MindInputs | None], *, stays: bool = False, twice: str = ""
+        self,
+        name: str,
+        change: Callable[[MindInputs], MindInputs | None],
+        *,
+        stays: bool = False,
+        again: bool = False,
+        twice: str = "",
     ) -> Path:
         """Return a copy in which the buyer's inputs are changed; None leaves them out.
 
-        `stays`: the buyer does not leave; `twice`: all is there once more, as of another fleet.
+        `stays`: the buyer does not leave; `again`: another daemon of it comes at the end; `twice`: all is there once
+        more, as of another fleet.
         """
         recording, path = open_recording(self.path), self.path.with_name(name)
         writer = RecordingWriter(path, recording.facts, overwrite=True)
@@ -80,8 +87,12 @@ class Recorded:
             if isinstance(record, MindInputs) and record.agent == "buyer":
                 changed = change(record)
                 data = None if changed is None else codec(MindInputs).encode(changed)
-            if stays and isinstance(record, TokenSeen) and "/buyer/" in record.key and not record.alive:
-                data = None
+            if isinstance(record, TokenSeen) and "/buyer/" in record.key and not record.alive and data is not None:
+                data = None if stays else data
+                if again:
+                    seen = msgspec.structs.replace(record, key=f"{record.key}9", alive=True)
+                    writer.add(Heard(message.at, message.key, message.data, message.track.encoding, "put"))
+                    data = msgspec.json.encode(seen)
             for key in {message.key, message.key.replace("/lamp/", f"/{twice}/") if twice else message.key}:
                 if data is not None:
                     writer.add(Heard(message.at, key, data, message.track.encoding, "put"))
@@ -233,6 +244,14 @@ def test_a_recording_that_ended_before_the_agent_says_so(recorded: Recorded, rep
     assert "  note: the recording ends before the agent: what became of it is not in it\n" in out
     path = recorded.changed("tail2.mcap", lambda batch: None if batch.number == 1 else batch, stays=True)
     assert replayed("buyer", path=path)[0] == 1
+
+
+def test_a_life_that_was_killed_does_not_live_on_in_the_next_one(recorded: Recorded, replayed: Replay) -> None:
+    """The recording ended before the next life told anything: its daemon alone was seen."""
+    path = recorded.changed("next.mcap", lambda batch: None if batch.final else batch, again=True)
+    code, out, _ = replayed("buyer", path=path)
+    assert code == 1
+    assert "its end is not in the recording: it was killed" in out
 
 
 def test_a_recording_that_began_too_late_proves_nothing(recorded: Recorded, replayed: Replay) -> None:
