@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from zlib import crc32
 
 BEGIN, END = "argosy", "argosy.end"
 """Names of the two metadata records."""
 FORMAT = "1"
 """Of recordings; another one is refused."""
 _NOTE = "note."
+_SUM = "crc32"
+"""Of all else in the metadata: MCAP itself has a checksum for messages only."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,7 @@ class Facts:
 
     def metadata(self) -> dict[str, str]:
         """Return them as a metadata record's content."""
-        return {
+        said = {
             "format": FORMAT,
             "recording": self.recording,
             "fleet": self.fleet,
@@ -53,6 +57,18 @@ class Facts:
             "speed": f"{self.speed:g}",
             "part": str(self.part),
         } | {_NOTE + name: text for name, text in self.notes.items()}
+        return said | {_SUM: _sum(said)}
+
+
+def _sum(said: Mapping[str, str]) -> str:
+    return f"{crc32(json.dumps(sorted(said.items())).encode()):08x}"
+
+
+def intact(metadata: Mapping[str, str]) -> bool:
+    """Whether metadata are as they were written, as far as they say so."""
+    said = dict(metadata)
+    expected = said.pop(_SUM, None)
+    return expected is None or expected == _sum(said)
 
 
 def facts_of(metadata: Mapping[str, str]) -> Facts:
@@ -99,7 +115,8 @@ class End:
     def metadata(self) -> dict[str, str]:
         """Return it as a metadata record's content."""
         figures = {name: str(getattr(self, name)) for name in ("ended", "messages", "dropped", "too_large", "unread")}
-        return {"why": self.why, **figures, "gaps": "\n".join(self.gaps), "following": self.following}
+        said = {"why": self.why, **figures, "gaps": "\n".join(self.gaps), "following": self.following}
+        return said | {_SUM: _sum(said)}
 
 
 def end_of(metadata: Mapping[str, str]) -> End:

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
 import zenoh
 from mcap.records import Channel, Message, Metadata, Schema
 
-from argosy.recording.facts import BEGIN, END, End, Facts, end_of, facts_of
+from argosy.recording.facts import BEGIN, END, End, Facts, end_of, facts_of, intact
 from argosy.recording.lives import PART, Life, lives_of
 from argosy.recording.mcap_records import BadRecording, Damage, McapFile
 from argosy.recording.plain_keys import fleet_of, is_plain
-from argosy.recording.recorded import Recorded, Track
+from argosy.recording.recorded import Recorded, Topic, Track
 from argosy.recording.records import PREFIX
 from argosy.recording.units import SECOND
 from schemas import keys
@@ -24,15 +23,6 @@ from schemas.records import Record
 
 __all__ = ["BadRecording", "Recorded", "Recording", "Topic", "open_recording"]
 R = TypeVar("R", bound=Record)
-
-
-@dataclass(frozen=True)
-class Topic:
-    """What was said on a key, all together."""
-
-    key: str
-    record: str
-    messages: int
 
 
 class Recording:
@@ -149,6 +139,8 @@ class Recording:
         channels: dict[int, tuple[str, str]] = {}
         names: dict[int, str] = {}
         for record in file.records():
+            if isinstance(record, Metadata) and not intact(record.metadata):
+                self._lacks.append(f"{file.path}: what it says of itself (metadata {record.name}) is damaged")
             match record:
                 case Message():
                     if record.channel_id in channels:

@@ -61,3 +61,12 @@ class Recorded:
             return codec(kind).decode(self.data)
         except BadRecord:
             return None
+
+
+@dataclass(frozen=True)
+class Topic:
+    """What was said on a key, all together."""
+
+    key: str
+    record: str
+    messages: int

@@ -126,6 +126,19 @@ def test_messages_that_are_not_there_although_the_end_counts_them_are_told(tmp_p
     assert read(path) == ([0, 1, 2, 3, 5, 6, 7, 8, 9], told)
 
 
+def test_damage_in_what_a_file_says_of_itself_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    writer = RecordingWriter(path, replace(FACTS, speed=10.0, mission="rescue"))
+    writer.add(altitude(1, 1))
+    writer.close(end())
+    whole = path.read_bytes()
+    for old, new, name in ((b"rescue", b"rescuf", "argosy"), (b"ctrl-C", b"ctrl-D", "argosy.end")):
+        path.write_bytes(whole.replace(old, new, 1))
+        assert read(path) == ([1], f"{path}: what it says of itself (metadata {name}) is damaged")
+    path.write_bytes(whole)
+    assert read(path) == ([1], "")
+
+
 MANY = 1_000_000_000
 
 
