@@ -90,7 +90,7 @@ function orderShown(order) {
 
 const RANK = { "NOT confirmed": 0, waiting: 1, confirmed: 2 };
 
-// Robots one by one, or, where the same happened to many, together; the worst first.
+// Robots one by one, or, where the same happened to many, together; the worst first, and those are named at once.
 function groupsOf(order, all) {
   const alike = new Map();
   for (const [robot, [state, reason]] of all) {
@@ -110,7 +110,7 @@ function groupsOf(order, all) {
 function makeGroup(group) {
   const row = el("li", {});
   row.told = group.names === undefined ? row : el("summary", {});
-  if (group.names !== undefined) row.append(el("details", {}, row.told, (row.names = el("p", {}))));
+  if (group.names !== undefined) row.append(el("details", { open: group.state === "NOT confirmed" }, row.told, (row.names = el("p", {}))));
   return row;
 }
 

@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import urllib.request
+from argparse import Namespace
 from collections.abc import Callable
 from http.client import HTTPResponse
 from http.cookiejar import CookieJar
@@ -17,6 +18,8 @@ from pathlib import Path
 import pytest
 
 from argosy.__main__ import main
+from argosy.ui import command
+from argosy.ui.doors import Doors
 from tests.support.processes import Daemon, running
 
 
@@ -110,6 +113,18 @@ def test_a_port_that_is_none_is_refused(port: str, capsys: pytest.CaptureFixture
         main(["ui", f"--port={port}"])
     assert ended.value.code == 2
     assert f"expected a port from 0 to 65535, got `{port}`" in capsys.readouterr().err
+
+
+def test_the_browser_gets_an_address_that_opens_once_and_not_the_token(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    opened_: list[str] = []
+    monkeypatch.setattr(command.webbrowser, "open", opened_.append)
+    doors = Doors("127.0.0.1", 8080)
+    command._tell(Namespace(listen="127.0.0.1", browser=True), doors)
+    assert doors.token in capsys.readouterr().out
+    assert [one.startswith("http://127.0.0.1:8080/?token=") for one in opened_] == [True]
+    assert doors.token not in opened_[0]
 
 
 def test_a_page_that_other_machines_reach_is_warned_of(endpoint: str) -> None:

@@ -163,6 +163,7 @@ def test_the_newest_order_is_on_top_and_many_robots_alike_are_one_line(endpoint:
                 robot.answer = Outcome(ok=False, reason="it hangs")
             await seen.twice(seen.page.locator("header [data-order=hold]"))
             await seen.shows(".outcome.bad li", "6 robots: hold NOT confirmed (it hangs)")
+            await seen.shows(".outcome.bad li details p", "uav0 uav1 uav2 uav3 uav4 uav5")
             for robot in craft[:5]:
                 robot.answer = FINE
             await seen.twice(seen.page.locator("header [data-order=land]"))
