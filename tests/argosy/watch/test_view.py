@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import pytest
+from rich.text import Text
 from textual.pilot import Pilot
 
 from argosy.watch import pages
 from argosy.watch.app import WatchApp
 from argosy.watch.glyphs import ASCII, UNICODE, glyphs_of
+from argosy.watch.rows import Row
 from schemas import keys
 from schemas.minds import (
     BeliefView,
@@ -519,3 +521,10 @@ def test_what_nobody_has_caught_ends_it_with_one_line() -> None:
         app._exception = None
 
     show(flying(), body)
+
+
+def test_a_row_has_nothing_that_a_terminal_takes_for_a_command_and_keeps_its_styles() -> None:
+    row = Row(Text.assemble("a\x1b]0;T\x07", ("b\x9b2J\u202e\n", "bold")))
+    assert row.text.plain.isprintable()
+    assert row.text.plain.startswith("a ]0;T")
+    assert [row.text.plain[one.start : one.end].strip() for one in row.text.spans] == ["b 2J"]
