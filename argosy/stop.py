@@ -7,6 +7,7 @@ import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from contextlib import aclosing
 
+from argosy.journal import printable
 from argosy.operator_bus import ANY, Where, add_fleet_arguments, bridges, on_the_bus, unreached
 from commd.bus import Bus, BusClosed
 from commd.process import EXIT_DONE, EXIT_FAILED
@@ -67,7 +68,7 @@ async def _stop(bus: Bus, where: Where, order: str, wanted: list[str]) -> int:
         reason = outcome.reason
         if reason == UNANSWERED and robot not in {its for _, its in await looking}:
             reason = f"its bridge is not on the bus at {where.router}"
-        said = f" ({reason})" if reason else ""
+        said = f" ({printable(reason)})" if reason else ""
         print(f"{robot}: {order} {'confirmed' if outcome.ok else 'NOT confirmed'}{said}", flush=True)
         return outcome.ok
 
