@@ -34,11 +34,6 @@ class Letter:
         """What became of it, as far as anybody told."""
         return "received" if self.received is not None else "undelivered" if self.undelivered else "in_flight"
 
-    @property
-    def at(self) -> float:
-        """When it was first heard of."""
-        return min(at for at in (self.sent, self.received, float("inf")) if at is not None)
-
 
 class Letters:
     """Keeps the last letters by id, sender and receiver, in the order of their last changes."""

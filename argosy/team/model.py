@@ -63,8 +63,6 @@ class TeamModel:
         """Unix seconds at which the router was lost or came back; None = it has been there all the time."""
         self.defect = ""
         """What went wrong in here when it was last looked at who is there; empty: nothing."""
-        self.version = 0
-        """Counts up with whatever is taken in."""
         self._roll = Roll(mission, now)
         self._tell = Teller(self.timeline, self.letters, now)
         self._lives = Lives()
@@ -116,7 +114,6 @@ class TeamModel:
         parsed = named(key)
         if parsed is None or parsed[0] != self.fleet or len(parsed[2]) != 2:
             return
-        self.version += 1
         name, daemon = parsed[1], parsed[2][1]
         member = self._roster.member(name, daemon)
         known = {without_figures(note) for note in member.notes}
@@ -160,7 +157,6 @@ class TeamModel:
 
     def mind(self, agent: str, view: MindView, *, detailed: bool = False) -> None:
         """An agent showed its mind; `detailed`: with its plans and all decisions that it keeps."""
-        self.version += 1
         member = self._roster.member(agent, "agentd")
         assert isinstance(member, TeamAgent)
         if member.silent is not None:
@@ -177,7 +173,6 @@ class TeamModel:
         member = self.agents.get(agent)
         if member is None or not member.there or not self.router_up:
             return
-        self.version += 1
         last = max(member.heard or 0.0, member.since or 0.0, self.router_since or 0.0)
         member.why_silent = why
         if member.silent is None and self.now() - last > SILENCE:
@@ -216,7 +211,6 @@ class TeamModel:
         """The router was lost or came back."""
         if up == self.router_up:
             return
-        self.version += 1
         before, self.router_since, self.router_up = self.router_since, self.now(), up
         if up:
             self._tell("router", f"it answers again, after {self.now() - (before or self.now()):.1f} s", "good")
@@ -227,7 +221,6 @@ class TeamModel:
         """See who came and went: to be called some times a second, as time alone changes that."""
         if not self.router_up:  # nobody has gone because we hear nothing
             return
-        self.version += 1
         coming_back = self.router_since is not None and self.now() - self.router_since < ROUTER_GRACE
         rows = {(row.name, row.daemon): row for row in self._roll.rows()}
         for (name, daemon), row in rows.items():
@@ -265,7 +258,6 @@ class TeamModel:
         parsed = named(key.partition("?")[0])
         if parsed is None or parsed[0] != self.fleet:
             return None
-        self.version += 1
         return parsed[1]
 
     def _ordered(self, robot: TeamRobot, notes: tuple[str, ...]) -> None:

@@ -23,8 +23,6 @@ class Teller:
     def __init__(self, timeline: Timeline, letters: Letters, now: Callable[[], float]) -> None:
         self._timeline, self._letters, self._now = timeline, letters, now
         self._told: dict[tuple[What, str], None] = {}
-        self.left_out = 0
-        """Deeds that agents had no room to tell."""
 
     def __call__(self, who: str, text: str, level: Level = "info") -> None:
         """Note what somebody tells of himself."""
@@ -43,7 +41,6 @@ class Teller:
             late = (told.now - deed.time) / told.speed if told.now and told.speed > 0 else 0.0
             self._deed(agent, deed, self._now() - min(max(0.0, late), LONGEST_WAIT))
         if told.left_out:
-            self.left_out += told.left_out
             self(agent, f"{told.left_out} more of its deeds are not told: too many at once", "warning")
 
     def _deed(self, agent: str, deed: Deed, at: float) -> None:

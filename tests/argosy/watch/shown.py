@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 from textual.pilot import Pilot
@@ -62,6 +62,3 @@ def show(
             await body(app, pilot)
 
     asyncio.run(everything())
-
-
-__all__ = ["Awaitable", "lines_of", "link_to", "show", "text_of", "until"]
