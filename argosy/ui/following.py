@@ -17,7 +17,6 @@ from argosy.ui.explaining import FleetWish, WhyWish, explained
 from argosy.ui.feed import Page
 from argosy.ui.link import Link
 from argosy.ui.marks import marks
-from argosy.ui.mission_time import MissionTime
 from argosy.ui.orders import ControlWish, Orders, StopWish
 from argosy.ui.portraits import agent_view, board_view, robot_view
 from argosy.ui.shown import OF_MINDS, OF_PLANS, Shown
@@ -51,7 +50,7 @@ class Following:
         self.orders = Orders(self._robots, self._rights)
         self._tiles = tiles
         self._watcher: TeamWatcher | None = None
-        self._believing, self._time = Believing(), MissionTime(mission)
+        self._believing = Believing()
         self._looked: frozenset[str] = frozenset()
         self._made = self._marked = 0.0
         self._marks = marks(self.model, {})
@@ -97,7 +96,6 @@ class Following:
 
     def _bring(self, now: float) -> None:
         self._look()
-        self._time.look(self.model)
         if now - self._marked >= MARKED:
             self._marked, self._marks = now, marks(self.model, self._believing.beliefs)
         entries = self.model.timeline.since(self._entry)
@@ -163,8 +161,8 @@ class Following:
             identity=self.identity,
             observer=self._rights(),
             inject=None if mission is None else mission.inject,
-            mission_zero=self._time.zero,
-            speed=self._time.speed,
+            mission_zero=model.clock.zero,
+            speed=model.clock.speed,
             timeout=None if mission is None else mission.timeout,
             done=_formulas(model, mission.done if mission else (), "done"),
             failed=_formulas(model, mission.failed if mission else (), "failed"),

@@ -46,18 +46,19 @@ def agent_view(model: TeamModel, agent: TeamAgent, said: str) -> AgentView:
         stale=agent.heard if (agent.age(model.now()) or 0.0) > STALE else None,
         silent=agent.silent,
         why_silent=agent.why_silent,
-        actions=tuple(map(_running, model.open_actions(agent.name)[-INTENTIONS:])),
+        actions=tuple(_running(one, model.now()) for one in model.open_actions(agent.name)[-INTENTIONS:]),
         said=said,
         **counted,  # type: ignore[arg-type]
     )
 
 
-def _running(action: ActionSeen) -> RunningView:
+def _running(action: ActionSeen, now: float) -> RunningView:
     return RunningView(
         id=action.id,
         text=action.text[:200],
         state=action.state,
         began=action.began,
+        silent=None if action.silent(now) is None else action.heard,
         feedback={name: round(value, 1) for name, value in list(action.feedback.items())[:4] if math.isfinite(value)},
     )
 

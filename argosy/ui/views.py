@@ -72,6 +72,8 @@ class RunningView(View, frozen=True, kw_only=True):
     text: str
     state: str
     began: float
+    silent: float | None = None
+    """Since when its bridge tells nothing of it; None = it does."""
     feedback: dict[str, float] = {}
     target: tuple[float, float] | None = None
 

@@ -66,7 +66,8 @@ export class Agents {
     say(node.goal, top ? `${top.goal}${(agent.intention_count ?? 0) > 1 ? `  +${agent.intention_count - 1}` : ""}` : "");
     put(node.goal, "title", (agent?.intentions ?? []).map((one) => `${one.goal}  ${one.state} ${one.reason ?? ""} ${one.at ?? ""}`).join("\n") || null);
     const action = agent?.actions?.at(-1);
-    say(node.doing, action ? `▸ ${shortened(action.text, 60)}  ${span(now - action.began)}` : "");
+    say(node.doing, action ? `▸ ${shortened(action.text, 60)}  ${action.silent ? `not heard of for ${span(now - action.silent)}` : span(now - action.began)}` : "");
+    put(node.doing, "data-silent", Boolean(action?.silent));
     put(node.doing, "title", action ? `${action.text} ${action.state}` : null);
     put(node.vehicle, "hidden", !robot);
     if (robot) this._vehicle(node, robot, now, wire.get("head")?.observer);

@@ -304,6 +304,19 @@ def test_an_address_that_somebody_has_written_by_hand_opens_the_page(hash: str) 
     runs(body)
 
 
+def test_an_action_of_which_nobody_tells_is_not_shown_as_running_on(endpoint: str) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            [uav1], _, seen = await paged(stack, endpoint, "uav1")
+            uav1.tell()
+            await seen.shows(".row[data-robot=uav1]", "GUIDED")
+            uav1.action(1, "goto", "running", -27.603, -48.518, 20)
+            await seen.shows(".row .doing", "goto(")
+            await seen.shows(".row .doing[data-silent]", "not heard of for")
+
+    runs(body)
+
+
 def test_a_robot_may_be_called_as_what_every_object_has(endpoint: str) -> None:
     async def body() -> None:
         async with AsyncExitStack() as stack:
