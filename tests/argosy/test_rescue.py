@@ -10,6 +10,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from agentd.replaying import replay
+from argosy.recording.reader import open_recording
 from tests.soak_rescue import fly, told
 
 ROOT = Path(__file__).parents[2]
@@ -26,3 +28,15 @@ def test_each_victim_gets_one_buoy_although_daemons_are_killed_and_links_cut(tmp
     course = asyncio.run(fly(101, tmp_path, victims=2))
     assert course.good, f"{told(course)}\n{course.verdict}\n" + (tmp_path / "run.log").read_text()[-4000:]
     assert course.troubles.total(), "nothing was killed"
+    told_again(tmp_path / "report" / "recording.mcap")
+
+
+def told_again(file: Path) -> None:
+    """Each life that was recorded from its birth decides and does the same when it is lived again."""
+    recording = open_recording(file)
+    whole = [life for life in recording.lives() if life.whole]
+    assert {life.agent for life in whole} == {"scout", "rescuer1", "rescuer2"}
+    for life in whole:
+        result = replay(life.batches)
+        assert result.agrees, result
+        assert result.proven, result
