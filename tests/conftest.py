@@ -23,6 +23,8 @@ settings.load_profile("reproducible")
 _tests = itertools.count()
 END_PATIENCE = 60.0
 """Seconds that the interpreter has to end after the last test."""
+OTHERS_PATIENCE = 900.0
+"""Seconds that one of several processes has: it ends only when the others have done their tests."""
 
 
 LONGEST = (
@@ -45,9 +47,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=turn)  # stable: those of a file stay in their order
 
 
-def pytest_unconfigure() -> None:
+def pytest_unconfigure(config: pytest.Config) -> None:
     """Show where the run hangs at its end, and end it: a Zenoh session that a failed test left open has threads."""
-    faulthandler.dump_traceback_later(END_PATIENCE, exit=True)
+    one_of_several = hasattr(config, "workerinput")
+    faulthandler.dump_traceback_later(OTHERS_PATIENCE if one_of_several else END_PATIENCE, exit=True)
 
 
 @pytest.fixture(autouse=True)
