@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-LONGEST = 86400.0
-"""Seconds that are slept at once: what is due later is waited for again, so that no wait is too long for the system."""
+LONGEST = 1.0
+"""Seconds that are slept at once; what is due later is waited for again. A signal that comes in the moment before Python
+falls asleep does not wake it: so late it is noticed then."""
 
 
 class WallClock:
