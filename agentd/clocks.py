@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable
 
 LONGEST = 1.0
-"""Seconds that are slept at once; what is due later is waited for again. A signal that comes in the moment before Python
-falls asleep does not wake it: so late it is noticed then."""
+"""Seconds that are slept at once; what is due later is waited for again. A signal that comes in the moment before
+Python falls asleep does not wake it: so late it is noticed then."""
 
 
 class WallClock:
