@@ -23,6 +23,8 @@ MOST_LINKS = 8
 """So many steps back are told; of further ones the number."""
 MOST_FOLLOWED = 400
 """So many are followed at most."""
+OF_A_RESTART = ("restarted/1", "interrupted/3")
+"""Events that the daemon raises in an agent that it has started again; nobody tells them, and no program begins so."""
 
 
 def cause_lines(memory: Memory, decision: DecisionView, called: str = "it", indent: int = 1) -> list[Line]:
@@ -87,6 +89,8 @@ def origin_words(memory: Memory, made: DecisionView) -> str:
     if made.goal == ANSWERING:
         return f"was asked by {made.source} in a message" if made.source else "was asked by another agent"
     cause, at = made.cause, f" at {made.asked_at}" if made.asked_at else ""
+    if cause == "the program" and made.kind == "+" and made.name in OF_A_RESTART:
+        return "comes from its restart: agentd tells it to an agent that was started again"
     if cause == "the program":
         return "stands in the program, which begins with it"
     if cause == "given from outside":

@@ -39,8 +39,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(args: Namespace) -> int:
     """Print the explanation.
 
-    Returns 1 if the agent does not answer or has nothing of that name, 2 for what no goal, belief or action can be
-    called.
+    Returns 1 if the agent does not answer, is not in the recording or has nothing of that name, 2 for what no goal,
+    belief or action can be called, and for a file that is no recording.
     """
     try:
         if args.about:
@@ -66,9 +66,12 @@ def _of_recording(args: Namespace) -> int:
 
     try:
         view, notes = recorded_view(args.recording, args.agent, args.at)
-    except (BadRecording, NotRecorded) as error:
+    except BadRecording as error:
         complain(f"error: {error}")
         return EXIT_BAD_INPUT
+    except NotRecorded as error:  # as an agent that does not answer
+        complain(f"error: {error}")
+        return EXIT_FAILED
     for text in notes:
         note(text)
     try:

@@ -55,18 +55,18 @@ def test_it_is_asked_as_it_was_at_a_moment(recording: tuple[Path, str], capsys: 
 
 
 @pytest.mark.parametrize(
-    ("arguments", "problem"),
+    ("arguments", "code", "problem"),
     [
-        (["uaw", "--recording", "FILE"], "there are no inputs of uaw in it, did you mean `uav`?"),
-        (["uav", "--recording", "none.mcap"], "none.mcap"),
-        (["uav", "--at", "3"], "--at needs --recording FILE"),
+        (["uaw", "--recording", "FILE"], 1, "there are no inputs of uaw in it, did you mean `uav`?"),
+        (["uav", "--recording", "none.mcap"], 2, "none.mcap"),
+        (["uav", "--at", "3"], 2, "--at needs --recording FILE"),
     ],
 )
 def test_what_is_not_in_a_recording_is_said(
-    recording: tuple[Path, str], arguments: list[str], problem: str, capsys: pytest.CaptureFixture[str]
+    recording: tuple[Path, str], arguments: list[str], code: int, problem: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     told = [str(recording[0]) if one == "FILE" else one for one in arguments]
-    assert main(["why", *told]) == 2
+    assert main(["why", *told]) == code
     out, err = capsys.readouterr()
     assert out == ""
     assert problem in err
