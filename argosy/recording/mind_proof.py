@@ -77,7 +77,8 @@ class LifeAgain:
             lacks.append(f"{unread} batch{'' if unread == 1 else 'es'} of its inputs cannot be read: {OTHER_VERSION}")
         if not batches or batches[0].birth is None:
             return self._nothing(lacks)
-        self._take_names(batches[0].birth)
+        for line in self._take_names(batches[0].birth):
+            print(line, file=sys.stderr)
         known, begun = {*ACTIONS, *FUNCTIONS}, time.monotonic()
         try:
             own = [one for one in decisions if one.header.boot == self.life.boot]
@@ -92,13 +93,24 @@ class LifeAgain:
         foreign = sorted({str(name) for name in {*ACTIONS, *FUNCTIONS} - known})
         return self._tell(result, wall, lacks, foreign)
 
-    def _take_names(self, birth: MindBirth) -> None:
-        """Find whose place each edited file takes: that of the recorded one of its name, or of the main program."""
+    def _take_names(self, birth: MindBirth) -> list[str]:
+        """Find whose place each edited file takes: that of the recorded one of its name, or of the main program.
+
+        Returns a note for each file that takes the place of one of several under another name: it may be a wrong one.
+        """
         names = {Path(path).name: path for path in birth.files}
         places = {names.get(path.name, birth.program): path for path in self.edited}
         self.texts = {place: self.edited[path] for place, path in places.items()}
         self.recorded = nearer(birth.files, {})
         self.other = nearer(birth.files, {place: str(path) for place, path in places.items()})
+        if len(birth.files) == 1:
+            return []
+        main, known = Path(birth.program).name, ", ".join(sorted(names))
+        return [
+            f"note: {path} takes the place of {main}: no recorded file is called {path.name}, there are {known}"
+            for path in self.edited
+            if path.name not in names
+        ]
 
     def _result(self, batches: list[MindInputs], decisions: list[MindDecisions]) -> Result:
         show: Callable[[MindInputs], None] | None = None

@@ -370,6 +370,26 @@ def test_one_of_several_fleets_has_to_be_named(recorded: Recorded, replayed: Rep
     assert "there are no inputs of buyer of fleet third in it" in err
 
 
+def test_it_is_said_which_file_an_edited_one_of_another_name_takes_the_place_of(
+    recorded: Recorded, replayed: Replay
+) -> None:
+    def with_an_include(batch: MindInputs) -> MindInputs:
+        if batch.birth is None:
+            return batch
+        files = {**batch.birth.files, str(Path(batch.birth.program).with_name("flying.asl")): "height(3).\n"}
+        return msgspec.structs.replace(batch, birth=msgspec.structs.replace(batch.birth, files=files))
+
+    several = recorded.changed("several.mcap", with_an_include)
+    (recorded.path.parent / "flyin.asl").write_text(BUYER, encoding="utf-8")
+    code, out, err = replayed("buyer", "--program", "flyin.asl", path=several)
+    assert (code, out.startswith("buyer with flyin.asl: agrees: ")) == (0, True), out
+    known = "no recorded file is called flyin.asl, there are buyer.asl, flying.asl"
+    assert err == f"note: flyin.asl takes the place of buyer.asl: {known}\n"
+    (recorded.path.parent / "flying.asl").write_text("height(4).\n", encoding="utf-8")
+    assert replayed("buyer", "--program", "flying.asl", path=several)[2] == ""
+    assert replayed("buyer", "--program", "flyin.asl")[2] == "", "there is but one file that it can be meant for"
+
+
 @pytest.mark.parametrize(
     "option", ["--info", "--json", "--loop", "--force", "--speed 2", "--from 1", "--to 2", "--only uav/**"]
 )
@@ -458,3 +478,8 @@ def test_a_mind_that_was_killed_and_came_back_is_proved_but_for_the_end_of_its_f
     assert AGREES.fullmatch(lines[2].replace(", life 2", ""))
     assert main(["replay", str(tmp_path / "count.mcap"), "--mind", "counter", "--life", "2", "--why", "restarted"]) == 0
     assert "+restarted(1)" in capfd.readouterr().out
+    assert main(["why", "counter", "restarted", "--recording", str(tmp_path / "count.mcap")]) == 0
+    said = capfd.readouterr().out
+    assert "restarted(1) " in said
+    assert "comes from its restart: agentd tells it to an agent that was started again." in said
+    assert "stands in the program" not in said
