@@ -164,6 +164,12 @@ class ActionDesk:
         self._by_hand += 1
         return replace(request, id=f"{agent}:{self._boot}:hand{self._by_hand}")
 
+    def _asker(self, action: Action) -> str:
+        """Name who asked for an action: an agent, or somebody in its name, by hand."""
+        unsigned = action.id.startswith(f"{action.agent}:{self._boot}:hand")
+        by_hand = unsigned or action.header.source not in ("", action.agent)
+        return f"{action.agent}, by hand" if by_hand else action.agent
+
     def _used_otherwise(self, action: Action) -> str:
         """Say what else an id was used for, empty if for nothing: the answer to another action is none to this one."""
         job, entry = self._jobs.get(action.id), self._ledger.find(action.id)
@@ -220,7 +226,7 @@ class ActionDesk:
             )  # a way down must stay
         taken = self._take(action, entry) if rival else []
         for other in self._superseded(entry):
-            self._end(other, Outcome("cancelled", f"superseded by {action.name} of {action.agent}"), hold=False)
+            self._end(other, Outcome("cancelled", f"superseded by {action.name} of {self._asker(action)}"), hold=False)
         self.lease.take(action.agent, now)
         deadline = min(float(entry.deadline), action.deadline or math.inf)
         accepted = replace(self._statuses.make(action, "accepted"), deadline=deadline)

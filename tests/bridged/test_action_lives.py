@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.flight import Call, Flight, Steps, Task
 from bridged.drivers.mavlink.offers import GLOBAL_TARGET, MESSAGES, Offer
 from bridged.jobs import MAX_FOLLOWERS
-from schemas.records import Action, ActionStatus
+from schemas.records import Action, ActionStatus, Header
 from tests.bridged.sky import GOAL, MISSION, Sky, is_ack_of, is_command
 
 
@@ -265,6 +265,22 @@ def test_landing_supersedes_a_motion(sky: Sky) -> None:
     assert (going[-1].state, going[-1].reason) == ("cancelled", "superseded by land of uav")
     assert final.state == "succeeded", final.reason
     assert sky.belief("state") == ("LAND", True, False)
+
+
+@pytest.mark.parametrize("by_hand", [{"id": ""}, {"header": Header(source="operator")}])
+def test_an_action_that_is_superseded_by_hand_says_so(sky: Sky, by_hand: dict[str, object]) -> None:
+    sky.flying()
+    going = sky.begin("goto", *GOAL)
+    sky.wait(1)
+    sky.begin("land", **by_hand)
+    assert (going[-1].state, going[-1].reason) == ("cancelled", "superseded by land of uav, by hand")
+
+
+def test_an_agent_that_supersedes_its_own_motion_is_not_taken_for_a_hand(sky: Sky) -> None:
+    sky.flying()
+    going = sky.begin("goto", *GOAL)
+    sky.begin("land", header=Header(source="uav"))
+    assert going[-1].reason == "superseded by land of uav"
 
 
 def test_a_cancelled_motion_leaves_the_vehicle_holding(sky: Sky) -> None:
