@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from argparse import ArgumentParser, Namespace
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import isfinite
 from pathlib import Path
 
@@ -96,11 +96,14 @@ class NothingToPlot(Exception):
 
 def run(args: Namespace) -> int:
     """Plot a recording. Returns the exit code."""
+    if args.csv is None and args.out is not None and args.out.suffix not in FORMATS:
+        print(f"error: --out {args.out}: expected a name that ends in {', '.join(FORMATS)}", file=sys.stderr)
+        return EXIT_BAD_INPUT
     try:
         recording = open_recording(args.file)
         if recording.missing:
             print(f"warning: {recording.missing}", file=sys.stderr)
-        scene = part_of(read_scene(recording, args.fleet), args.robot, args.begin, args.end)
+        scene = part_of(read_scene(recording, args.fleet, args.robot), args.robot, args.begin, args.end)
         told = _tables(scene, args.csv) if args.csv is not None else _figure(scene, args)
     except NothingToPlot as error:
         print(f"error: {args.file}: {error}", file=sys.stderr)
@@ -120,8 +123,11 @@ def run(args: Namespace) -> int:
     return EXIT_DONE
 
 
-def read_scene(recording: Recording, fleet: str | None = None) -> Scene:
-    """Return all that a recording tells of one fleet. Raises NothingToPlot if it is not clear of which."""
+def read_scene(recording: Recording, fleet: str | None = None, wanted: Iterable[str] = ()) -> Scene:
+    """Return all that a recording tells of one fleet.
+
+    Raises NothingToPlot if it is not clear of which, and before all is read if a `wanted` robot cannot be in it.
+    """
     fleets = recording.fleets
     if fleet is not None and fleet not in fleets:
         raise NothingToPlot(f"there is no fleet {fleet} in it; there are {', '.join(fleets) or 'none'}")
@@ -129,6 +135,12 @@ def read_scene(recording: Recording, fleet: str | None = None) -> Scene:
         raise NothingToPlot(f"there are several fleets in it, say which by --fleet: {', '.join(fleets)}")
     whose = fleet or (fleets[0] if fleets else "*")
     title, robot_of, agents = _team(recording, whose)
+    robots = dict.fromkeys(robot_of.values())
+    for name in wanted:
+        if name not in robots:
+            raise NothingToPlot(
+                f"--robot {name}: there is no such robot in it; there are {', '.join(robots) or 'none'}"
+            )
     unread: Counter[str] = Counter()
     scene = SceneReader(title, robot_of, agents).read(_heard(recording, whose, unread))
     for name, count in unread.items():
@@ -167,8 +179,6 @@ def _heard(recording: Recording, fleet: str, unread: Counter[str]) -> Iterator[H
 
 def _figure(scene: Scene, args: Namespace) -> str:
     out = args.out if args.out is not None else args.file.with_suffix(".svg")
-    if out.suffix not in FORMATS:
-        raise NothingToPlot(f"{out}: expected a name that ends in {', '.join(FORMATS)}")
     there = [panel for panel in PANELS if has(scene, panel)]
     lacking = [panel for panel in args.panels or PANELS if panel not in there]
     if (args.panels and lacking) or not there:

@@ -244,10 +244,10 @@ def recordings(flown: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "told"),
     [
-        ("flown.mcap --robot uav9", 2, "there is no robot uav9 in it; there are uav1, uav2"),
+        ("flown.mcap --robot uav9", 2, "flown.mcap: --robot uav9: there is no such robot in it; there are uav1, uav2"),
         ("flown.mcap --from 900", 2, "nothing lies between 900 s and 30 s: it goes from 0.0 s to 30.0 s"),
         ("flown.mcap --from 9 --to 3", 2, "nothing lies between 9 s and 3 s"),
-        ("flown.mcap -o a.jpg", 2, "a.jpg: expected a name that ends in .svg, .png, .pdf"),
+        ("none.mcap -o a.jpg", 2, "error: --out a.jpg: expected a name that ends in .svg, .png, .pdf"),
         ("flown.mcap -o nowhere/a.svg", 1, "nowhere/a.svg: No such file or directory"),
         ("flown.mcap --fleet sea", 2, "there is no fleet sea in it; there are sar"),
         ("empty.mcap", 1, "it has no positions: no percept global_pos(Latitude, Longitude); 2 robots, 0 actions"),
