@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import Literal
 
@@ -119,6 +119,16 @@ class ActionsSeen:
         if not those:
             self._open.pop(action.agent, None)
 
+    def forget(self, before: float) -> None:
+        """Forget the actions of which was told last before that time."""
+        for id, action in list(self.by_id.items()):
+            if action.heard < before:
+                del self.by_id[id]
+                those = self._open.get(action.agent, {})
+                those.pop(id, None)
+                if not those:
+                    self._open.pop(action.agent, None)
+
     def _keep(self, action: ActionSeen) -> None:
         if len(self.by_id) >= KEPT_ACTIONS:
             gone = self.by_id.pop(next(iter(self.by_id)))
@@ -164,6 +174,21 @@ class RobotSeen:
     def lost(self) -> bool:
         """Whether it was heard and is no more; all else is then as it was last known."""
         return bool(self.mode) and not self.connected
+
+    def since(self, at: float) -> RobotSeen:
+        """Return what was seen of it since then: of one that was not heard since, nothing."""
+        known, most = self.track, self.track.most
+        track = Track(
+            points=[one for one in known.points if one.at >= at],
+            heights=[one for one in known.heights if one[0] >= at],
+            modes=[one for one in known.modes if one[0] >= at],
+            armed_at=[one for one in known.armed_at if one[0] >= at],
+            most=most,
+        )
+        if self.heard < at:
+            return RobotSeen(self.name, track=track)
+        track.home = known.home
+        return replace(self, track=track)
 
     def last_known(self) -> str:
         """Return the last known state in words."""

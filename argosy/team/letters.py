@@ -72,6 +72,14 @@ class Letters:
             found.append(letter)
         return found[::-1]
 
+    def give_up(self, before: float, why: str) -> None:
+        """Say of each letter that is under way since before that time that nobody will tell what became of it."""
+        for key, letter in list(self._letters.items()):
+            if letter.state == "in_flight" and (letter.sent or 0.0) < before:
+                self.number += 1
+                letter.number, letter.undelivered = self.number, why
+                self._letters[key] = self._letters.pop(key)
+
     def _letter(self, deed: Deed, sender: str, receiver: str) -> Letter:
         self.number += 1
         key = (shortened(deed.id) or f"#{self.number}", shortened(sender), shortened(receiver))

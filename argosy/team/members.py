@@ -82,6 +82,11 @@ class TeamAgent(Member):
     why_silent: str = ""
     """What came instead of an answer."""
 
+    def forget(self) -> None:
+        """Its mind is another one now, that has not been seen yet."""
+        self.mind = self.detail = self.heard = self.detailed = self.silent = None
+        self.why_silent = ""
+
     def age(self, now: float) -> float | None:
         """Return for how many seconds its mind has not been heard."""
         return None if self.heard is None else max(0.0, now - self.heard)

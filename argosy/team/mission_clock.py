@@ -50,6 +50,11 @@ class MissionClock:
         if self.zero is None or zero < self.zero - 0.005 or zero > self.zero + ANEW:
             self.zero = round(zero, 2)
 
+    def begin(self) -> None:
+        """All begin anew: what was told is of other clocks. The speed stays until it is measured."""
+        self._told.clear()
+        self.zero = None
+
     def _forget(self, now: float) -> None:
         """Forget what is too old to measure by, so that no pause, lost router or agent that has gone counts."""
         for name in list(self._told):

@@ -23,6 +23,7 @@ from argosy.team.mission_clock import MissionClock
 from argosy.team.naming import named
 from argosy.team.places import Places
 from argosy.team.roster import Roster
+from argosy.team.runs import Runs
 from argosy.team.telling import Teller
 from argosy.team.timeline import Timeline, shortened
 from argosy.team.unheard import Lives, why_unknown
@@ -35,6 +36,7 @@ SILENCE = 5.0
 """Seconds without an answer from a mind, while the router is there, after which it counts as silent."""
 BLOCKED = "no action is taken: "
 """How a bridge's note begins while an order of the operator, or the loss of the agent, stands above the agents."""
+OVER = "not known: the run in which it was sent is over"
 OTHERS = 20
 """Other fleets whose names are kept."""
 
@@ -65,12 +67,17 @@ class TeamModel:
         """What went wrong in here when it was last looked at who is there; empty: nothing."""
         self._roll = Roll(mission, now)
         self._tell = Teller(self.timeline, self.letters, now)
-        self._lives = Lives()
+        self._lives, self._runs = Lives(), Runs()
 
     @property
     def eyes(self) -> dict[str, str]:
         """The agent or client through whom each robot is seen, and the robot."""
         return self._roster.eyes
+
+    @property
+    def run(self) -> int:
+        """The number of the run that is on: with another one, what was shown of the run before is over."""
+        return self._runs.number
 
     @property
     def forgotten(self) -> int:
@@ -106,8 +113,12 @@ class TeamModel:
                 self.other_fleets.add(parsed[0])
             return
         self._roll.token(key, alive)
-        if alive:
-            self._lives.token(parsed[1], parsed[2][1], parsed[2][2], self.now())
+        name, (_, daemon, boot) = parsed[1], parsed[2]
+        self._runs.token((name, daemon, boot), alive, self.now())
+        if alive and self._lives.token(name, daemon, boot, self.now()) and daemon == "agentd" and name in self.agents:
+            self.agents[name].forget()  # the new life's mind is another, also if it was kept
+        if alive and self.router_up and not self._coming_back():
+            self._see_run()  # now, and not at the next tick: what is heard from here on is of the new one
 
     def health(self, key: str, health: Health) -> None:
         """A daemon told how it is."""
@@ -221,7 +232,9 @@ class TeamModel:
         """See who came and went: to be called some times a second, as time alone changes that."""
         if not self.router_up:  # nobody has gone because we hear nothing
             return
-        coming_back = self.router_since is not None and self.now() - self.router_since < ROUTER_GRACE
+        coming_back = self._coming_back()
+        if not coming_back:
+            self._see_run()
         rows = {(row.name, row.daemon): row for row in self._roll.rows()}
         for (name, daemon), row in rows.items():
             if not (coming_back and row.standing == "missing"):
@@ -236,6 +249,22 @@ class TeamModel:
                 if why:
                     self._ends(action, "unknown", f"not known how it ended: {why}")
                     self._tell(action.agent, f"{action.text}: {action.reason}", "warning")
+
+    def _coming_back(self) -> bool:
+        """Whether the router came back so lately that not all that are there may have been heard."""
+        return self.router_since is not None and self.now() - self.router_since < ROUTER_GRACE
+
+    def _see_run(self) -> None:
+        """Forget what is of an earlier run, if another one is on; the timeline keeps what happened."""
+        before = self._runs.anew()
+        if before is None:
+            return
+        self._roster.forget(before)
+        self.places.forget(before)
+        self._actions.forget(before)
+        self.letters.give_up(before, OVER)
+        self.clock.begin()
+        self._tell(self.fleet, "a new run begins: everybody of the one before had gone")
 
     def _ends(self, action: ActionSeen, state: State | Literal["unknown"], reason: str) -> None:
         self._actions.end(action, state, reason, self.now())

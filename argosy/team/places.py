@@ -88,6 +88,10 @@ class Places:
             target.present, target.state = action.ended is None, action.state
             self._keep(target)
 
+    def forget(self, before: float) -> None:
+        """Forget what was told before that time."""
+        self.all = {id: one for id, one in self.all.items() if one.heard >= before}
+
     def _of(self, agent: str, percept: Perception) -> list[Place]:
         return [
             one

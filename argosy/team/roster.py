@@ -57,6 +57,17 @@ class Roster:
                 return self._kept(self.boards, name, lambda: TeamBoard(name, board=name))
         return self._kept(self.clients, name, lambda: Member(name, daemon))
 
+    def forget(self, before: float) -> None:
+        """Forget what was heard of minds, vehicles and mail before that time: it is of an earlier run."""
+        for agent in self.agents.values():
+            if agent.heard is None or agent.heard < before:
+                agent.forget()
+        for robot in self.robots.values():
+            robot.seen = robot.seen.since(before)
+        for board in self.boards.values():
+            if board.heard is None or board.heard < before:
+                board.mailboxes = board.heard = None
+
     def has(self, robot: str, agents: tuple[str, ...]) -> None:
         """A robot has these agents."""
         member = self.robots[robot]

@@ -17,12 +17,14 @@ class Lives:
     def __init__(self) -> None:
         self._boots: dict[tuple[str, str], tuple[str, float]] = {}
 
-    def token(self, name: str, daemon: str, boot: str, now: float) -> None:
-        """A daemon holds a name."""
+    def token(self, name: str, daemon: str, boot: str, now: float) -> bool:
+        """A daemon holds a name. Returns whether this is another life of it than the one that was seen before."""
         known = self._boots.pop((name, daemon), (boot, 0.0))
-        self._boots[name, daemon] = known if known[0] == boot else (boot, now)
+        anew = known[0] != boot
+        self._boots[name, daemon] = (boot, now) if anew else known
         if len(self._boots) > MOST:
             del self._boots[next(iter(self._boots))]
+        return anew
 
     def began(self, name: str, daemon: str) -> float:
         """Return when this life began, if another one was seen before; else 0."""

@@ -111,8 +111,10 @@ class Lines(ScrollView, can_focus=True):
         words = self.filter.lower().split()
         self._rows = [row for row in self._all if row.head or row.matches(words)]
         self.hidden = len(self._all) - len(self._rows)
-        width = max(1, self.size.width - 1)
-        self._lines = [(number, line) for number, row in enumerate(self._rows) for line in self._folded(row, width)]
+        width = self.size.width - 1
+        # Before it has its place it has no width: a line for each letter would be shown, and made for nothing.
+        rows = enumerate(self._rows) if width > 0 else ()
+        self._lines = [(number, line) for number, row in rows for line in self._folded(row, width)]
         self.virtual_size = Size(self.size.width, len(self._lines))
         if self._at_end:
             self.call_after_refresh(self._to_end)  # the size that it may scroll in is known then

@@ -36,6 +36,13 @@ def test_a_restart_in_which_the_new_life_is_heard_late_is_noticed_too() -> None:
     assert (clock.speed, clock.zero) == (1.0, 1400.0)
 
 
+def test_a_run_that_began_while_nobody_looked_has_its_own_second_zero_at_any_speed() -> None:
+    clock = MissionClock(None)
+    run(clock, 1075.0, 1095.0, speed=2.0, zero=1000.0)
+    run(clock, 1430.0, 1450.0, speed=2.0, zero=1262.0)  # mission seconds 336 and on, later than 190 before
+    assert (clock.speed, clock.zero) == (2.0, 1262.0)
+
+
 def test_a_lost_router_changes_neither() -> None:
     clock = MissionClock(None)
     run(clock, 1002.0, 1030.0, speed=5.0, zero=1000.0)

@@ -9,6 +9,7 @@ from textual.pilot import Pilot
 from argosy.watch import pages
 from argosy.watch.app import WatchApp
 from argosy.watch.glyphs import ASCII, UNICODE, glyphs_of
+from argosy.watch.lines import Lines
 from argosy.watch.rows import Row
 from schemas import keys
 from schemas.minds import (
@@ -194,6 +195,25 @@ def test_a_large_screen_shows_all_panes_of_an_agent_at_once() -> None:
             assert words in text_of(app)
 
     show(thinking(), body, (140, 40))
+
+
+def test_no_line_of_an_agents_panes_is_made_before_they_have_their_width(monkeypatch: pytest.MonkeyPatch) -> None:
+    widths: list[int] = []
+    folded = Lines._folded
+
+    def noted(self: Lines, row: Row, width: int) -> list[Text]:
+        widths.append(width)
+        return folded(self, row, width)
+
+    monkeypatch.setattr(Lines, "_folded", noted)
+
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        widths.clear()
+        await pilot.press("enter")
+        await until(app, pilot, "height(20)")
+        assert min(widths) > 40
+
+    show(thinking(), body, (130, 34))
 
 
 def test_left_and_right_go_to_the_next_agent() -> None:
