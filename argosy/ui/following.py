@@ -45,6 +45,7 @@ class Following:
         self.place, self.mission, self.identity = place, mission, identity
         self.model = TeamModel(steady_clock, fleet="" if place.fleet == ANY else place.fleet, mission=mission)
         self.shown = Shown(self._tracks)
+        self._run = self.model.run
         self.pages: set[Page] = set()
         self.link = Link(place, self._follow)
         self.orders = Orders(self._robots, self._rights)
@@ -96,6 +97,11 @@ class Following:
 
     def _bring(self, now: float) -> None:
         self._look()
+        if self.model.run != self._run:
+            self._run = self.model.run
+            self._believing.beliefs.clear()
+            self._marked = 0.0
+            self.shown.begin_run()
         if now - self._marked >= MARKED:
             self._marked, self._marks = now, marks(self.model, self._believing.beliefs)
         entries = self.model.timeline.since(self._entry)

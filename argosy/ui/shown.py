@@ -36,12 +36,16 @@ class Shown:
     """The parts that pages show, as JSON, and the turn in which each was last changed."""
 
     def __init__(self, at_first: Callable[[], object] = dict) -> None:
-        """`at_first` returns what only a new page gets: the tracks that were flown."""
+        """`at_first` returns what a page gets at its beginning and at that of a run: the tracks that were flown."""
         self.turn = 0
-        self._at_first = at_first
+        self._at_first, self._run_began = at_first, 1
         self.parts: dict[str, tuple[int, bytes]] = {}
         self.events: deque[tuple[int, bytes]] = deque(maxlen=KEPT)
         """The newest events by number, which counts up from 1."""
+
+    def begin_run(self) -> None:
+        """What was flown before is over: pages get the tracks anew, with what is shown next."""
+        self._run_began = self.turn + 1
 
     def show(self, parts: Mapping[str, object], events: Sequence[object] = ()) -> None:
         """Take over what holds now: parts that are not among them are gone."""
@@ -73,7 +77,7 @@ class Shown:
             if turn > seen.turn or key not in seen.parts:
                 changed.append(encoded(key) + b":" + data)
         fields = [b'"now":' + encoded(round(now, 3))]
-        fields += [b'"tracks":' + encoded(self._at_first())] if not seen.turn else []
+        fields += [b'"tracks":' + encoded(self._at_first())] if seen.turn < self._run_began else []
         gone = encoded(sorted(seen.parts - wanted)) if seen.parts - wanted else b""
         events, left_out = self._events(seen)
         seen.turn, seen.parts = self.turn, wanted

@@ -102,6 +102,8 @@ export class Wire {
     const changed = new Set(Object.keys(news.set ?? {}));
     if (fresh) {
       for (const key of this.parts.keys()) if (!changed.has(key)) this.parts.delete(key);
+    }
+    if (fresh || news.tracks) { // else what was flown since stands in the lines themselves
       this.tracks = new Map(Object.entries(news.tracks ?? {}));
       changed.add("tracks");
     }

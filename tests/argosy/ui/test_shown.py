@@ -28,6 +28,18 @@ def test_a_new_page_gets_everything_once_and_then_what_changes() -> None:
     assert news(shown, seen) == {"gone": ["agent/scout"]}
 
 
+def test_an_open_page_gets_the_tracks_anew_when_a_run_begins_and_only_then() -> None:
+    tracks = {"uav1": [(1.0, 2.0)]}
+    shown, seen = Shown(lambda: tracks), Seen()
+    shown.show({"head": {"fleet": "sar"}})
+    news(shown, seen)
+    shown.begin_run()
+    shown.show({"head": {"fleet": "sar"}})
+    tracks.clear()
+    assert news(shown, seen) == {"tracks": {}}
+    assert news(shown, seen) == {}
+
+
 def test_a_slow_page_gets_the_newest_and_nothing_of_what_was_between() -> None:
     shown, seen = Shown(), Seen()
     for cycle in range(1_000):
