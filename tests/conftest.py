@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import faulthandler
 import itertools
+import signal
 from collections.abc import Callable
 from hashlib import sha256
 
@@ -19,6 +20,13 @@ from tests.support import ports
 settings.register_profile("exploring", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("reproducible", settings.get_profile("exploring"), derandomize=True, database=None)
 settings.load_profile("reproducible")
+
+# Under nohup or in the background they are ignored, which all that tests start would inherit.
+for _number, _usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+    if (
+        signal.getsignal(_number) is signal.SIG_IGN
+    ):
+        signal.signal(_number, _usual)
 
 _tests = itertools.count()
 END_PATIENCE = 60.0
