@@ -41,7 +41,9 @@ class Trial:
         self._stack, self._state = stack, str(folder / "state")
         self.commd = self.serve("commd")
         self.commd.says("router board=")
-        self.copter = self.start("bridged", "simulate", "copter", "--link", f"udpout:127.0.0.1:{port}", "--speed", "5")
+        link = ("--link", f"udpout:127.0.0.1:{port}")
+        patient = ("--param", "DISARM_DELAY=127")  # s; the usual 10 are 2 at this speed, less than two commands take
+        self.copter = self.start("bridged", "simulate", "copter", *link, "--speed", "5", *patient)
         self.bridged = self.serve("bridged")
         self.agentd = self.serve("agentd")
         self.bridged.says("serving uav1", 60)

@@ -51,10 +51,6 @@ def test_an_action_is_followed_in_words_to_its_success(flying: Trial) -> None:
     assert (code, said) == (0, "")
     assert lines[-1] == "uav: arm_motors(true) succeeded"
     code, lines, said = act(flying, "uav", "takeoff(20)")
-    for _ in range(4):  # on the ground it disarms after 10 s, which are 2 s here: a busy machine may be late
-        if code == 1 and "not armed" in lines[-1]:
-            act(flying, "uav", "arm_motors", "true")
-            code, lines, said = act(flying, "uav", "takeoff(20)")
     assert (code, said) == (0, ""), lines
     assert re.fullmatch(r"uav: takeoff\(20\) accepted, \d+ s at most, id operator:\w+:1", lines[0])
     assert any(re.match(r"uav: takeoff\(20\) running, altitude [\d.]+, to_go [\d.]+", line) for line in lines), lines
