@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import faulthandler
 import itertools
+import logging
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from hashlib import sha256
 
 import pytest
@@ -23,9 +24,7 @@ settings.load_profile("reproducible")
 
 # Under nohup or in the background they are ignored, which all that tests start would inherit.
 for _number, _usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
-    if (
-        signal.getsignal(_number) is signal.SIG_IGN
-    ):
+    if signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, _usual)
 
 _tests = itertools.count()
@@ -59,6 +58,21 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     """Show where the run hangs at its end, and end it: a Zenoh session that a failed test left open has threads."""
     one_of_several = hasattr(config, "workerinput")
     faulthandler.dump_traceback_later(OTHERS_PATIENCE if one_of_several else END_PATIENCE, exit=True)
+
+
+@pytest.fixture(autouse=True)
+def loggers_as_they_were() -> Iterator[None]:
+    """Undo what a command that was run in this process has said of loggers: it would silence them for other tests."""
+
+    def all_of_them() -> dict[logging.Logger, int]:
+        found = (one for one in logging.root.manager.loggerDict.values() if isinstance(one, logging.Logger))
+        return {one: one.level for one in (logging.root, *found)}
+
+    before = all_of_them()
+    yield
+    for logger, level in all_of_them().items():
+        if (was := before.get(logger, logging.NOTSET)) != level:
+            logger.setLevel(was)
 
 
 @pytest.fixture(autouse=True)
