@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from argosy.why.words import sign_of, without_annotations
+from argosy.why.words import sign_of, unquoted, without_annotations
 from schemas.findings import Finding, Findings
 
 _WRITTEN = re.compile(
@@ -73,26 +73,16 @@ def taken_apart(text: str) -> tuple[str, tuple[str, ...]]:
     name, bracket, rest = text.partition("(")
     if not bracket or not rest.rstrip().endswith(")"):
         return text.strip(), ()
-    args, depth, quote, begin = [], 0, "", 0
+    args, depth, begin = [], 0, 0
     inner = rest.rstrip()[:-1]
-    place = 0
-    while place < len(inner):
-        character = inner[place]
-        if quote:
-            if character == "\\":
-                place += 1
-            elif character == quote:
-                quote = ""
-        elif character in "\"'":
-            quote = character
-        elif character in "([{":
+    for place, character in unquoted(inner):
+        if character in "([{":
             depth += 1
         elif character in ")]}":
             depth -= 1
         elif character == "," and depth == 0:
             args.append(inner[begin:place].strip())
             begin = place + 1
-        place += 1
     args.append(inner[begin:].strip())
     return name.strip(), tuple(args)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from argosy.journal import printable
 from schemas.minds import FailureView, PlanView, RejectedView
@@ -53,25 +53,31 @@ def joined(parts: Sequence[str], last: str = "and") -> str:
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {last} {parts[-1]}" if parts else ""
 
 
-def without_annotations(text: str) -> str:
-    """An event without what stands in square brackets behind it: `+!go(1)` of `+!go(1)[source(bob)]`."""
-    depth, quote, place = 0, "", 0
-    while place < len(text):
-        character = text[place]
-        if quote:
-            if character == "\\":
-                place += 1
-            elif character == quote:
-                quote = ""
+def unquoted(text: str) -> Iterator[tuple[int, str]]:
+    """Yield the characters of a term that stand in no string or quoted name, each with its place."""
+    quote, escaped = "", False
+    for place, character in enumerate(text):
+        if escaped:
+            escaped = False
+        elif quote:
+            escaped = character == "\\"
+            quote = "" if character == quote else quote
         elif character in "\"'":
             quote = character
-        elif character == "(":
+        else:
+            yield place, character
+
+
+def without_annotations(text: str) -> str:
+    """An event without what stands in square brackets behind it: `+!go(1)` of `+!go(1)[source(bob)]`."""
+    depth = 0
+    for place, character in unquoted(text):
+        if character == "(":
             depth += 1
         elif character == ")":
             depth -= 1
         elif character == "[" and depth == 0:
             return text[:place]
-        place += 1
     return text
 
 
