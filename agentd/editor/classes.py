@@ -104,8 +104,10 @@ def unclassed(tables: Tables) -> list[str]:
 
 
 def library_names() -> list[str]:
-    """The internal actions and functions of the library: `.print`, `math.abs`."""
-    import agentd.stdlib  # noqa: F401  (registers them)
+    """The internal actions and functions of the library: `.print`, `math.abs`; none that packages have added."""
+    import agentd.stdlib
     from agentd.stdlib.registry import ACTIONS, FUNCTIONS
 
-    return sorted({*ACTIONS, *(name for name, _ in FUNCTIONS)})
+    named = [(name, action.function) for name, actions in ACTIONS.items() for action in actions]
+    named += [(name, function) for (name, _), function in FUNCTIONS.items()]
+    return sorted({name for name, made in named if made.__module__.startswith(agentd.stdlib.__name__)})

@@ -21,6 +21,7 @@ from agentd.editor.lexer import AgentSpeakLexer, ProjectLexer, classed
 from agentd.language.lexer import BROKEN
 from agentd.language.parser import parse_program
 from agentd.language.tables import load
+from agentd.stdlib import registry
 
 ROOT = Path(__file__).parents[2]
 SAMPLE = """\
@@ -148,6 +149,12 @@ def test_the_files_of_the_grammar_are_of_the_present_language() -> None:
     for path, text in ((textmate.JSON_FILE, textmate.json_text()), (textmate.PLIST_FILE, textmate.plist_text())):
         assert path.read_text(encoding="utf-8") == text, f"python -m {textmate.__name__} writes it anew"
     assert plistlib.loads(textmate.PLIST_FILE.read_bytes())["patterns"] == textmate.grammar()["patterns"]
+
+
+def test_what_a_package_has_registered_is_no_part_of_the_language(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = library_names()
+    monkeypatch.setattr(registry, "FUNCTIONS", {**registry.FUNCTIONS, ("mylib.twice", 1): lambda mind, of: 2 * of})
+    assert library_names() == before
 
 
 def test_the_extension_names_its_files() -> None:
