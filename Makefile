@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
 
-.PHONY: fly rescue test index soak faults field attacks bench-reasoner bench-bridge bench-mail bench-board bench-looking bench-page docs reference lint types contracts format check-python byte-code clean
+.PHONY: fly rescue test index soak faults field attacks bench bench-reasoner bench-bridge bench-mail bench-board bench-looking bench-page docs reference lint types contracts format check-python byte-code clean
 
 fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
@@ -37,6 +37,9 @@ attacks: $(VENV)/test.stamp  ## try every attack of the table on a secured fleet
 
 field: $(VENV)/test.stamp  ## let daemons fail in flight, half an hour; writes docs/field.md
 	$(BIN)/python -m tests.field $(ARGS)
+
+bench: $(VENV)/bench.stamp byte-code  ## measure everything, about an hour on a quiet machine; writes docs/benchmarks.md and each figure of the pages
+	@$(BIN)/python -m benchmarks $(ARGS)
 
 bench-reasoner: $(VENV)/bench.stamp  ## the reasoner beside python-agentspeak, about 12 minutes; writes docs/reasoner.md
 	$(BIN)/python -m benchmarks.reasoner --out docs/reasoner.md $(ARGS)
@@ -104,7 +107,7 @@ $(VENV)/test.stamp: pyproject.toml | $(BIN)/python
 
 $(VENV)/bench.stamp: pyproject.toml | $(BIN)/python
 	@echo "installing argosy and the peer it is measured beside"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,bench]' && touch $@
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys,record,ui,plot,test,bench]' && touch $@
 
 $(VENV)/docs.stamp: pyproject.toml | $(BIN)/python
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]' && touch $@

@@ -23,9 +23,9 @@ from typing import Final
 
 from argosy.boards import places
 from argosy.processes import Process, Setup, plan, python_command
-from benchmarks.bridge import Watched, watched
 from benchmarks.held import alone, pss
 from benchmarks.processes import BenchmarkFailed
+from benchmarks.watched import Watched, watched
 from schemas.mission import load_mission
 from tests.support.ports import free_port
 

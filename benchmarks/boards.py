@@ -10,8 +10,8 @@ from contextlib import ExitStack, asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import Final, Literal
 
-from benchmarks.bridge import Watched, watched
 from benchmarks.processes import BenchmarkFailed
+from benchmarks.watched import Watched, watched
 from commd.bus import Bus, Query, Token, boot_id, open_bus
 from schemas import keys
 from schemas.records import Header, Mail, Message, Receipt

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.boards import FLEET, Boards, Member, boards, member, until
-from benchmarks.bridge import Watched, watched
 from benchmarks.processes import BenchmarkFailed, memory
+from benchmarks.watched import Watched, watched
 from commd.bus import open_bus
 from schemas import keys
 from schemas.minds import MindView

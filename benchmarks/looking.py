@@ -26,11 +26,11 @@ from typing import Final
 
 from agentd.look import Look
 from agentd.viewer import SHOWN_AGAIN
-from benchmarks.bridge import watched
 from benchmarks.one_look import one_look
 from benchmarks.onlookers import FLEET, NOBODY, ONLOOKERS, Onlooker, Stretch, stretch
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.traffic import Talker, talk
+from benchmarks.watched import watched
 from tests.support.ports import free_port
 
 GOAL: Final = 2.0

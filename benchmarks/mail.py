@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Final, Literal, TypeVar
 
 from benchmarks.boards import Member, boards, member, until
-from benchmarks.bridge import watched
 from benchmarks.crowd import Crowd, Talk, crowd, talk
 from benchmarks.processes import BenchmarkFailed, memory
+from benchmarks.watched import watched
 from schemas.records import Message
 from tests.support.ports import free_port
 

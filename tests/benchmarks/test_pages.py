@@ -1,0 +1,57 @@
+"""The pages say what the results say: no figure of a block was typed by hand or is older than its file."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from benchmarks import pages, results
+from benchmarks.__main__ import goals_of
+from benchmarks.parts import PARTS, Part, line_of_goals
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.name)
+def test_the_blocks_of_a_part_are_those_of_its_results(part: Part) -> None:
+    origin, figures = results.load(part.name, part.module().Figures)
+    assert not origin.revision.endswith("+"), "measured with changed files: nobody else can measure that again"
+    blocks = part.module().blocks(origin, figures)
+    places = pages.names()
+    assert blocks
+    for name in blocks:
+        assert name in places, f"no page has the mark <!-- figures {name} -->"
+        for page in places[name]:
+            text = page.read_text(encoding="utf-8")
+            assert pages.filled(text, {name: blocks[name]}) == text, f"python -m benchmarks --pages {part.name}"
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.name)
+def test_the_pictures_of_a_part_are_there_and_shown(part: Part) -> None:
+    _, figures = results.load(part.name, part.module().Figures)
+    shown = "\n".join(page.read_text(encoding="utf-8") for page in pages.pages())
+    for name in part.module().pictures(figures):
+        assert (pages.PICTURES / f"{name}.svg").is_file()
+        assert f"figures/{name}.svg" in shown, "no page shows it"
+
+
+def test_the_table_of_goals_is_that_of_all_results() -> None:
+    text = (results.ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+    assert pages.filled(text, {"goals": "\n".join(line_of_goals(goals_of(list(PARTS))))}) == text
+
+
+def test_every_block_is_filled_by_a_part() -> None:
+    filled = {"goals"}
+    for part in PARTS:
+        filled |= part.module().blocks(*results.load(part.name, part.module().Figures)).keys()
+    assert pages.names().keys() <= filled
+
+
+def test_a_block_that_no_page_has_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "README.md").write_text("<!-- figures here -->\nold\n<!-- end of figures -->\n")
+    with pytest.raises(KeyError, match="elsewhere"):
+        pages.write({"elsewhere": "1"}, tmp_path)
+    assert pages.write({"here": "new"}, tmp_path) == [tmp_path / "README.md"]
+    assert re.search(r"-->\n\nnew\n\n<!--", (tmp_path / "README.md").read_text())
+    assert pages.write({"here": "new"}, tmp_path) == []
