@@ -4,8 +4,8 @@
     ...
     <!-- end of figures -->
 
-A part says which blocks it fills (`blocks`) and which pictures it draws (`pictures`). Nothing between the marks is typed
-by hand, and `tests/benchmarks/test_pages.py` holds the pages against the results.
+A part says which blocks it fills (`blocks`) and which pictures it draws (`pictures`). Nothing between the marks is
+typed by hand, and `tests/benchmarks/test_pages.py` holds the pages against the results.
 """
 
 from __future__ import annotations
