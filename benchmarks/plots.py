@@ -16,12 +16,6 @@ COLOURS: Final = {
     "bridged": "#2ca02c",
     "commd": "#9467bd",
 }
-    "agentd": "#1f77b4",
-    "python": "#ff7f0e",
-    "paper": "#999999",
-    "bridged": "#2ca02c",
-    "commd": "#9467bd",
-}
 """Of who is shown, the same in all pictures."""
 
 
