@@ -25,7 +25,7 @@ from benchmarks.held import MEGABYTE, pss
 LEAST: Final = 1_000
 """Microseconds: the smallest quota that the kernel takes."""
 SHORTEST: Final = 10_000
-"""Microseconds: over no shorter period is a share kept. A long one is no slow core: it is a fast one with long pauses."""
+"""Microseconds: a share is kept over no shorter period. (A long one makes no slow core but a fast one with pauses.)"""
 ENTER: Final = 'while [ "$1" != -- ]; do echo $$ >> "$1" || exit 125; shift; done; shift; exec "$@"'
 _numbers = itertools.count(1)
 
