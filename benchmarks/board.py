@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import os
 import platform
-import shutil
 import statistics
 import sys
 import tempfile
@@ -21,13 +20,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
-from argosy.boards import places
-from argosy.processes import Process, Setup, plan, python_command
+from argosy.processes import Process, plan
+from benchmarks.flights import setup_in, start_all, with_one_process
 from benchmarks.held import alone, pss
 from benchmarks.processes import BenchmarkFailed
-from benchmarks.watched import Watched, watched
-from schemas.mission import load_mission
-from tests.support.ports import free_port
+from benchmarks.watched import Watched
 
 GOAL: Final = 60.0
 """MB of PSS."""
@@ -38,7 +35,6 @@ PATIENCE: Final = 180.0
 """Seconds until the board's vehicle flies."""
 FLIES: Final = "takeoff succeeded"
 BEGIN, END = "<!-- figures -->", "<!-- end of figures -->"
-MISSIONS: Final = Path(__file__).parent.parent / "missions"
 
 
 @dataclass(frozen=True)
@@ -75,42 +71,13 @@ def measure(subject: Subject, *, one_process: bool, seconds: float = SECONDS) ->
     """Fly a board once. Raises BenchmarkFailed."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        processes = _processes(subject, folder, one_process)
-        ours: list[Watched] = []
-        for process in processes:
-            started = stack.enter_context(watched(process.name, *process.argv[1:]))
-            if process.board == subject.board and process.kind.measured:
-                ours.append(started)
-            if process.kind.name == "commd":
-                started.says("router board=")
+        setup = setup_in(folder, subject.mission, subject.speed)
+        planned = plan(setup)
+        started: list[tuple[Process, Watched]] = []
+        start_all(stack, with_one_process(setup, subject.board, planned) if one_process else planned, started)
+        ours = [one for process, one in started if process.board == subject.board and process.kind.measured]
         _until_it_flies(ours)
         return _sampled(ours, seconds)
-
-
-def _processes(subject: Subject, folder: Path, one_process: bool) -> list[Process]:
-    """Return what is to be started; with `one_process` the board's daemons are one, in the place of its commd."""
-    shutil.copytree(MISSIONS, folder / "missions")
-    file = folder / "missions" / subject.mission
-    text = file.read_text()
-    for port in range(14_550, 14_554):
-        text = text.replace(f"127.0.0.1:{port}", f"127.0.0.1:{free_port()}")
-    file.write_text(text)
-    mission = load_mission(file)
-    router = f"tcp/127.0.0.1:{free_port()}"
-    setup = Setup(mission, router, subject.speed, frozenset(), folder / "state", places=places(mission, router))
-    planned = plan(setup)
-    if not one_process:
-        return planned
-    found: list[Process] = []
-    for process in planned:
-        if process.board != subject.board or not process.kind.measured:
-            found.append(process)
-        elif process.kind.name == "commd":
-            where = setup.place(subject.board).arguments
-            options = ("--speed", f"{subject.speed:g}", "--state", str(setup.state), "--simulated")
-            argv = (*python_command(), "argosy", "board", setup.file, "--board", subject.board, *where, *options)
-            found.append(Process(process.kind, process.subject, argv, label=process.label, board=process.board))
-    return found
 
 
 def _until_it_flies(ours: list[Watched]) -> None:

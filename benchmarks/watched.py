@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from subprocess import Popen
@@ -47,10 +47,15 @@ class Watched:
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-@contextmanager
-def watched(name: str, *arguments: str) -> Iterator[Watched]:
+def watched(name: str, *arguments: str) -> AbstractContextManager[Watched]:
     """Run `python ARGUMENTS` while the block lasts."""
-    with started([sys.executable, *arguments]) as process:
+    return watched_command(name, [sys.executable, *arguments])
+
+
+@contextmanager
+def watched_command(name: str, command: list[str]) -> Iterator[Watched]:
+    """Run a command while the block lasts."""
+    with started(command) as process:
         found = Watched(name, process)
         reader = threading.Thread(target=found.read, daemon=True)
         reader.start()

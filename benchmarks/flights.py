@@ -1,0 +1,245 @@
+"""A mission flown by its own processes, with the AgentSpeak agents or with imperative programs in their place.
+
+Nobody looks at the minds while they fly: a mission is done when its `done` formulas hold, and these are asked only
+from the moment on at which an agent prints that it is through. Of imperative programs the last lines say it. What
+a mission was to bring about is judged by its referee in both cases.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, aclosing, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Literal
+
+from argosy.boards import places
+from argosy.processes import Kind, Process, Setup, plan, python_command
+from argosy.referee import judge_run
+from benchmarks.processes import BenchmarkFailed
+from benchmarks.watched import Watched, watched_command
+from commd.bus import Bus, open_bus
+from schemas import keys
+from schemas.minds import MindView
+from schemas.mission import Mission, load_mission
+from tests.support.ports import free_port
+
+MISSIONS: Final = Path(__file__).parent.parent / "missions"
+LOOK_EVERY: Final = 1.0
+"""Wall seconds between two looks at the minds, once the last words were printed."""
+ANSWER: Final = 2.0
+"""Wall seconds for an answer of a mind."""
+SLACK: Final = 30.0
+"""Wall seconds beside the mission's own timeout: for the start."""
+
+Approach = Literal["agentspeak", "python"]
+APPROACHES: Final[tuple[Approach, ...]] = ("agentspeak", "python")
+Wrap = Callable[[Process, list[str]], list[str]]
+"""Makes of a process and its command the command that is started; that must end by an exec, to keep the pid."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """A mission that is flown, and what its agents print."""
+
+    title: str
+    mission: str
+    """Its file in `missions`."""
+    last_words: str
+    """What an agent prints when the mission is as good as done."""
+    given_up: str = ""
+    """What it prints when the mission is not going to be done; empty if it never gives up."""
+
+
+SINGLE: Final = Course("single UAV", "single_uav.yaml", "mission done", "mission failed")
+RESCUE: Final = Course("search and rescue", "search_and_rescue.yaml", "all are rescued")
+
+PROGRAM: Final = Kind("program", lambda setup: [], lambda setup, client: [])
+"""An imperative program in the place of an agent's daemon."""
+READY: Final = {"commd": "router board=", "simulator": "simulated", "bridged": "serving", "agentd": "agents="}
+"""What each kind of process says when it is there; a program says anything at all."""
+
+
+def setup_in(folder: Path, file: str, speed: float) -> Setup:
+    """Copy the missions to a folder, with links on free ports, and return how one of them is run there."""
+    shutil.copytree(MISSIONS, folder / "missions", ignore=shutil.ignore_patterns("__pycache__"))
+    copy = folder / "missions" / file
+    copy.write_text(re.sub(r"(?<=udpin:127\.0\.0\.1:)\d+", lambda _: str(free_port()), copy.read_text()))
+    return _setup(load_mission(copy), folder, speed)
+
+
+def _setup(mission: Mission, folder: Path, speed: float) -> Setup:
+    router = f"tcp/127.0.0.1:{free_port()}"
+    (folder / "logs").mkdir(exist_ok=True)
+    place = places(mission, router)
+    return Setup(mission, router, speed, frozenset(), folder / "state", places=place, logs=folder / "logs")
+
+
+def with_programs(setup: Setup, folder: Path) -> tuple[Setup, list[Process], dict[str, str]]:
+    """Return a mission with programs instead of its agents: its setup, its processes, and the last line of each program."""
+    from benchmarks.imperative.plan import programs, variant
+
+    file = variant(setup.mission.path, folder, speed=setup.speed)
+    other = _setup(load_mission(file), folder, setup.speed)
+    planned, last = plan(other), {}
+    for one in programs(setup.mission, file, lambda board: other.place(board).router):
+        process = Process(PROGRAM, one.name, one.argv, label=one.name, board=one.board)
+        planned.append(process)
+        last[process.name] = one.done
+    return other, planned, last
+
+
+def with_one_process(setup: Setup, board: str, planned: list[Process]) -> list[Process]:
+    """Return the processes with the daemons of a board in one, `argosy board`, in the place of its commd."""
+    found: list[Process] = []
+    for process in planned:
+        if process.board != board or not process.kind.measured:
+            found.append(process)
+        elif process.kind.name == "commd":
+            where = setup.place(board).arguments
+            options = ("--speed", f"{setup.speed:g}", "--state", str(setup.state), "--simulated")
+            argv = (*python_command(), "argosy", "board", setup.file, "--board", board, *where, *options)
+            found.append(Process(process.kind, process.subject, argv, label=process.label, board=process.board))
+    return found
+
+
+@dataclass
+class Flight:
+    """A mission whose processes run."""
+
+    course: Course
+    approach: Approach
+    setup: Setup
+    last: dict[str, str]
+    """The last line of each imperative program when it has nothing left to do."""
+    begun: float = field(default_factory=time.monotonic)
+    """Monotonic wall seconds before the first process was started."""
+    watched: list[tuple[Process, Watched]] = field(default_factory=list)
+    up: float = 0.0
+    """When all processes were there."""
+    over: float = 0.0
+    """When the mission was done."""
+
+    def until_up(self) -> None:
+        """Wait until every process has said that it is there. Raises BenchmarkFailed."""
+        for process, watched in self.watched:
+            watched.says(READY.get(process.kind.name, ""))
+        self.up = time.monotonic()
+
+    def until_done(self, patience: float | None = None) -> None:
+        """Wait until the mission is done, for its own timeout if `patience` does not say otherwise.
+
+        Raises BenchmarkFailed for any other end, and for what the referee does not accept.
+        """
+        mission = self.setup.mission
+        until = self.begun + (mission.timeout / self.setup.speed + SLACK if patience is None else patience)
+        if self.approach == "agentspeak":
+            self._until_last_words(until)
+            asyncio.run(self._until_minds_say_so(until))
+        else:
+            self._until_last_lines(until)
+        self.over = time.monotonic()
+        assert self.setup.logs is not None
+        if mission.world is not None and not (verdict := judge_run(mission, self.setup.logs)).good:
+            raise self._failed(f"the referee says\n{verdict}\n")
+
+    def _until_last_words(self, until: float) -> None:
+        course, read = self.course, dict[str, int]()
+        while True:
+            for process, watched in self.watched:
+                fresh = [line for _, line in watched.said[read.get(watched.name, 0) :]]
+                read[watched.name] = read.get(watched.name, 0) + len(fresh)
+                if not process.kind.measured:
+                    continue
+                if any(course.last_words in line for line in fresh):
+                    return
+                if course.given_up and any(course.given_up in line for line in fresh):
+                    raise self._failed(f"{watched.name} gave up", watched)
+            self._look_after(until)
+            time.sleep(0.1)
+
+    async def _until_minds_say_so(self, until: float) -> None:
+        mission = self.setup.mission
+        async with open_bus(
+            self.setup.router, fleet=mission.fleet, name="bench", daemon="bench", stamp=time.time_ns, wire=mission.wire
+        ) as bus:
+            while not all([await _done(bus, agent) for agent in dict.fromkeys(one.agent for one in mission.done)]):
+                self._look_after(until)
+                await asyncio.sleep(LOOK_EVERY)
+
+    def _until_last_lines(self, until: float) -> None:
+        while True:
+            left = 0
+            for _, watched in self.watched:
+                if (wanted := self.last.get(watched.name)) is None:
+                    continue
+                through = bool(watched.said) and wanted in watched.said[-1][1]
+                left += not through
+                if not through and (code := watched.process.poll()) is not None:
+                    raise self._failed(f"{watched.name} ended with exit code {code}", watched)
+            if not left:
+                return
+            self._look_after(until)
+            time.sleep(0.1)
+
+    def _look_after(self, until: float) -> None:
+        """Raise BenchmarkFailed if a daemon or a simulator died, or the time is over."""
+        for process, watched in self.watched:
+            if process.kind is not PROGRAM and (code := watched.process.poll()) is not None:
+                raise self._failed(f"{watched.name} ended with exit code {code}", watched)
+        if time.monotonic() > until:
+            raise self._failed(f"not done after {until - self.begun:.0f} s")
+
+    def _failed(self, why: str, whose: Watched | None = None) -> BenchmarkFailed:
+        said = [whose] if whose is not None else [watched for process, watched in self.watched if process.kind.measured]
+        last = "\n".join(f"{one.name}: {line}" for one in said for _, line in one.said[-3:])
+        return BenchmarkFailed(
+            f"{self.course.title}, {self.approach}, speed {self.setup.speed:g}: {why}; last:\n{last}"
+        )
+
+
+async def _done(bus: Bus, agent: str) -> bool:
+    """Whether the `done` formulas of an agent hold; a look that shows next to nothing else, to cost little."""
+    key = f"{keys.mind(bus.fleet, agent)}?last=0;beliefs=0;about=nothing"
+    async with aclosing(bus.query(key, None, MindView, ANSWER)) as replies:
+        async for reply in replies:
+            if reply.record is not None:
+                return bool(reply.record.done) and all(reply.record.done.values())
+    return False
+
+
+@contextmanager
+def flying(course: Course, approach: Approach, speed: float, wrap: Wrap | None = None) -> Iterator[Flight]:
+    """Start all processes of a mission and wait until they are there; they are ended with the block.
+
+    Raises BenchmarkFailed.
+    """
+    with ExitStack() as stack:
+        folder = Path(
+            stack.enter_context(tempfile.TemporaryDirectory(prefix="argosy-bench-", ignore_cleanup_errors=True))
+        )
+        setup = setup_in(folder, course.mission, speed)
+        planned, last = plan(setup), dict[str, str]()
+        if approach == "python":
+            setup, planned, last = with_programs(setup, folder)
+        flight = Flight(course, approach, setup, last)
+        start_all(stack, planned, flight.watched, wrap)
+        flight.until_up()
+        yield flight
+
+
+def start_all(
+    stack: ExitStack, planned: list[Process], started: list[tuple[Process, Watched]], wrap: Wrap | None = None
+) -> None:
+    """Start processes in their order, the others when the routers are there. Raises BenchmarkFailed."""
+    for process in planned:
+        command = list(process.argv) if wrap is None else wrap(process, list(process.argv))
+        watched = stack.enter_context(watched_command(process.name, command))
+        started.append((process, watched))
+        if process.kind.name == "commd":
+            watched.says(READY["commd"])
