@@ -100,7 +100,7 @@ def update(mind: Any, item: PerceptReplaced | PerceptAdded | PerceptRemoved, add
                 if old != args:
                     _remove(mind, place, old)
         case PerceptRemoved(key=key):
-            annots = sorted_annots((*literal.annots, *PERCEPT)) if literal.annots else PERCEPT
+            annots = _of_percept(literal.annots)
             for old in place.agreeing(args, key):
                 _remove(mind, place, old, annots)
             return
@@ -127,9 +127,16 @@ def _arguments(literal: Literal) -> tuple[Any, ...]:
     return literal.args
 
 
+def _of_percept(annots: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Annotations with source(percept): `PERCEPT` itself where there is nothing else, which is how beliefs know one."""
+    if annots is PERCEPT or not annots or annots == PERCEPT:
+        return PERCEPT
+    return sorted_annots((*annots, *PERCEPT))
+
+
 def _add(mind: Any, place: Perceived, literal: Literal, args: tuple[Any, ...], added: list[Addition]) -> None:
     place.put(args)
-    annots = sorted_annots((*literal.annots, *PERCEPT)) if literal.annots else PERCEPT
+    annots = _of_percept(literal.annots)
     new = place.predicate.add(args, annots)
     if new is not None:
         mind.changes += 1

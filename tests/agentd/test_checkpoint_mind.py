@@ -19,6 +19,8 @@ from agentd.mind.failed import Failed
 from agentd.mind.inputs import BeliefAdded, GoalAdded, Mail, PerceptAdded, PerceptRemoved, PerceptReplaced
 from agentd.mind.loading import register_functions
 from agentd.mind.plan_terms import add_plans, remove_plans
+from agentd.wire import perceived
+from schemas.records import Perception
 from tests.agentd.generated_terms import any_terms, ground
 from tests.agentd.kept_minds import Life, begun, state_of
 from tests.agentd.minds import term
@@ -180,6 +182,17 @@ def test_percepts_that_change_are_nothing_to_save() -> None:
     life.feed(PerceptAdded(term("at(1)"))).save()
     for n in range(5):
         life.feed(PerceptReplaced(term(f"at({n})")))
+        assert not life.save()
+
+
+def test_percepts_that_come_by_the_bus_are_nothing_to_save_either() -> None:
+    def heard(value: float) -> PerceptReplaced:
+        return PerceptReplaced(perceived(Perception(name="at", parameters=(value,))))
+
+    life = begun("a.")
+    life.feed(heard(0.0)).save()
+    for n in range(1, 5):
+        life.feed(heard(float(n)))
         assert not life.save()
 
 
