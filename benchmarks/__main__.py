@@ -8,104 +8,120 @@ python -m benchmarks --pages          nothing is measured: pages and pictures ar
 from __future__ import annotations
 
 import argparse
-import subprocess
+import contextlib
+import signal
 import sys
-import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from types import FrameType
 
-from benchmarks import pages, results
-from benchmarks.parts import PARTS, Goal, Part, line_of_goals
-from benchmarks.processes import BenchmarkFailed
+import msgspec
 
-PATIENCE: Final = 4.0
-"""Times the minutes that a part says it takes (and never under five): then it is killed."""
+from benchmarks import apart, pages, results
+from benchmarks.parts import PARTS, Goal, Part, line_of_goals, table_of_goals
+
+BUSY = 0.5
+"""Cores that others may keep busy before it is told that figures will be worse for it."""
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(argv: list[str] | None = None, table: Sequence[Part] = PARTS) -> int:
     """Returns the exit code: 1 when a part could not be measured; a goal that is missed is told, and no error."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(one.name for one in PARTS)}")
-    parser.add_argument("--pages", action="store_true", help="measure nothing, write pages and pictures from results")
-    parser.add_argument(
-        "--quick", action="store_true", help="only try everything: neither results nor pages are written"
+    known = [one.name for one in table]
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(known)}")
+    parser.add_argument("--pages", action="store_true", help="measure nothing, write pages and pictures from results")
+    parser.add_argument("--quick", action="store_true", help="only try everything: no results and no pages are written")
     args = parser.parse_args(argv)
-    known = [one.name for one in PARTS]
     if unknown := [name for name in args.parts if name not in known]:
         print(f"error: no part is called {unknown[0]}; there are {', '.join(known)}", file=sys.stderr)
         return 2
-    chosen = [one for one in PARTS if not args.parts or one.name in args.parts]
+    chosen = [one for one in table if not args.parts or one.name in args.parts]
     if args.pages:
-        return write_pages(chosen)
-    if args.here:
-        return measured_here(chosen[0], args.quick)
-    failed = [one.name for one in chosen if not _measured_apart(one, args.quick)]
-    if not args.quick:
-        write_pages([one for one in chosen if one.name not in failed])
-    print("\n".join(line_of_goals(goals_of([one for one in chosen if one.name not in failed]))))
+        shown = [_shown(one) for one in chosen]
+        _all_goals_shown(table)
+        return 0 if all(shown) else 1
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _ended)
+    try:
+        return _measured(chosen, table, args.quick)
+    except KeyboardInterrupt:
+        print("ended; what was measured is in benchmarks/results", file=sys.stderr)
+        return 130
+
+
+def _measured(chosen: list[Part], table: Sequence[Part], quick: bool) -> int:
+    if (load := results.load_before(0.2 if quick else 2.0)) > BUSY:
+        _tell(f"note: others keep {load:.1f} cores of this machine busy: figures will be worse than on a quiet one")
+    failed = []
+    for number, one in enumerate(chosen):
+        left = sum(part.minutes for part in chosen[number:])
+        times = "a try" if quick else f"about {one.minutes:g} min, all that is left {left:.0f} min"
+        _tell(f"[{number + 1} of {len(chosen)}] {one.name}: {times}")
+        if not apart.measured(one, quick) or (not quick and not _shown(one)):
+            failed.append(one.name)
+    if not quick:
+        _all_goals_shown(table)
+        goals = [goal for one in chosen if one.name not in failed for goal in goals_of(one)]
+        print("\n".join(line_of_goals(goals)))
     if failed:
         print(f"error: not measured: {', '.join(failed)}", file=sys.stderr)
     return 1 if failed else 0
 
 
-def _measured_apart(one: Part, quick: bool) -> bool:
-    """Measure a part in a process of its own, which ends with it."""
-    print(f"{one.name}: about {one.minutes:g} minutes", file=sys.stderr, flush=True)
-    command = [sys.executable, "-m", "benchmarks", one.name, "--here", *(["--quick"] if quick else [])]
-    begun = time.monotonic()
+def _shown(one: Part) -> bool:
+    """Write blocks and pictures of a part from its results; says so if that cannot be."""
     try:
-        code = subprocess.run(command, cwd=results.ROOT, timeout=60 * max(5.0, PATIENCE * one.minutes)).returncode
-    except subprocess.TimeoutExpired:
-        print(f"error: {one.name}: not done after {PATIENCE:g} times its minutes", file=sys.stderr)
-        return False
-    print(f"{one.name}: {'done' if code == 0 else 'failed'} after {time.monotonic() - begun:.0f} s", file=sys.stderr)
-    return code == 0
-
-
-def measured_here(one: Part, quick: bool) -> int:
-    """Measure a part in this process and save what it found. Returns the exit code."""
-    load = results.load_before()
-    try:
-        figures = one.module().measure(quick)
-    except BenchmarkFailed as error:
+        module = one.module()
+        origin, figures = results.load(one.name, module.Figures)
+        pages.write_pictures(module.pictures(figures))
+        _told(pages.write(module.blocks(origin, figures)))
+    except FileNotFoundError:
+        _tell(f"{one.name}: no results yet")
+    except (msgspec.DecodeError, KeyError, ImportError) as error:
         print(f"error: {one.name}: {error}", file=sys.stderr)
-        return 1
-    if not quick:
-        path = results.save(one.name, results.here(f"make bench ARGS={one.name}", load), figures)
-        print(f"{one.name}: {path.relative_to(results.ROOT)}", file=sys.stderr)
-    return 0
+        return False
+    return True
 
 
-def write_pages(chosen: list[Part]) -> int:
-    """Write blocks and pictures of the parts that have results. Returns the exit code."""
-    for one in chosen:
-        try:
-            origin, figures = results.load(one.name, one.module().Figures)
-        except FileNotFoundError:
-            print(f"{one.name}: no results yet", file=sys.stderr)
-            continue
-        pages.write_pictures(one.module().pictures(figures))
-        _told(pages.write(one.module().blocks(origin, figures)))
-    _told(pages.write({"goals": "\n".join(line_of_goals(goals_of(list(PARTS))))}))
-    return 0
+def _all_goals_shown(table: Sequence[Part]) -> None:
+    _told(pages.write({"goals": all_goals(table)}))
 
 
-def goals_of(chosen: list[Part]) -> list[Goal]:
-    """Return the goals of the parts that have results."""
-    found: list[Goal] = []
-    for one in chosen:
-        try:
-            found += one.module().goals(results.load(one.name, one.module().Figures)[1])
-        except FileNotFoundError:
-            continue
-    return found
+def all_goals(table: Sequence[Part] = PARTS) -> str:
+    """Return the table of all goals of all parts that have results: the block `goals` of docs/benchmarks.md."""
+    return "\n".join(table_of_goals([(one.name, section_of(one), goals_of(one)) for one in table]))
+
+
+def goals_of(one: Part) -> list[Goal]:
+    """Return the goals of a part; none when it has no results of the shape that it has now."""
+    with contextlib.suppress(FileNotFoundError, msgspec.DecodeError, ImportError):
+        found: list[Goal] = one.module().goals(results.load(one.name, one.module().Figures)[1])
+        return found
+    return []
+
+
+def section_of(one: Part) -> str:
+    """Return where the first block of a part stands, as a link from docs/benchmarks.md; empty without results."""
+    with contextlib.suppress(FileNotFoundError, msgspec.DecodeError, ImportError):
+        blocks = one.module().blocks(*results.load(one.name, one.module().Figures))
+        return pages.section(next(iter(blocks)))
+    return ""
 
 
 def _told(changed: list[Path]) -> None:
     for page in changed:
-        print(f"written: {page.relative_to(results.ROOT)}", file=sys.stderr)
+        _tell(f"written: {page.relative_to(results.ROOT)}")
+
+
+def _tell(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def _ended(number: int, _: FrameType | None) -> None:
+    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

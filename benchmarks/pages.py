@@ -23,6 +23,9 @@ _BLOCK: Final = re.compile(
 )
 
 
+_HEADING: Final = re.compile(r"^#+ .*$", re.MULTILINE)
+
+
 def pages(root: Path = ROOT) -> Iterator[Path]:
     """Return the pages that may have blocks."""
     yield root / "README.md"
@@ -60,6 +63,24 @@ def write(blocks: Mapping[str, str], root: Path = ROOT) -> list[Path]:
             page.write_text(new, encoding="utf-8")
             changed.append(page)
     return changed
+
+
+def section(name: str, root: Path = ROOT) -> str:
+    """Return where a block stands, as a link from a page in docs: the page, and the heading above it.
+
+    Of several places the first in docs. Raises KeyError for a lost block.
+    """
+    for page in names(root).get(name, []):
+        if page.parent == root / "docs":
+            before = page.read_text(encoding="utf-8").partition(f"<!-- figures {name} -->")[0]
+            level, _, title = _HEADING.findall(before)[-1].partition(" ")
+            return page.name if level == "#" else f"{page.name}#{_anchor(title)}"
+    raise KeyError(f"no page of docs has the mark <!-- figures {name} -->")
+
+
+def _anchor(title: str) -> str:
+    """As the site makes them of headings."""
+    return re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", title).strip().lower())
 
 
 def write_pictures(pictures: Mapping[str, str], folder: Path = PICTURES) -> None:

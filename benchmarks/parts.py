@@ -12,6 +12,7 @@ A part is a module with
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from importlib import import_module
 from types import ModuleType
@@ -58,7 +59,24 @@ def part(name: str) -> Part:
 def line_of_goals(goals: list[Goal]) -> list[str]:
     """Return the rows of a table of goals."""
     head = ["| figure | goal | measured | |", "|---|---|---|---|"]
-    return head + [
-        f"| {goal.title} | {goal.wanted} | {goal.found} | {'met' if goal.met else f'**missed** {goal.why}'.strip()} |"
+    return head + [f"| {goal.title} | {goal.wanted} | {goal.found} | {_verdict(goal)} |" for goal in goals]
+
+
+def table_of_goals(parts: list[tuple[str, str, list[Goal]]]) -> list[str]:
+    """Return the rows of a table of the goals of parts: of each its name, a link to its figures, and its goals."""
+    head = ["| part | figure | goal | measured | |", "|---|---|---|---|---|"]
+    rows = [
+        f"| {f'[{name}]({link})' if link else name} | {goal.title} | {goal.wanted} | {goal.found} | {_verdict(goal)} |"
+        for name, link, goals in parts
         for goal in goals
     ]
+    return head + rows
+
+
+def tell(text: str) -> None:
+    """Say how far a part is, in one line on stderr."""
+    print(f"  {text}", file=sys.stderr, flush=True)
+
+
+def _verdict(goal: Goal) -> str:
+    return "met" if goal.met else f"**missed** {goal.why}".strip()

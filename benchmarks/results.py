@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import os
 import platform
+import resource
 import subprocess
+import time
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -41,7 +43,9 @@ class Origin:
     revision: str
     """Of the code that was measured; with a `+` behind it files had been changed."""
     load: float
-    """Load average of the last minute before the measurement: above 1 somebody else was at work."""
+    """Cores that were busy in the seconds before the measurement: somebody else was at work."""
+    others: float
+    """Cores that others kept busy while it lasted, on average."""
     command: str
 
     def line(self) -> str:
@@ -50,16 +54,52 @@ class Origin:
         return (
             f"Measured by `{self.command}` on {self.date}: {self.cores} cores of {self.machine}, {self.memory:.0f} GB, "
             f"{self.system}, Python {self.python}, {versions}; Argosy at {self.revision}; "
-            f"load before the run {self.load:.1f}."
+            f"others kept {self.load:.1f} cores busy before the run and {self.others:.1f} during it."
         )
 
 
-def load_before() -> float:
-    """Return the load average of the last minute; asked before a measurement begins."""
-    return os.getloadavg()[0]
+@dataclass(frozen=True)
+class Moment:
+    """How long the machine has been busy, and this process with those of its children that have ended."""
+
+    at: float
+    busy: float
+    """Seconds of all cores."""
+    own: float
 
 
-def here(command: str, load: float) -> Origin:
+def moment() -> Moment:
+    """Return the present one."""
+    own, ended = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = own.ru_utime + own.ru_stime + ended.ru_utime + ended.ru_stime
+    return Moment(time.monotonic(), _busy(), spent)
+
+
+def others(since: Moment) -> float:
+    """Return the cores that others have kept busy since then; of what this process started all must have ended."""
+    now = moment()
+    cores = (now.busy - since.busy - (now.own - since.own)) / (now.at - since.at)
+    return round(max(0.0, cores), 2)
+
+
+def _busy() -> float:
+    """Seconds, those included in which the machine below this one gave its time to others (steal)."""
+    fields = Path("/proc/stat").read_text(encoding="ascii").split("\n", 1)[0].split()[1:]
+    user, nice, system, _, _, irq, softirq, steal, *_ = map(int, fields)
+    return (user + nice + system + irq + softirq + steal) / os.sysconf("SC_CLK_TCK")
+
+
+def load_before(seconds: float = 2.0) -> float:
+    """Return the cores that are busy, over some seconds; asked before a measurement begins.
+
+    No load average: that would hold what was measured the minute before.
+    """
+    begun = moment()
+    time.sleep(seconds)
+    return others(begun)
+
+
+def here(command: str, load: float, others: float = 0.0) -> Origin:
     """Return the origin of what is measured on this machine now."""
     versions = {}
     for name in PACKAGES:
@@ -77,6 +117,7 @@ def here(command: str, load: float) -> Origin:
         versions=versions,
         revision=_revision(),
         load=round(load, 2),
+        others=others,
         command=command,
     )
 
@@ -86,7 +127,9 @@ def save(part: str, origin: Origin, figures: Any, folder: Path = RESULTS) -> Pat
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{part}.json"
     text = msgspec.json.format(msgspec.json.encode({"origin": origin, "figures": figures}), indent=1)
-    path.write_bytes(text + b"\n")
+    fresh = path.with_suffix(".new")
+    fresh.write_bytes(text + b"\n")
+    fresh.replace(path)
     return path
 
 
