@@ -144,6 +144,10 @@ class Client:
             await asyncio.shield(self._acting.cancel(identity))
             raise
 
+    async def there(self, name: str) -> bool:
+        """Return whether an agent, a program or a daemon of that name is running now and within reach."""
+        return bool(await self._bus.tokens(keys.alive(self._bus.fleet, name, "*", "*")))
+
     async def register(self, service: str) -> None:
         """Offer a service: the other agents find it by `.df_search`."""
         await self.ask_directory("register", service)

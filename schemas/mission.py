@@ -383,8 +383,9 @@ def _check(mission: Mission) -> list[Finding]:
     """What one part of a mission says of another."""
     where = mission.positions
     findings: list[Finding] = []
-    if not mission.agents:
-        findings.append(where.finding(("agents",), "agents: a mission needs at least one agent", at_key=True))
+    if not mission.agents and not mission.clients:
+        text = "agents: a mission needs at least one agent, or a program in `clients`"
+        findings.append(where.finding(("agents",), text, at_key=True))
 
     def wrong(path: tuple[str | int, ...], message: str, at_key: bool = False) -> None:
         findings.append(where.finding(path, message, at_key=at_key))

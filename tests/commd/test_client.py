@@ -60,6 +60,24 @@ def mail(number: int, sender: str = "scout", boot: str = "life1", **more: Any) -
     )
 
 
+def test_a_program_learns_who_is_there(endpoint: str) -> None:
+    async def everything(connect: Connect) -> None:
+        ScriptedCommd(await connect("local", "commd"), "planner")
+        async with join("planner", fleet=FLEET, router=endpoint) as me:
+            assert await me.there("planner")
+            assert not await me.there("scout")
+            scout = await connect("scout", "agentd")
+            token = await scout.claim("scout")
+            async with asyncio.timeout(20):
+                while not await me.there("scout"):
+                    await asyncio.sleep(0.05)
+                scout.withdraw(token)
+                while await me.there("scout"):
+                    await asyncio.sleep(0.05)
+
+    on_a_bus(endpoint, everything)
+
+
 def test_what_is_sent_is_numbered_per_receiver_and_returned_when_it_is_taken(endpoint: str) -> None:
     async def body(me: Client, commd: ScriptedCommd) -> None:
         sent = await me.send("scout", "achieve", parse("survey(north, [1, 2.5])"), ttl=5.0)

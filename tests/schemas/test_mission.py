@@ -169,6 +169,17 @@ def test_robots_share_a_link_if_they_are_different_systems() -> None:
     assert [shared.robots[name].sysid for name in ("uav1", "uav2")] == [1, 2]
 
 
+def test_a_mission_may_have_programs_alone() -> None:
+    mission = read("mission: m\nagents: {}\nclients: {pilot: {robot: uav1}}\nrobots: {uav1: {manifest: arducopter}}\n")
+    assert mission.agents_of("uav1") == ["pilot"]
+    assert mission.mailboxes == {"pilot": "local"}
+
+
+def test_a_mission_of_nobody_is_refused() -> None:
+    with pytest.raises(Findings, match="a mission needs at least one agent, or a program in `clients`"):
+        read("mission: m\nagents: {}\n")
+
+
 @pytest.mark.parametrize("text", ["", "[]", "7", "- a", "mission: x", "agents: {}\nmission: x", "\x00", "&a [*a]"])
 def test_what_is_no_mission_at_all_is_refused(text: str) -> None:
     assert findings(text)
