@@ -61,6 +61,7 @@ RESCUE: Final = Course("search and rescue", "search_and_rescue.yaml", "all are r
 
 PROGRAM: Final = Kind("program", lambda setup: [], lambda setup, client: [])
 """An imperative program in the place of an agent's daemon."""
+AGENTS: Final = ("agentd", PROGRAM.name)
 READY: Final = {"commd": "router board=", "simulator": "simulated", "bridged": "serving", "agentd": "agents="}
 """What each kind of process says when it is there; a program says anything at all."""
 
@@ -81,7 +82,7 @@ def _setup(mission: Mission, folder: Path, speed: float) -> Setup:
 
 
 def with_programs(setup: Setup, folder: Path) -> tuple[Setup, list[Process], dict[str, str]]:
-    """Return a mission with programs instead of its agents: its setup, its processes, and the last line of each program."""
+    """Return a mission with programs instead of its agents: its setup, processes, and last line of each program."""
     from benchmarks.imperative.plan import programs, variant
 
     file = variant(setup.mission.path, folder, speed=setup.speed)
@@ -236,8 +237,15 @@ def flying(course: Course, approach: Approach, speed: float, wrap: Wrap | None =
 def start_all(
     stack: ExitStack, planned: list[Process], started: list[tuple[Process, Watched]], wrap: Wrap | None = None
 ) -> None:
-    """Start processes in their order, the others when the routers are there. Raises BenchmarkFailed."""
+    """Start processes in their order: the others when the routers are there, the agents when the bridges are.
+
+    Raises BenchmarkFailed.
+    """
     for process in planned:
+        if process.kind.name in AGENTS:
+            for before, bridge in started:
+                if before.kind.name == "bridged":
+                    bridge.says(READY["bridged"])
         command = list(process.argv) if wrap is None else wrap(process, list(process.argv))
         watched = stack.enter_context(watched_command(process.name, command))
         started.append((process, watched))
