@@ -47,7 +47,10 @@ class Part:
         return import_module(self.where)
 
 
-PARTS: Final[tuple[Part, ...]] = ()
+PARTS: Final[tuple[Part, ...]] = (
+    Part("sizes", "benchmarks.sizes", 0.1),
+    Part("usage", "benchmarks.usage", 26),
+)
 """In the order in which they run."""
 
 
