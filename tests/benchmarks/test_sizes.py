@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks import results
 from benchmarks.bare import bare_agentspeak, bare_python
 from benchmarks.peers import Size
 from benchmarks.results import ROOT
@@ -78,3 +79,8 @@ def test_a_goal_is_missed_by_one_measure() -> None:
     assert not whole.met
     assert whole.why == "(lines are not)"
     assert bare.met
+
+
+def test_the_results_are_the_sizes_of_the_programs_as_they_are_now() -> None:
+    _, figures = results.load("sizes", Figures)
+    assert figures == measure(True), "the programs have changed since: make bench ARGS=sizes"
