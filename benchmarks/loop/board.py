@@ -1,0 +1,196 @@
+"""The board on which the decision loop is measured: router, bridge, agent, and a robot that is this process.
+
+The robot speaks on Zenoh keys (driver `zenoh`), so that no physics of a vehicle is in the way: it puts `ping`, its
+agent answers each `+ping(N)` by the actions `pong(N)` and, when that has succeeded, `seen(N)`.
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import zenoh
+
+from benchmarks.processes import BenchmarkFailed
+from benchmarks.watched import Watched, watched
+from commd.session import session_config
+from tests.support.ports import free_port
+
+PATIENCE: Final = 20.0
+"""Seconds for anything that takes milliseconds."""
+
+_MISSION: Final = """\
+mission: loop
+agents:
+  thinker: {{program: loop.asl, robot: bot{restart}}}
+robots:
+  bot: {{manifest: loop.toml, prefix: robot}}
+router: {{endpoint: {endpoint}}}
+wire: {wire}
+"""
+_MANIFEST: Final = """\
+[robot]
+driver = "zenoh"
+
+[percepts.ping]
+source = "ping"
+args = ["n"]
+
+[percepts.tick]                           # the number of a change, and how many there will be
+source = "tick"
+args = ["n", "of"]
+
+[percepts.mark]                           # the same, each beside those before for a while
+source = "mark"
+args = ["n", "of"]
+buf = "add"
+ttl = "0.2s"
+
+[percepts.run]
+source = "run"
+args = ["n"]
+
+[actions.pong]
+params = [{name = "n", type = "int"}]
+topic = "pong"
+deadline = "5s"
+motion = false
+
+[actions.seen]
+params = [{name = "n", type = "int"}]
+topic = "seen"
+deadline = "5s"
+motion = false
+"""
+PROGRAM: Final = """\
+next(1).
+missing(0).
+
++ping(N) <- pong(N); seen(N).
+
++tick(N, Of) <- !counted(N, Of).
++mark(N, Of) <- !counted(N, Of).
++!counted(N, N) : next(N) <- .print("all up to ", N); -+next(N + 1).
++!counted(N, Of) : next(N) <- -+next(N + 1).
++!counted(N, Of) : next(M) & missing(K) <- .print("came ", N, " instead of ", M); -+next(N + 1); -+missing(K + N - M).
++run(N) : next(M) & missing(K) <- .print("run ", N, " stands at ", M, " without ", K); -+next(1); -+missing(0).
+"""
+
+
+def payload(number: int, of: int = 0) -> bytes:
+    """Return what the robot says of itself."""
+    return json.dumps({"n": number, "of": of} if of else {"n": number}).encode()
+
+
+class Ears:
+    """What comes to a key of the robot: numbers, each with the moment (ns, monotonic) at which it was there."""
+
+    def __init__(self, session: zenoh.Session, key: str) -> None:
+        self._came: queue.SimpleQueue[tuple[int, int]] = queue.SimpleQueue()
+
+        def heard(sample: zenoh.Sample) -> None:
+            now = time.monotonic_ns()
+            self._came.put((json.loads(sample.payload.to_bytes())["n"], now))
+
+        self._subscriber = session.declare_subscriber(key, heard)
+
+    def when(self, number: int, patience: float = PATIENCE) -> int | None:
+        """Return when a number came, None if it did not within so many seconds; others before it are passed over."""
+        until = time.monotonic() + patience
+        while (left := until - time.monotonic()) > 0:
+            try:
+                came, at = self._came.get(timeout=left)
+            except queue.Empty:
+                return None
+            if came == number:
+                return at
+        return None
+
+    def close(self) -> None:
+        """Listen no more: until then the process does not end."""
+        self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+
+
+@dataclass
+class Board:
+    """What runs, and the robot's session."""
+
+    endpoint: str
+    session: zenoh.Session
+    bridge: Watched
+    agent: Watched
+    folder: Path
+    pong: Ears
+    seen: Ears
+
+    def put(self, source: str, number: int, of: int = 0) -> None:
+        """Let the robot say something."""
+        self.session.put(f"robot/{source}", payload(number, of), encoding="application/json")
+
+    def last_words(self) -> str:
+        """Return what the daemons said last, for whoever waits in vain."""
+        return "\n".join(line for one in (self.bridge, self.agent) for _, line in one.said[-5:])
+
+
+@contextmanager
+def board(
+    *, kept: bool = True, wire: str = "json", stamped: Mapping[str, Path] | None = None, program: str = PROGRAM
+) -> Iterator[Board]:
+    """Run router, bridge and agent while the block lasts. Raises BenchmarkFailed.
+
+    `kept`: the agent is kept on disk, as agents are if nobody says otherwise. `stamped` names the files into which the
+    daemons of a name write when they passed where (`benchmarks.loop.stamps`).
+    """
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        mission = folder / "loop.yaml"
+        restart = "" if kept else ", on_restart: fresh"
+        mission.write_text(_MISSION.format(endpoint=endpoint, wire=wire, restart=restart))
+        (folder / "loop.toml").write_text(_MANIFEST)
+        (folder / "loop.asl").write_text(program)
+
+        def daemon(name: str, words: str, *more: str) -> Watched:
+            began: Sequence[str] = ("-m", name)
+            if stamped is not None and name in stamped:
+                began = ("-m", "benchmarks.loop.stamps", str(stamped[name]), name)
+            one = stack.enter_context(watched(name, *began, "serve", str(mission), *more))
+            stack.callback(_ended, one)
+            one.says(words)
+            return one
+
+        state = ("--state", str(folder / "state"))
+        daemon("commd", "router")
+        bridge = daemon("bridged", "serving bot", *state)
+        agent = daemon("agentd", "bridge_up", *state)
+        session = stack.enter_context(zenoh.open(session_config("client", endpoint, "robot")))
+        pong, seen = Ears(session, "robot/pong"), Ears(session, "robot/seen")
+        stack.callback(pong.close)
+        stack.callback(seen.close)
+        made = Board(endpoint, session, bridge, agent, folder, pong, seen)
+        _until_it_answers(made)
+        yield made
+
+
+def _until_it_answers(board: Board) -> None:
+    for number in range(-20, 0):
+        board.put("ping", number)
+        if board.seen.when(number, 1.0) is not None:
+            return
+    raise BenchmarkFailed(f"the agent does not answer; last:\n{board.last_words()}")
+
+
+def _ended(one: Watched) -> None:
+    """Let a daemon end by itself: what was stamped is written then."""
+    one.process.terminate()
+    try:
+        one.process.wait(PATIENCE)
+    except TimeoutError:
+        return
