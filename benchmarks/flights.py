@@ -145,8 +145,16 @@ class Flight:
         else:
             self._until_last_lines(until)
         self.over = time.monotonic()
+        if mission.world is not None:
+            self._referee(mission)
+
+    def _referee(self, mission: Mission) -> None:
         assert self.setup.logs is not None
-        if mission.world is not None and not (verdict := judge_run(mission, self.setup.logs)).good:
+        try:
+            verdict = judge_run(mission, self.setup.logs)
+        except (OSError, ValueError) as error:
+            raise self._failed(f"the referee cannot judge: {error}") from None
+        if not verdict.good:
             raise self._failed(f"the referee says\n{verdict}\n")
 
     def _until_last_words(self, until: float) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from benchmarks.flights import APPROACHES, RESCUE, SINGLE, Approach, Course, flying
-from benchmarks.parts import Goal
+from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import Origin
 from benchmarks.sampling import ROLES, Sample, Sampler
@@ -112,6 +112,7 @@ def measure(quick: bool) -> Figures:
         flights: dict[Approach, list[tuple[float, list[Sample]]]] = {approach: [] for approach in APPROACHES}
         for _ in range(times):
             for approach in APPROACHES:
+                tell(f"{course.title}, {approach}, speed {speed:g}")
                 flights[approach].append(flown(course, approach, speed, EVERY / 4 if quick else EVERY))
         for approach, found in flights.items():
             figures.usages.append(usage(course, speed, approach, found))
@@ -201,3 +202,10 @@ def pictures(figures: Figures) -> dict[str, str]:
     from benchmarks import usage_page
 
     return usage_page.pictures(figures)
+
+
+def in_short(figures: Figures) -> list[str]:
+    """Return rows for README."""
+    from benchmarks import usage_page
+
+    return usage_page.in_short(figures)

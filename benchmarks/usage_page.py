@@ -46,6 +46,23 @@ def goals(figures: Figures) -> list[Goal]:
     return found
 
 
+def in_short(figures: Figures) -> list[str]:
+    """Return rows for a table of what Argosy is beside others: what the BDI approach costs a board, at speed 1."""
+    theirs = {title.removeprefix("the paper, "): ratios for title, ratios, _ in _paper_ratios()}
+    rows = []
+    for mission, speed in figures.flown():
+        if speed != 1:
+            continue
+        mine, its = (figures.of(mission, speed, approach).row(BOARD) for approach in APPROACHES)
+        cpu, memory = theirs[TITLES[mission]]
+        rows.append(
+            f"| agents instead of imperative programs, {TITLES[mission]}: a board's processor and memory "
+            f"| {mine.cpu.mean / its.cpu.mean:.2f}x, {mine.rss.mean / its.rss.mean:.2f}x "
+            f"| Jason in the paper {cpu:.2f}x, {memory:.2f}x ([measured](docs/benchmarks.md#processor-and-memory)) |"
+        )
+    return rows
+
+
 def _alone(bdi: Usage, other: Usage) -> float | None:
     """Return the ratio of what the boards would hold alone; None where the kernel does not tell."""
     return sum(bdi.alone.values()) / sum(other.alone.values()) if bdi.alone and other.alone else None
