@@ -1,4 +1,4 @@
-"""What a board needs in flight: its three daemons beside `argosy board`, which is one process; writes docs/board.md.
+"""What a board needs in flight: its three daemons beside `argosy board`, which is one process.
 
 The board is flown by the daemons that a mission gives it, in simulation; simulators and other boards are processes of
 their own and are not counted.
@@ -6,24 +6,21 @@ their own and are not counted.
 
 from __future__ import annotations
 
-import argparse
 import os
-import platform
 import statistics
-import sys
 import tempfile
 import time
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
 from argosy.processes import Process, plan
 from benchmarks.flights import setup_in, start_all, with_one_process
 from benchmarks.held import alone, pss
+from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed
+from benchmarks.results import Origin
 from benchmarks.watched import Watched
 
 GOAL: Final = 60.0
@@ -34,7 +31,6 @@ EVERY: Final = 0.5
 PATIENCE: Final = 180.0
 """Seconds until the board's vehicle flies."""
 FLIES: Final = "takeoff succeeded"
-BEGIN, END = "<!-- figures -->", "<!-- end of figures -->"
 
 
 @dataclass(frozen=True)
@@ -55,7 +51,7 @@ SUBJECTS: Final = (
 
 
 @dataclass
-class Figures:
+class Flown:
     """What the processes of a board used in flight."""
 
     processes: int
@@ -67,7 +63,34 @@ class Figures:
     """Per cent of a core."""
 
 
-def measure(subject: Subject, *, one_process: bool, seconds: float = SECONDS) -> Figures:
+@dataclass
+class Row:
+    """A board in both forms."""
+
+    title: str
+    apart: Flown
+    together: Flown
+
+
+@dataclass
+class Figures:
+    """All boards."""
+
+    rows: list[Row]
+
+
+def measure(quick: bool) -> Figures:
+    """Fly each board in both forms. Raises BenchmarkFailed."""
+    seconds, found = 2.0 if quick else SECONDS, []
+    for subject in SUBJECTS[:1] if quick else SUBJECTS:
+        tell(f"{subject.title}: three daemons")
+        apart = flown(subject, one_process=False, seconds=seconds)
+        tell(f"{subject.title}: one process")
+        found.append(Row(subject.title, apart, flown(subject, one_process=True, seconds=seconds)))
+    return Figures(found)
+
+
+def flown(subject: Subject, *, one_process: bool, seconds: float) -> Flown:
     """Fly a board once. Raises BenchmarkFailed."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
@@ -90,63 +113,73 @@ def _until_it_flies(ours: list[Watched]) -> None:
         time.sleep(0.05)
 
 
-def _sampled(ours: list[Watched], seconds: float) -> Figures:
+def _sampled(ours: list[Watched], seconds: float) -> Flown:
     pids = [one.process.pid for one in ours]
-    figures = Figures(len(pids), threads=sum(len(os.listdir(f"/proc/{pid}/task")) for pid in pids))
+    flown = Flown(len(pids), threads=sum(len(os.listdir(f"/proc/{pid}/task")) for pid in pids))
     begun, used = time.monotonic(), sum(one.cpu() for one in ours)
     while time.monotonic() < begun + seconds:
-        figures.pss.append(pss(pids))
+        flown.pss.append(pss(pids))
         if (held := alone(pids)) is not None:
-            figures.alone.append(held)
+            flown.alone.append(held)
         time.sleep(EVERY)
-    figures.cpu = 100 * (sum(one.cpu() for one in ours) - used) / (time.monotonic() - begun)
-    return figures
+    flown.cpu = 100 * (sum(one.cpu() for one in ours) - used) / (time.monotonic() - begun)
+    return flown
 
 
-def report(rows: list[tuple[Subject, Figures, Figures]]) -> str:
-    """The figures as a table."""
-    versions = f"Python {platform.python_version()}, eclipse-zenoh {version('eclipse-zenoh')}"
-    machine = f"{os.cpu_count()} cores of {platform.machine()}"
+def goals(figures: Figures) -> list[Goal]:
+    """Return what is asked of a board in one process."""
+    return [
+        Goal(
+            f"one process, {row.title}: memory in flight (PSS)",
+            f"under {GOAL:g} MB at any time",
+            f"{max(row.together.pss):.1f} MB",
+            max(row.together.pss) < GOAL,
+        )
+        for row in figures.rows
+    ]
+
+
+def pictures(_: Figures) -> dict[str, str]:
+    """Return none."""
+    return {}
+
+
+def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
+    """Return the figures of docs/board.md, and those of docs/comparison.md."""
     lines = [
-        f"Measured by `make bench-board` on {datetime.now(UTC):%Y-%m-%d}: {versions}, {machine};",
-        f"in flight, every {EVERY:g} s for {SECONDS:g} s: medians, and in brackets the highest. MB = 10^6 bytes.",
+        origin.line(),
         "",
-        f"| board | | processes | threads | PSS, MB | alone on the machine, MB | processor | goal: PSS < {GOAL:g} MB |",
+        f"In flight, every {EVERY:g} s for {SECONDS:g} s: medians, and in brackets the highest. MB = 10^6 bytes. "
+        f"Goal: one process under {GOAL:g} MB (PSS).",
+        "",
+        "| board | | processes | threads | PSS, MB | alone on the machine, MB | processor, % of a core | |",
         "|---|---|---|---|---|---|---|---|",
     ]
-    for subject, apart, together in rows:
-        for what, figures in (("three daemons", apart), ("`argosy board`", together)):
-            goal = ("met" if max(figures.pss) < GOAL else "missed") if figures is together else ""
+    for row in figures.rows:
+        for what, one in (("three daemons", row.apart), ("`argosy board`", row.together)):
+            goal = ("met" if max(one.pss) < GOAL else "**missed**") if one is row.together else ""
             lines.append(
-                f"| {subject.title} | {what} | {figures.processes} | {figures.threads} | {_range(figures.pss)} "
-                f"| {_range(figures.alone)} | {figures.cpu:.0f} % | {goal} |"
+                f"| {row.title} | {what} | {one.processes} | {one.threads} | {_range(one.pss)} "
+                f"| {_range(one.alone)} | {one.cpu:.0f} % | {goal} |"
             )
-    return "\n".join(lines)
+    return {"board": "\n".join(lines)}
+
+
+def in_comparison(figures: Figures) -> list[str]:
+    """Return the rows of the table of boards' memory in docs/comparison.md: what, memory, of which machine, source."""
+    first = figures.rows[0]
+    return [
+        f"| {what} in flight | {_held(one)} | as [board.md](board.md) says | the same |"
+        for what, one in (("Argosy, three daemons", first.apart), ("Argosy, one process", first.together))
+    ]
+
+
+def _held(flown: Flown) -> str:
+    shared = f"{statistics.median(flown.pss):.0f} MB (PSS)"
+    if not flown.alone:
+        return shared
+    return f"{shared}; {statistics.median(flown.alone):.0f} MB if nothing else on the machine shares their libraries"
 
 
 def _range(values: list[float]) -> str:
     return f"{statistics.median(values):.1f} ({max(values):.1f})" if values else "not told here"
-
-
-def main() -> int:
-    """Measure and write. Returns the exit code: 1 if the goal is missed."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.board", description=__doc__)
-    parser.add_argument("--out", type=Path, help="page whose figures are replaced")
-    args = parser.parse_args()
-    try:
-        rows = [
-            (subject, measure(subject, one_process=False), measure(subject, one_process=True)) for subject in SUBJECTS
-        ]
-    except BenchmarkFailed as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    text = report(rows)
-    print(text)
-    if args.out is not None:
-        before, _, rest = args.out.read_text(encoding="utf-8").partition(BEGIN)
-        args.out.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
-    return 0 if all(max(together.pss) < GOAL for _, _, together in rows) else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())

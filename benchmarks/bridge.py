@@ -7,12 +7,7 @@ bridge, the bus, the mind's cycle and the way of the line back to here.
 
 from __future__ import annotations
 
-import argparse
-import os
-import platform
 import re
-import statistics
-import sys
 import tempfile
 import time
 from contextlib import ExitStack
@@ -20,7 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from benchmarks.parts import Goal, line_of_goals, tell
 from benchmarks.processes import BenchmarkFailed, memory
+from benchmarks.results import Origin
+from benchmarks.spread import Spread, spread
 from benchmarks.traffic import RATES, Talker, talk
 from benchmarks.watched import Watched, watched
 from tests.support.ports import free_port
@@ -32,6 +30,7 @@ GOAL_CPU, GOAL_RSS, GOAL_P99 = 5.0, 15.0, 5.0
 """Per cent of a core, MB above a bare process, milliseconds."""
 VEHICLES: Final = 3
 
+_DIALECT: Final = "pymavlink.dialects.v20.ardupilotmega"
 _MISSION = """\
 mission: bench
 agents:
@@ -43,6 +42,8 @@ router: {{endpoint: {endpoint}}}
 _PROGRAM = "+altitude(A) <- .print(A).\n"
 _BARE = """\
 import asyncio, sys, msgspec, zenoh
+if len(sys.argv) > 2:
+    __import__(sys.argv[2], fromlist=["*"])
 class Perception(msgspec.Struct):
     name: str
 msgspec.json.Decoder(Perception), msgspec.json.Encoder()
@@ -69,19 +70,17 @@ class Figures:
     """Per cent of a core."""
     rss: float
     bare: float
-    """MB."""
-    latencies: list[float]
-    """Milliseconds, sorted."""
+    dialect: float
+    """MB: of the bridge, of a bare process, and of one that has imported pymavlink's dialect besides."""
+    latency: Spread
+    """Milliseconds."""
     lost: int
     """Positions that made no event."""
 
-    def percentile(self, part: float) -> float:
-        """Milliseconds that so large a part of the positions stayed under."""
-        return self.latencies[min(len(self.latencies) - 1, round(part * len(self.latencies)))]
 
-
-def measure(seconds: float, warm_up: float = WARM_UP) -> Figures:
+def measure(quick: bool) -> Figures:
     """Run everything once. Raises BenchmarkFailed."""
+    seconds, warm_up = (2.0, 3.0) if quick else (SECONDS, WARM_UP)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         endpoint, port = f"tcp/127.0.0.1:{free_port()}", free_port()
@@ -98,7 +97,9 @@ def measure(seconds: float, warm_up: float = WARM_UP) -> Figures:
         router = stack.enter_context(watched("commd", "-m", "commd", "serve", str(mission)))
         router.says("commd")
         bare = stack.enter_context(watched("bare", "-c", _BARE, endpoint))
+        dialect = stack.enter_context(watched("bare with dialect", "-c", _BARE, endpoint, _DIALECT))
         bare.says("ready")
+        dialect.says("ready")
         bridge = stack.enter_context(watched("bridged", "-m", "bridged", "serve", str(mission), *names, *state))
         for name in names:
             bridge.says(f"serving {name}")
@@ -108,6 +109,7 @@ def measure(seconds: float, warm_up: float = WARM_UP) -> Figures:
         for talker in talkers:
             stack.callback(talker.close)
         begun, used = 0.0, 0.0
+        tell(f"{VEHICLES} vehicles talk for {warm_up + seconds:.0f} s")
 
         def warm() -> None:
             nonlocal begun, used
@@ -118,12 +120,11 @@ def measure(seconds: float, warm_up: float = WARM_UP) -> Figures:
 
         talk(talkers, seconds, warm_up, warm)
         spent, used = time.monotonic() - begun, bridge.cpu() - used
-        rss = memory(bridge.process.pid, "VmRSS"), memory(bare.process.pid, "VmRSS")
+        rss = [memory(one.process.pid, "VmRSS") for one in (bridge, bare, dialect)]
         time.sleep(1.0)
         latencies, lost = _latencies(talkers, agentd)
-        return Figures(
-            spent, sum(talker.messages for talker in talkers) / spent, 100 * used / spent, *rss, latencies, lost
-        )
+        messages = sum(talker.messages for talker in talkers) / spent
+        return Figures(spent, messages, 100 * used / spent, *rss, spread(latencies), lost)
 
 
 _PRINTED = re.compile(r"\[agent(\d+)\] (\d+)$")
@@ -134,68 +135,42 @@ def _latencies(talkers: list[Talker], agentd: Watched) -> tuple[list[float], int
     sent = {(talker.system, altitude): at for talker in talkers for altitude, at in talker.sent.items()}
     if not sent or not (both := sent.keys() & came.keys()):
         raise BenchmarkFailed("no position became an event")
-    return sorted(1000 * (came[one] - sent[one]) for one in both), len(sent) - len(both)
+    return [1000 * (came[one] - sent[one]) for one in both], len(sent) - len(both)
 
 
-def report(figures: Figures) -> str:
-    """The figures as a page."""
-    above = figures.rss - figures.bare
-    rows = (
-        ("processor time of the bridge", f"{figures.cpu:.1f} % of a core", f"{GOAL_CPU:g} %", figures.cpu <= GOAL_CPU),
-        (
-            "memory above a bare process (RSS)",
-            f"{above:.1f} MB ({figures.rss:.1f} - {figures.bare:.1f})",
-            f"{GOAL_RSS:g} MB",
-            above <= GOAL_RSS,
+def goals(figures: Figures) -> list[Goal]:
+    """Return what is asked of a bridge."""
+    above, part = figures.rss - figures.bare, figures.dialect - figures.bare
+    told = f"{above:.1f} MB ({figures.rss:.1f} - {figures.bare:.1f})"
+    why = f"(pymavlink's dialect alone is {part:.1f} MB of it)"
+    p99 = figures.latency.p99
+    return [
+        Goal(
+            "processor time of the bridge", f"{GOAL_CPU:g} % of a core", f"{figures.cpu:.1f} %", figures.cpu <= GOAL_CPU
         ),
-        ("byte in to belief event, p50", f"{figures.percentile(0.5):.2f} ms", "", None),
-        (
-            "byte in to belief event, p99",
-            f"{figures.percentile(0.99):.2f} ms",
-            f"{GOAL_P99:g} ms",
-            figures.percentile(0.99) <= GOAL_P99,
-        ),
-    )
-    table = "\n".join(
-        f"| {what} | {value} | {goal} | {'' if met is None else 'met' if met else 'missed'} |"
-        for what, value, goal, met in rows
-    )
-    measured = len(figures.latencies)
-    python = platform.python_version()
-    mean = f"{statistics.mean(figures.latencies):.2f} ms"
-    return f"""# What a bridge costs
-
-Written by `make bench-bridge`: {VEHICLES} vehicles on one UDP link in one bridge, {sum(RATES.values())} messages a
-second each ({figures.messages:.0f} msg/s in all, measured), for {figures.seconds:.0f} s. Python {python},
-{os.cpu_count()} cores of {platform.machine()}; router, bridge, agents and the vehicles' traffic share them.
-
-| figure | measured | goal | |
-|---|---|---|---|
-{table}
-
-* The bare process has a Zenoh session, msgspec and asyncio, and does nothing; it ran beside the bridge.
-* The latency goes from the moment before a datagram is sent to the line that a plan prints for its `+altitude(A)`,
-  read by the sender: it holds the bridge, the router, the agent's cycle and the pipe. {measured} positions were
-  measured, {figures.lost} made no event; the slowest took {figures.latencies[-1]:.1f} ms, the mean {mean}.
-"""
+        Goal("memory of a bridge above a bare process (RSS)", f"{GOAL_RSS:g} MB", told, above <= GOAL_RSS, why),
+        Goal("byte in to belief event, p99", f"{GOAL_P99:g} ms", f"{p99:.2f} ms", p99 <= GOAL_P99),
+    ]
 
 
-def main() -> int:
-    """Measure, and write the page. Returns the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=SECONDS)
-    parser.add_argument("--out", type=Path, help="file for the report; none = the terminal only")
-    args = parser.parse_args()
-    try:
-        text = report(measure(args.seconds))
-    except BenchmarkFailed as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    print(text)
-    if args.out is not None:
-        args.out.write_text(text)
-    return 0
+def pictures(_: Figures) -> dict[str, str]:
+    """Return none."""
+    return {}
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
+    """Return the figures of docs/bridge.md."""
+    latency = figures.latency
+    lines = [
+        origin.line(),
+        "",
+        f"{VEHICLES} vehicles on one UDP link in one bridge, {sum(RATES.values())} messages a second each "
+        f"({figures.messages:.0f} msg/s in all, measured), for {figures.seconds:.0f} s.",
+        "",
+        *line_of_goals(goals(figures)),
+        "",
+        f"Byte in to belief event: p50 {latency.p50:.2f} ms, mean {latency.mean:.2f} ms, the slowest "
+        f"{latency.max:.1f} ms, of {latency.count} positions; {figures.lost} made no event. Of the memory "
+        f"above a bare process {figures.dialect - figures.bare:.1f} MB are pymavlink's dialect.",
+    ]
+    return {"bridge": "\n".join(lines)}

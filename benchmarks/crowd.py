@@ -12,6 +12,7 @@ from typing import Final
 
 from benchmarks.boards import FLEET, Boards, Member, boards, member, until
 from benchmarks.processes import BenchmarkFailed, memory
+from benchmarks.spread import Spread, spread
 from benchmarks.watched import Watched, watched
 from commd.bus import open_bus
 from schemas import keys
@@ -51,8 +52,8 @@ class Alone:
     """Seconds from the start of the process until it serves."""
     rss: float
     """MB."""
-    round_trips: list[float]
-    """Milliseconds from a message to the agent's answer, sorted."""
+    round_trips: Spread
+    """Milliseconds from a message to the agent's answer."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class Crowd:
     rss: float
     per_agent: float
     """MB."""
-    round_trips: list[float]
+    round_trips: Spread
     presence: float
     """Seconds until an agent believed all tokens that were declared at once."""
 
@@ -133,7 +134,7 @@ async def _measured(folder: Path, agents: int, tokens: int) -> tuple[Alone, floa
             await asyncio.sleep(SETTLE)
             rss = memory(daemon.process.pid, "VmRSS")
             trips = [await _round_trip(probe, names[number % agents], number) for number in range(ROUNDS)]
-            return Alone(start, rss, sorted(trips)), presence
+            return Alone(start, rss, spread(trips)), presence
 
 
 async def _round_trip(probe: Member, agent: str, number: int) -> float:

@@ -6,23 +6,26 @@ without minds. All of them share this machine.
 
 from __future__ import annotations
 
-import argparse
 import asyncio
-import sys
+import os
 import tempfile
 import time
 from collections.abc import Awaitable, Callable
 from contextlib import AsyncExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, TypeVar
 
 from benchmarks.boards import Member, boards, member, until
-from benchmarks.crowd import Crowd, Talk, crowd, talk
+from benchmarks.crowd import crowd, talk
+from benchmarks.mail_page import BATCH, FLYING, TRICKLE, Caught, Figures, Resident, blocks, goals, pictures
+from benchmarks.parts import tell
 from benchmarks.processes import BenchmarkFailed, memory
+from benchmarks.spread import Spread, spread
 from benchmarks.watched import watched
 from schemas.records import Message
 from tests.support.ports import free_port
+
+__all__ = ["Figures", "blocks", "goals", "measure", "pictures"]
 
 Synchronous = Literal["full", "normal"]
 T = TypeVar("T")
@@ -33,11 +36,8 @@ LETTERS: Final = 400
 BACKLOG: Final = 36_000
 """An hour at 10 messages a second."""
 QUEUED: Final = 100_000
-BATCH: Final = 200
-FLYING: Final = 4_000
-"""Messages on their way at most while the throughput is measured."""
-TRICKLE: Final = 0.01
-"""Seconds between two messages whose latency tells what others suffer."""
+AGENTS: Final = 200
+TOKENS: Final = 1_000
 _BARE: Final = """\
 import asyncio, sqlite3, sys, msgspec, zenoh
 from commd.session import session_config
@@ -53,45 +53,6 @@ async def main():
         await asyncio.sleep(600)
 asyncio.run(main())
 """
-
-
-@dataclass(frozen=True)
-class Latency:
-    """Milliseconds, sorted."""
-
-    values: list[float]
-
-    def percentile(self, part: float) -> float:
-        """Milliseconds that so large a part of the values stayed under."""
-        return self.values[min(len(self.values) - 1, round(part * len(self.values)))]
-
-    def __str__(self) -> str:
-        return f"{self.percentile(0.5):.1f} / {self.percentile(0.99):.1f} ms"
-
-
-@dataclass(frozen=True)
-class Catching:
-    """How a backlog was caught up with."""
-
-    seconds: float
-    before: Latency
-    """Of other messages, before the backlog moved."""
-    meanwhile: Latency
-
-    @property
-    def ratio(self) -> float:
-        """Latency of others meanwhile against before, at p50."""
-        return self.meanwhile.percentile(0.5) / self.before.percentile(0.5)
-
-
-@dataclass(frozen=True)
-class Memory:
-    """MB of resident memory."""
-
-    bare: float
-    empty: float
-    queued: float
-    """With so many messages that wait."""
 
 
 async def throughput(folder: Path, synchronous: Synchronous, seconds: float) -> float:
@@ -132,8 +93,8 @@ async def throughput(folder: Path, synchronous: Synchronous, seconds: float) -> 
             return rate
 
 
-async def latency(folder: Path, synchronous: Synchronous, letters: int) -> Latency:
-    """From the moment before a message is posted on one board to its arrival at a member of another one."""
+async def latency(folder: Path, synchronous: Synchronous, letters: int) -> Spread:
+    """Milliseconds from the moment before a message is posted on one board to its arrival at one of another board."""
     with boards(folder, {"ann": "b1", "bob": "b2"}, synchronous) as made:
         async with member(made.endpoints["b1"], "ann") as ann, member(made.endpoints["b2"], "bob") as bob:
             bob.open()
@@ -141,13 +102,13 @@ async def latency(folder: Path, synchronous: Synchronous, letters: int) -> Laten
             return await _letters(ann, bob, letters)
 
 
-async def _letters(sender: Member, receiver: Member, count: int, pause: float = 0.01) -> Latency:
+async def _letters(sender: Member, receiver: Member, count: int, pause: float = 0.01) -> Spread:
     """One message after the other."""
     values = []
     for _ in range(count):
         values.append(await _one(sender, receiver))
         await asyncio.sleep(pause)
-    return Latency(sorted(values))
+    return spread(values)
 
 
 async def _one(sender: Member, receiver: Member) -> float:
@@ -164,7 +125,7 @@ async def _one(sender: Member, receiver: Member) -> float:
     return 1000 * (await asyncio.wait_for(arrived, 60) - begun)
 
 
-async def caught_up(folder: Path, synchronous: Synchronous, messages: int, *, board_away: bool) -> Catching:
+async def caught_up(folder: Path, synchronous: Synchronous, messages: int, *, board_away: bool) -> Caught:
     """Let messages wait for one that is away, its daemon or its whole board; how it catches up, and how others fare."""
     names = {"ann": "b1", "bob": "b2", "cid": "b3" if board_away else "b2"}
     with boards(folder, names, synchronous, start=False) as made:
@@ -191,10 +152,10 @@ async def caught_up(folder: Path, synchronous: Synchronous, messages: int, *, bo
                     raise BenchmarkFailed(f"{cid.came['ann']} of {whole} after 300 s")
                 meanwhile.append(await _one(other, bob))
                 await asyncio.sleep(TRICKLE)
-            return Catching(time.monotonic() - begun, before, Latency(sorted(meanwhile)))
+            return Caught(time.monotonic() - begun, before, spread(meanwhile))
 
 
-async def resident(folder: Path, queued: int) -> Memory:
+async def resident(folder: Path, queued: int) -> Resident:
     """MB of a commd beside those of a bare process that has what it is made of."""
     with boards(folder, {"ann": "b1", "bob": "b1"}, "full") as made:
         arguments = ("-c", _BARE, f"tcp/127.0.0.1:{free_port()}", str(folder / "bare.db"))
@@ -207,20 +168,7 @@ async def resident(folder: Path, queued: int) -> Memory:
                 for _ in range(queued // BATCH):
                     await ann.post(["bob"] * BATCH)
                 await asyncio.sleep(3.0)
-                return Memory(memory(bare.process.pid, "VmRSS"), empty, memory(pid, "VmRSS"))
-
-
-@dataclass(frozen=True)
-class Figures:
-    """What one run measured; of FULL and NORMAL, in this order, where both are."""
-
-    rates: tuple[float, float]
-    latencies: tuple[Latency, Latency]
-    agent_away: Catching
-    board_away: Catching
-    memory: Memory
-    talk: Talk
-    crowd: Crowd
+                return Resident(memory(bare.process.pid, "VmRSS"), empty, memory(pid, "VmRSS"))
 
 
 def in_folder(measure: Callable[[Path], Awaitable[T]]) -> T:
@@ -233,45 +181,48 @@ def in_folder(measure: Callable[[Path], Awaitable[T]]) -> T:
         return asyncio.run(run(Path(folder)))
 
 
-def measure(seconds: float, letters: int, backlog: int, queued: int, agents: int, tokens: int) -> Figures:
+def measure(quick: bool) -> Figures:
     """Run everything once. Raises BenchmarkFailed."""
-    rates = tuple(in_folder(lambda at, s=s: throughput(at, s, seconds)) for s in ("full", "normal"))  # type: ignore[misc]
-    latencies = tuple(in_folder(lambda at, s=s: latency(at, s, letters)) for s in ("full", "normal"))  # type: ignore[misc]
+    seconds, letters, backlog, queued = (1.0, 20, 2_400, 2_000) if quick else (SECONDS, LETTERS, BACKLOG, QUEUED)
+    agents, tokens = (5, 20) if quick else (AGENTS, TOKENS)
+    tell("throughput")
+    full = in_folder(lambda at: throughput(at, "full", seconds))
+    normal = in_folder(lambda at: throughput(at, "normal", seconds))
+    tell("latency")
+    latency_full = in_folder(lambda at: latency(at, "full", letters))
+    latency_normal = in_folder(lambda at: latency(at, "normal", letters))
+    tell("a backlog")
+    agent_away = in_folder(lambda at: caught_up(at, "full", backlog, board_away=False))
+    board_away = in_folder(lambda at: caught_up(at, "full", backlog, board_away=True))
+    tell("memory")
+    held = in_folder(lambda at: resident(at, queued))
+    tell("agents that write to one another, and many in one agentd")
     return Figures(
-        (rates[0], rates[1]),
-        (latencies[0], latencies[1]),
-        in_folder(lambda at: caught_up(at, "full", backlog, board_away=False)),
-        in_folder(lambda at: caught_up(at, "full", backlog, board_away=True)),
-        in_folder(lambda at: resident(at, queued)),
-        in_folder(lambda at: talk(at, backlog // 12)),
-        in_folder(lambda at: crowd(at, agents, tokens)),
+        seconds=seconds,
+        backlog=backlog // BATCH * BATCH,
+        queued=queued,
+        agents=agents,
+        tokens=tokens,
+        rate_full=full,
+        rate_normal=normal,
+        latency_full=latency_full,
+        latency_normal=latency_normal,
+        agent_away=agent_away,
+        board_away=board_away,
+        memory=held,
+        talk=in_folder(lambda at: talk(at, backlog // 12)),
+        crowd=in_folder(lambda at: crowd(at, agents, tokens)),
+        fsync=_fsync(),
     )
 
 
-def main() -> int:
-    """Measure, and write the page. Returns the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=SECONDS, help="of throughput, each")
-    parser.add_argument("--letters", type=int, default=LETTERS)
-    parser.add_argument("--backlog", type=int, default=BACKLOG)
-    parser.add_argument("--queued", type=int, default=QUEUED)
-    parser.add_argument("--agents", type=int, default=200)
-    parser.add_argument("--tokens", type=int, default=1000)
-    parser.add_argument("--out", type=Path, help="file for the report; none = the terminal only")
-    args = parser.parse_args()
-    try:
-        figures = measure(args.seconds, args.letters, args.backlog, args.queued, args.agents, args.tokens)
-    except BenchmarkFailed as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    from benchmarks.mail_page import report  # it reads what stands above
-
-    text = report(figures, args)
-    print(text)
-    if args.out is not None:
-        args.out.write_text(text)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def _fsync() -> float:
+    """Milliseconds that a commit costs here at least: the median of writing a page and fsync."""
+    with tempfile.NamedTemporaryFile() as file:
+        values = []
+        for _ in range(50):
+            begun = time.perf_counter()
+            os.pwrite(file.fileno(), b"\0" * 4096, 0)
+            os.fsync(file.fileno())
+            values.append(time.perf_counter() - begun)
+    return 1000 * spread(values).p50

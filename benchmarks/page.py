@@ -1,4 +1,4 @@
-"""What the page of `argosy ui` costs its server, the line to it and the browser; writes the figures of docs/ui.md.
+"""What the page of `argosy ui` costs its server, the line to it and the browser.
 
 The fleet is `tests/argosy/team/crowd.py`: each of its agents tells what a flying copter does, as often. The page is
 open in a headless chromium on the same machine, which paints without a graphics processor.
@@ -6,30 +6,32 @@ open in a headless chromium on the same machine, which paints without a graphics
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import os
-import platform
 import re
 import shutil
 import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
-from playwright.async_api import Page, async_playwright
-
+from benchmarks.held import pss
+from benchmarks.parts import Goal, tell
+from benchmarks.processes import BenchmarkFailed
+from benchmarks.results import Origin
 from commd.bus import open_bus
 from tests.support.ports import free_port
-from tests.support.processes import Daemon, pss, running
+from tests.support.processes import Daemon, running
 
+SECONDS: Final = 12.0
+"""Wall seconds of a stretch."""
+CROWDS: Final = (3, 50)
+"""Agents and robots that the page shows."""
 SETTLE: Final = 5.0
 """Wall seconds before a stretch."""
 FRAME: Final = "95 % of frames within"
-BEGIN, END = "<!-- figures -->", "<!-- end of figures -->"
 _FRAMES: Final = """
 () => new Promise((done) => {
   const gaps = [], until = performance.now() + %d;
@@ -50,37 +52,58 @@ _LOADED: Final = """
 
 
 @dataclass
-class Figures:
-    """One stretch."""
+class Open:
+    """What an open page takes."""
 
-    fleet: str
-    page: str
+    wire: float
+    """kB/s to the page."""
+    message: float
+    """kB of the largest message but the first."""
+    main_thread: float
+    """Per cent of a core that the page's thread used, painting included."""
+    frame: float
+    """Milliseconds between two frames, of twenty the slowest."""
+
+
+@dataclass
+class Stretch:
+    """One stretch of time."""
+
+    crowd: int
+    """Agents and robots."""
     cpu: float
     """Per cent of a core that the server used."""
     memory: float
     """MB of the server (PSS)."""
-    wire: float = 0.0
-    """kB/s to the page."""
-    message: float = 0.0
-    """kB of the largest message but the first."""
-    main_thread: float = 0.0
-    """Per cent of a core that the page's thread used, painting included."""
-    frame: float = 0.0
-    """ms between two frames, of twenty the slowest."""
+    page: Open | None
+    """None where no page is open."""
 
     def row(self) -> str:
         """Return a row of the table."""
-        cells = [self.fleet, self.page, f"{self.cpu:.1f} %", f"{self.memory:.0f} MB"]
-        if self.page != "none":
+        cells = [f"{self.crowd} agents and robots" if self.crowd else "nobody", "one" if self.page else "none"]
+        cells += [f"{self.cpu:.1f} %", f"{self.memory:.0f} MB"]
+        if (page := self.page) is not None:
             cells += [
-                f"{self.wire:.1f} kB/s",
-                f"{self.message:.1f} kB",
-                f"{self.main_thread:.0f} %",
-                f"{self.frame:.0f} ms",
+                f"{page.wire:.1f} kB/s",
+                f"{page.message:.1f} kB",
+                f"{page.main_thread:.0f} %",
+                f"{page.frame:.0f} ms",
             ]
         else:
-            cells += ["", "", "", ""]
+            cells += [""] * 4
         return f"| {' | '.join(cells)} |"
+
+
+@dataclass
+class Figures:
+    """All stretches, and what the page loads."""
+
+    seconds: float
+    stretches: list[Stretch]
+    files: int
+    loaded: float
+    leaflet: float
+    """kB in so many files, and of it the map."""
 
 
 def cpu_of(pid: int) -> float:
@@ -99,8 +122,9 @@ def serving(endpoint: str) -> Iterator[tuple[Daemon, str]]:
         yield server, found[1]
 
 
-async def stretch(server: Daemon, seconds: float, fleet: str, page: Page | None, sizes: list[int]) -> Figures:
+async def stretch(server: Daemon, seconds: float, crowd: int, page: Any, sizes: list[int]) -> Stretch:
     """Measure for some seconds."""
+    tell(f"{crowd} agents, {'no page' if page is None else 'a page'}")
     await asyncio.sleep(SETTLE)
     sizes.clear()
     devtools: Any = None
@@ -112,19 +136,12 @@ async def stretch(server: Daemon, seconds: float, fleet: str, page: Page | None,
     gaps = await page.evaluate(_FRAMES % (seconds * 1000)) if page is not None else []
     await asyncio.sleep(max(0.0, seconds - (time.monotonic() - began)))
     took = time.monotonic() - began
-    figures = Figures(
-        fleet,
-        "none" if page is None else "one",
-        (cpu_of(server.process.pid) - used) / took * 100,
-        pss(server.process.pid),
-    )
+    cpu, held, opened = (cpu_of(server.process.pid) - used) / took * 100, pss([server.process.pid]), None
     if page is not None:
-        figures.wire, figures.message = sum(sizes) / took / 1000, max(sizes, default=0) / 1000
-        figures.main_thread, figures.frame = (
-            (await _busy(devtools) - busy) / took * 100,
-            sorted(gaps)[int(len(gaps) * 0.95)],
-        )
-    return figures
+        thread = (await _busy(devtools) - busy) / took * 100
+        frame = sorted(gaps)[int(len(gaps) * 0.95)]
+        opened = Open(sum(sizes) / took / 1000, max(sizes, default=0) / 1000, thread, frame)
+    return Stretch(crowd, cpu, held, opened)
 
 
 async def _busy(devtools: Any) -> float:
@@ -135,10 +152,15 @@ async def _busy(devtools: Any) -> float:
 
 
 @asynccontextmanager
-async def opened(url: str, sizes: list[int]) -> AsyncIterator[Page]:
+async def opened(url: str, sizes: list[int]) -> AsyncIterator[Any]:
     """Open the page; the sizes of the messages that it gets are appended."""
+    from playwright.async_api import Error, async_playwright  # the rest of this module is wanted without it, too
+
     async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        try:
+            browser = await playwright.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
+        except Error as error:
+            raise BenchmarkFailed(f"{chromium()} does not start: {str(error).splitlines()[0]}") from error
         try:
             page = await browser.new_page(viewport={"width": 1280, "height": 800})
             page.on("websocket", lambda socket: socket.on("framereceived", lambda data: sizes.append(len(data))))
@@ -148,60 +170,61 @@ async def opened(url: str, sizes: list[int]) -> AsyncIterator[Page]:
             await browser.close()
 
 
-async def measured(seconds: float) -> tuple[list[Figures], list[tuple[str, int]]]:
-    """Measure everything. Returns the stretches, and what the page loads with the bytes of each."""
+def chromium() -> str:
+    """Return the command of the browser. Raises BenchmarkFailed where there is none."""
+    for name in ("chromium", "chromium-browser", "google-chrome"):
+        if (found := shutil.which(name)) is not None:
+            return found
+    raise BenchmarkFailed("no chromium on this machine: sudo apt install chromium")
+
+
+def measure(quick: bool) -> Figures:
+    """Measure everything. Raises BenchmarkFailed."""
+    chromium()
+    return asyncio.run(_measured(2.0, CROWDS[:1]) if quick else _measured(SECONDS, CROWDS))
+
+
+async def _measured(seconds: float, crowds: tuple[int, ...]) -> Figures:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    figures, sizes, loaded = [], list[int](), list[tuple[str, int]]()
+    found, sizes = [], list[int]()
     async with open_bus(endpoint, fleet="crowd", name="board", daemon="commd", stamp=time.time_ns, mode="router"):
         with serving(endpoint) as (server, url):
-            figures.append(await stretch(server, seconds, "nobody", None, sizes))
+            found.append(await stretch(server, seconds, 0, None, sizes))
             async with opened(url, sizes) as page:
-                figures.append(await stretch(server, seconds, "nobody", page, sizes))
+                found.append(await stretch(server, seconds, 0, page, sizes))
                 loaded = [(name, size) for name, size, _ in await page.evaluate(_LOADED)]
-        for agents in (3, 50):
-            with serving(endpoint) as (server, url), running("tests.argosy.team.crowd", endpoint, str(agents)) as crowd:
-                await asyncio.to_thread(crowd.says, "there")
-                figures.append(await stretch(server, seconds, f"{agents} agents and robots", None, sizes))
+        for crowd in crowds:
+            with serving(endpoint) as (server, url), running("tests.argosy.team.crowd", endpoint, str(crowd)) as fleet:
+                await asyncio.to_thread(fleet.says, "there")
+                found.append(await stretch(server, seconds, crowd, None, sizes))
                 async with opened(url, sizes) as page:
-                    await page.locator(".row").nth(agents - 1).wait_for(state="attached", timeout=60_000)
-                    figures.append(await stretch(server, seconds, f"{agents} agents and robots", page, sizes))
-    return figures, loaded
-
-
-def text_of(figures: list[Figures], loaded: list[tuple[str, int]], seconds: float) -> str:
-    """Return the figures as Markdown."""
+                    await page.locator(".row").nth(crowd - 1).wait_for(state="attached", timeout=60_000)
+                    found.append(await stretch(server, seconds, crowd, page, sizes))
     total, leaflet = sum(size for _, size in loaded), sum(size for name, size in loaded if "leaflet" in name)
-    load = os.getloadavg()[0]  # with the crowd and the browser of this measurement in it
-    machine = (
-        f"load {load:.0f} on {os.cpu_count()} cores, Python {platform.python_version()}, aiohttp {version('aiohttp')}"
-    )
-    return "\n".join(
-        (
-            f"`make bench-page`, {seconds:g} s for each row ({machine}):",
-            "",
-            f"| fleet | page | server | its memory | to the page | largest message | page's thread | {FRAME} |",
-            "|---|---|---|---|---|---|---|---|",
-            *(one.row() for one in figures),
-            "",
-            f"The page loads {total / 1000:.0f} kB in {len(loaded)} files, {leaflet / 1000:.0f} kB of them Leaflet.",
-        )
-    )
+    return Figures(seconds, found, len(loaded), total / 1000, leaflet / 1000)
 
 
-def main() -> None:
-    """Measure, and write the figures between their marks in a page, or print them."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path)
-    parser.add_argument("--seconds", type=float, default=15.0)
-    args = parser.parse_args()
-    text = text_of(*asyncio.run(measured(args.seconds)), args.seconds)
-    if args.out is None:
-        print(text)
-        return
-    before, _, rest = args.out.read_text(encoding="utf-8").partition(BEGIN)
-    after = rest.partition(END)[2]
-    args.out.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{after}", encoding="utf-8")
+def goals(_: Figures) -> list[Goal]:
+    """Return none: what is asked of the page is that it works with 50 agents, and that is a test."""
+    return []
 
 
-if __name__ == "__main__":
-    main()
+def pictures(_: Figures) -> dict[str, str]:
+    """Return none."""
+    return {}
+
+
+def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
+    """Return the figures of docs/ui.md."""
+    lines = [
+        origin.line(),
+        "",
+        f"{figures.seconds:g} s for each row; per cents are of a core.",
+        "",
+        f"| fleet | page | server | its memory (PSS) | to the page | largest message | page's thread | {FRAME} |",
+        "|---|---|---|---|---|---|---|---|",
+        *(one.row() for one in figures.stretches),
+        "",
+        f"The page loads {figures.loaded:.0f} kB in {figures.files} files, {figures.leaflet:.0f} kB of them Leaflet.",
+    ]
+    return {"page": "\n".join(lines)}

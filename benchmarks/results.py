@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 ROOT: Final = Path(__file__).parent.parent
 RESULTS: Final = Path(__file__).parent / "results"
-PACKAGES: Final = ("argosy", "eclipse-zenoh", "msgspec", "pymavlink", "psutil", "agentspeak")
+PACKAGES: Final = ("argosy", "eclipse-zenoh", "msgspec", "pymavlink", "psutil", "aiohttp", "agentspeak")
 """Whose versions are told."""
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from benchmarks.bridge import VEHICLES, measure, report
+from benchmarks.bridge import VEHICLES, blocks, goals, measure
+from benchmarks.results import here
 
 
-def test_the_benchmark_of_three_vehicles_measures_every_position_and_writes_its_page() -> None:
-    figures = measure(2.0, warm_up=3.0)
-    assert len(figures.latencies) + figures.lost == VEHICLES * 20
+def test_the_benchmark_of_three_vehicles_measures_every_position_and_writes_its_block() -> None:
+    figures = measure(True)
+    assert figures.latency.count + figures.lost == VEHICLES * 20
     assert figures.lost <= VEHICLES * 10, "most positions become events"
-    assert figures.rss > figures.bare > 0
-    assert figures.latencies == sorted(figures.latencies)
-    page = report(figures)
-    assert f"| {figures.cpu:.1f} % of a core |" in page
-    assert f"| {figures.percentile(0.99):.2f} ms |" in page
+    assert figures.rss > figures.dialect > figures.bare > 0
+    assert 0 < figures.latency.p50 <= figures.latency.p99 <= figures.latency.max
+    page = blocks(here("make bench", 0.0), figures)["bridge"]
+    assert f"| 5 % of a core | {figures.cpu:.1f} % |" in page
+    assert f"the slowest {figures.latency.max:.1f} ms, of {figures.latency.count} positions" in page
+    assert next(goal.met for goal in goals(figures)) == (figures.cpu <= 5)
