@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
 
-.PHONY: fly rescue test index soak faults field attacks bench bench-reasoner bench-bridge bench-mail bench-board bench-looking bench-page docs reference lint types contracts format check-python byte-code clean
+.PHONY: fly rescue test index soak faults field attacks bench bench-bridge bench-mail bench-board bench-looking bench-page docs reference lint types contracts format check-python byte-code clean
 
 fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
@@ -40,9 +40,6 @@ field: $(VENV)/test.stamp  ## let daemons fail in flight, half an hour; writes d
 
 bench: $(VENV)/bench.stamp byte-code  ## measure everything, about an hour on a quiet machine; writes docs/benchmarks.md and each figure of the pages
 	@$(BIN)/python -m benchmarks $(ARGS)
-
-bench-reasoner: $(VENV)/bench.stamp  ## the reasoner beside python-agentspeak, about 12 minutes; writes docs/reasoner.md
-	$(BIN)/python -m benchmarks.reasoner --out docs/reasoner.md $(ARGS)
 
 bench-bridge: $(VENV)/test.stamp  ## what a bridge of three vehicles costs, 90 s; writes docs/bridge.md
 	$(BIN)/python -m benchmarks.bridge --out docs/bridge.md $(ARGS)

@@ -26,6 +26,8 @@ class Footprint:
     limit: float
     jason: float | None
     measure: Callable[[Subject, int], float]
+    why: str = ""
+    """For one whose limit is hard to keep: the reason."""
 
 
 def _median_of(times: int, measure: Callable[[], tuple[float, float]], which: int) -> float:
@@ -67,7 +69,7 @@ def _plans(subject: Subject, times: int) -> float:
 
 
 FOOTPRINTS: Final = (
-    Footprint("start to first print", "s", 0.25, 0.29, _start),
+    Footprint("start to first print", "s", 0.25, 0.29, _start, "Python itself and the imports take it."),
     Footprint("resident when idle", "MB", 30, 51, _idle),
     Footprint("resident with 10,000 beliefs", "MB", 40, None, _beliefs),
     Footprint("start of a program of 1,000 plans", "s", 1.5, None, _plans),

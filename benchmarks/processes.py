@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import re
 import select
+import signal
 import statistics
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -43,7 +44,7 @@ class Speeds:
 
 @contextmanager
 def started(command: list[str]) -> Iterator[subprocess.Popen[bytes]]:
-    """A process with its output in a pipe; it is killed at the end if it still runs."""
+    """A process with its output in a pipe; it and what it has started are killed at the end if they still run."""
     environment = {**os.environ, "PYTHONUNBUFFERED": "1", "NO_COLOR": "1"}
     process = subprocess.Popen(
         command,
@@ -56,8 +57,12 @@ def started(command: list[str]) -> Iterator[subprocess.Popen[bytes]]:
     try:
         yield process
     finally:
+        below = descendants(process.pid)
         process.kill()
         process.wait()
+        for pid in below:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
         assert process.stdout is not None
         process.stdout.close()
 
@@ -80,11 +85,27 @@ def lines(process: subprocess.Popen[bytes], patience: float = PATIENCE) -> Itera
             return
 
 
+def descendants(pid: int) -> list[int]:
+    """The processes that a process has started, and those that they have; none if it has ended."""
+    found: list[int] = []
+    with suppress(OSError):
+        for task in os.listdir(f"/proc/{pid}/task"):
+            with suppress(OSError):
+                for child in map(int, Path(f"/proc/{pid}/task/{task}/children").read_text(encoding="ascii").split()):
+                    found += [child, *descendants(child)]
+    return found
+
+
 def memory(pid: int, field: str) -> float:
     """``VmHWM`` (peak) or ``VmRSS`` (now) of a process in MB; 0 when it has ended or the system does not tell.
 
-    Not `os.wait4`: its figure includes what the parent held when it forked.
+    Not `os.wait4`: its figure includes what the parent held when it forked. A command may be a script that starts the
+    real process: what it has started counts.
     """
+    return sum(_memory(one, field) for one in (pid, *descendants(pid)))
+
+
+def _memory(pid: int, field: str) -> float:
     try:
         status = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
     except OSError:

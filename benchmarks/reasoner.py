@@ -1,6 +1,6 @@
-"""Measures the reasoner of agentd beside its peers, interleaved in one run, and prints the tables.
+"""Measures the reasoner of agentd beside its peers, interleaved in one run: the part `reasoner` of `make bench`.
 
-    python -m benchmarks.reasoner [--repeat 5] [--rows a,f2] [--out docs/reasoner.md]
+    python -m benchmarks.reasoner --rows f,h [--repeat 3]      some rows, for whoever works on them: nothing is written
 
 Each program is run by each reasoner in a fresh process, A B A B ..., so that a machine that is slow for a while is
 slow for all of them. Ratios are medians of the ratios of neighbouring runs. Peers that are not installed are left out.
@@ -10,16 +10,93 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
 
+from benchmarks import report
 from benchmarks.footprint import FOOTPRINTS
+from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed, Speeds, run
-from benchmarks.report import Result, report
-from benchmarks.rows import ROWS, Row
-from benchmarks.subjects import Subject, subjects_here
+from benchmarks.report import Result, warm
+from benchmarks.results import Origin
+from benchmarks.rows import ROWS, Row, row_called
+from benchmarks.subjects import JasonCommand, Subject, subjects_here
+
+REPEAT: Final = 3
+STARTS: Final = 10
+"""How often a start is timed."""
+QUICK_ROWS: Final = ("g",)
 
 
-def measure(rows: list[Row], subjects: list[Subject], repeat: int) -> list[Result]:
+@dataclass(frozen=True)
+class Measured:
+    """What was measured for a row: per subject its runs, in the order in which they were interleaved."""
+
+    row: str
+    runs: dict[str, list[Speeds]]
+
+    def result(self) -> Result:
+        """Return it with what the row is."""
+        return Result(row_called(self.row), self.runs)
+
+
+@dataclass(frozen=True)
+class Figures:
+    """All that was measured."""
+
+    repeat: int
+    rows: list[Measured]
+    footprints: dict[str, dict[str, float]]
+    """Start times and memory: by title, then by subject."""
+    jason: str = ""
+    """The version of the Jason that was found here; empty = there was none."""
+
+    def results(self) -> list[Result]:
+        """Return the rows."""
+        return [one.result() for one in self.rows]
+
+
+def measure(quick: bool) -> Figures:
+    """Measure all rows, start times and memory. Raises BenchmarkFailed."""
+    subjects = subjects_here()
+    if not any(subject.key == "agentspeak" for subject in subjects):
+        raise BenchmarkFailed("python-agentspeak is not installed: pip install '.[bench]'")
+    rows = [row for row in ROWS if not quick or row.key in QUICK_ROWS]
+    repeat = 1 if quick else REPEAT
+    results = measure_rows(rows, subjects, repeat)
+    found = next((subject.version() for subject in subjects if isinstance(subject, JasonCommand)), "")
+    kept = [Measured(result.row.key, result.runs) for result in results]
+    return Figures(repeat, kept, footprints(subjects, 1 if quick else STARTS), found)
+
+
+def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
+    """Return the figures of docs/reasoner.md."""
+    return {"reasoner": report.page(origin, figures.results(), figures.footprints, figures.repeat, figures.jason)}
+
+
+def pictures(figures: Figures) -> dict[str, str]:
+    """Return the picture of docs/reasoner.md."""
+    return {"reasoner": report.picture(figures.results())}
+
+
+def goals(figures: Figures) -> list[Goal]:
+    """Return what is asked of each row, and of start and memory."""
+    found = []
+    for result in figures.results():
+        row, ratio = result.row, result.ratio("agentd", warm)
+        if ratio is not None:
+            title = f"{row.operation}: speed beside python-agentspeak, warm"
+            wanted, ours = f"at least {row.target:g} times", f"{ratio:,.1f}" if ratio < 100 else f"{ratio:,.0f}"
+            found.append(Goal(title, wanted, ours, ratio >= row.target, row.why))
+    for one in FOOTPRINTS:
+        value = figures.footprints[one.title]["agentd"]
+        wanted = f"under {one.limit:g} {one.unit}"
+        found.append(Goal(f"reasoner: {one.title}", wanted, f"{value:.2f} {one.unit}", value < one.limit, one.why))
+    return found
+
+
+def measure_rows(rows: Sequence[Row], subjects: Sequence[Subject], repeat: int) -> list[Result]:
     """Run the rows' programs ``repeat`` times on each subject. Rows with the same programs share their runs."""
     groups: dict[tuple[object, str], list[Row]] = {}
     for row in rows:
@@ -31,7 +108,7 @@ def measure(rows: list[Row], subjects: list[Subject], repeat: int) -> list[Resul
             for subject in subjects:
                 if subject.key == "jason" and group[0].environment:
                     continue
-                _tell(f"{', '.join(r.bench for r in group)}: {subject.title}, {turn + 1} of {repeat}")
+                tell(f"{', '.join(r.bench for r in group)}: {subject.title}, {turn + 1} of {repeat}")
                 with subject.prepared(group[0].paths(), group[0].environment) as command:
                     runs[subject.key].append(run(command, {r.bench for r in group}))
         results += [
@@ -41,48 +118,33 @@ def measure(rows: list[Row], subjects: list[Subject], repeat: int) -> list[Resul
     return results
 
 
-def footprints(subjects: list[Subject], times: int) -> dict[str, dict[str, float]]:
-    """Start times and memory: by title, then by subject."""
+def footprints(subjects: Sequence[Subject], times: int) -> dict[str, dict[str, float]]:
+    """Measure start times and memory: by title, then by subject."""
     found: dict[str, dict[str, float]] = {}
     for footprint in FOOTPRINTS:
         found[footprint.title] = {}
         for subject in subjects:
-            if subject.key == "jason":
-                continue
-            _tell(f"{footprint.title}: {subject.title}")
+            tell(f"{footprint.title}: {subject.title}")
             found[footprint.title][subject.key] = footprint.measure(subject, times)
     return found
 
 
-def _tell(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
-
-
 def main() -> int:
     """The command; exit code 1 when a process did not do what its row needs, 2 for an unknown row."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.reasoner", description=__doc__)
-    parser.add_argument("--repeat", type=int, default=5, metavar="N", help="runs of each program (default 5)")
-    parser.add_argument("--rows", metavar="a,b,...", help="only these rows, and no start times and memory")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write the report there as well")
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.reasoner")
+    parser.add_argument("--rows", metavar="a,b,...", required=True, help=f"of {', '.join(row.key for row in ROWS)}")
+    parser.add_argument("--repeat", type=int, default=REPEAT, metavar="N", help="runs of each program (default 3)")
     args = parser.parse_args()
-    keys = args.rows.split(",") if args.rows else [row.key for row in ROWS]
-    unknown = [key for key in keys if key not in {row.key for row in ROWS}]
-    if unknown:
-        known = ", ".join(row.key for row in ROWS)
-        print(f"no row is called {', '.join(unknown)}; there are {known}", file=sys.stderr)
+    keys = args.rows.split(",")
+    if unknown := [key for key in keys if key not in {row.key for row in ROWS}]:
+        print(f"error: no row is called {unknown[0]}; there are {', '.join(row.key for row in ROWS)}", file=sys.stderr)
         return 2
-    subjects = subjects_here()
-    if not any(subject.key == "agentspeak" for subject in subjects):
-        _tell("python-agentspeak is not installed (pip install '.[bench]'): no ratios")
     try:
-        results = measure([row for row in ROWS if row.key in keys], subjects, args.repeat)
-        text = report(results, {} if args.rows else footprints(subjects, 10), subjects, args.repeat)
+        results = measure_rows([row for row in ROWS if row.key in keys], subjects_here(), args.repeat)
     except BenchmarkFailed as failed:
         print(f"error: {failed}", file=sys.stderr)
         return 1
-    print(text)
-    if args.out is not None:
-        args.out.write_text(text, encoding="utf-8")
+    print("\n\n".join(report.tables(results)))
     return 0
 
 

@@ -1,18 +1,17 @@
-"""The report of a measurement as Markdown: docs/reasoner.md."""
+"""What was measured of the reasoner as Markdown and as a picture: the figures of docs/reasoner.md."""
 
 from __future__ import annotations
 
-import platform
 import statistics
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from pathlib import Path
+from typing import Final
 
+from benchmarks import plots
 from benchmarks.footprint import FOOTPRINTS
 from benchmarks.processes import Speeds
+from benchmarks.results import Origin
 from benchmarks.rows import Row
-from benchmarks.subjects import Subject, version_of
 
 Figure = Callable[[Speeds], float]
 
@@ -49,50 +48,42 @@ def resident(speeds: Speeds) -> float:
     return speeds.rss
 
 
-def report(results: list[Result], footprints: dict[str, dict[str, float]], subjects: list[Subject], repeat: int) -> str:
-    """The whole document."""
-    parts = [_HEAD.format(machine=_machine(subjects), repeat=repeat), _speed_table(results), ""]
-    parts += [_jason_table(results), ""]
-    if any(subject.key == "agentd --decisions" for subject in subjects):
-        parts += [_records_table(results), ""]
-    if any(subject.key == "jason" for subject in subjects):
-        parts += [_jason_here(results), ""]
-    if footprints:
-        parts += [_footprint_table(footprints), ""]
-    return "\n".join(parts)
+def page(
+    origin: Origin, results: list[Result], footprints: dict[str, dict[str, float]], repeat: int, jason: str
+) -> str:
+    """The block of docs/reasoner.md. `jason` is the version of the Jason that was run as well, if there was one."""
+    here = f" The `jason` command found here was run as well: {jason}." if jason else ""
+    method = (
+        f"Every program (`benchmarks/programs`) is run {repeat} times by each reasoner, in turns, in fresh processes. "
+        "*Cold* is the first round of a process, *warm* the median of its last two. Speeds are medians in operations "
+        f"per second, ratios medians of the ratios of neighbouring runs.{here}"
+    )
+    return "\n\n".join([origin.line(), method, *tables(results), footprint_table(footprints)])
 
 
-_HEAD = """\
-# The reasoner measured beside its peers
+def tables(results: list[Result]) -> list[str]:
+    """What was found of rows, each table under its heading."""
+    run = {key for result in results for key in result.runs}
+    found = [_speed_table(results), _jason_table(results)]
+    if "jason" in run:
+        found.append(_jason_here(results))
+    if "agentd --decisions" in run:
+        found.append(_records_table(results))
+    return found
 
-Written by `make bench-reasoner` (`python -m benchmarks.reasoner`); what it says is what was measured, on one machine:
-{machine}.
-Every program (`benchmarks/programs`) is run {repeat} times by each reasoner, in turns, in fresh processes. *Cold* is
-the first round of a process, *warm* the median of its last two. Speeds are medians in operations per second, ratios
-medians of the ratios of neighbouring runs. How the mind works, and where its time goes: [mind.md](mind.md).
-"""
 
+def ahead(results: list[Result]) -> tuple[int, int]:
+    """Return on how many rows agentd is ahead of Jason's warm JVM, and of how many.
 
-def _machine(subjects: list[Subject]) -> str:
-    model = platform.machine()
-    cores = 0
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            name, _, value = line.partition(":")
-            if name.strip() == "model name":
-                model, cores = " ".join(value.split()), cores + 1
-    except OSError:
-        pass
-    described = f"{model}, {cores or '?'} cores, {platform.system()}, CPython {platform.python_version()}"
-    peers = f"agentd {version_of('argosy')}, python-agentspeak {version_of('agentspeak')}"
-    if any(subject.key == "jason" for subject in subjects):
-        peers += ", and the `jason` command found here"
-    return f"{described}; {peers}; {datetime.now(UTC):%Y-%m-%d}"
+    What is compared are the ratios to python-agentspeak.
+    """
+    known = [(result.ratio("agentd", warm), result.row.jason) for result in results if result.row.jason is not None]
+    return sum(_ahead(ours, jason.warm_ratio) == "ahead" for ours, jason in known if jason), len(known)
 
 
 def _speed_table(results: list[Result]) -> str:
     lines = [
-        "## Speed and memory beside python-agentspeak",
+        "### Speed and memory beside python-agentspeak",
         "",
         "| row | one operation | agentd cold | warm | python-agentspeak cold | warm | ratio cold | ratio warm | target "
         "| peak RSS MB, agentd | python-agentspeak |",
@@ -120,7 +111,7 @@ def _speed_table(results: list[Result]) -> str:
 
 def _jason_table(results: list[Result]) -> str:
     lines = [
-        "## Beside Jason",
+        "### Beside Jason",
         "",
         "Jason 3.3 was measured elsewhere, on JRE 21, beside python-agentspeak 0.2.2: its column is the ratio found",
         "there, so that machines cancel out. Cold ratios here are first rounds over python-agentspeak's warm speed,",
@@ -170,7 +161,7 @@ def _ahead(ours: float | None, theirs: float | None) -> str:
 
 def _records_table(results: list[Result]) -> str:
     lines = [
-        "## What decision records cost",
+        "### What decision records cost",
         "",
         "| row | records off, warm | records on, warm | cost | ratio to python-agentspeak with records on |",
         "|---|---|---|---|---|",
@@ -189,30 +180,47 @@ def _records_table(results: list[Result]) -> str:
 
 
 def _jason_here(results: list[Result]) -> str:
-    lines = ["## Jason, run here", "", "| row | cold | warm | peak RSS MB |", "|---|---|---|---|"]
+    lines = [
+        "### Jason, run here",
+        "",
+        "Without the percept rows, whose environment would have to be written in Java. The last column is agentd's",
+        "warm speed over Jason's, and its memory over Jason's, of neighbouring runs.",
+        "",
+        "| row | Jason cold | warm | peak RSS MB | agentd / Jason |",
+        "|---|---|---|---|---|",
+    ]
     for result in results:
         if "jason" in result.runs:
-            figures = (result.median("jason", cold), result.median("jason", warm))
-            memory = _megabytes(result.median("jason", resident))
-            lines.append(f"| {result.row.key} | {' | '.join(map(_speed, figures))} | {memory} |")
+            cells = [
+                f"{result.row.key} {result.row.operation}",
+                _speed(result.median("jason", cold)),
+                _speed(result.median("jason", warm)),
+                _megabytes(result.median("jason", resident)),
+                f"{_times(result.ratio('agentd', warm, to='jason'))} the speed, "
+                f"{_share(result.ratio('agentd', resident, to='jason'))} of the memory",
+            ]
+            lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
-def _footprint_table(footprints: dict[str, dict[str, float]]) -> str:
+def footprint_table(footprints: dict[str, dict[str, float]]) -> str:
     lines = [
-        "## Start and memory",
+        "### Start and memory",
         "",
-        "| | agentd | limit | records on | python-agentspeak | Jason, elsewhere |",
-        "|---|---|---|---|---|---|",
+        "| | agentd | limit | records on | python-agentspeak | Jason, elsewhere | Jason, here |",
+        "|---|---|---|---|---|---|---|",
     ]
     for footprint in FOOTPRINTS:
-        found = footprints[footprint.title]
+        if (found := footprints.get(footprint.title)) is None:
+            continue
         digits = 2 if footprint.unit == "s" else 1
         ours = found["agentd"]
         verdict = "met" if ours < footprint.limit else "**missed**"
         others = [found.get(key) for key in ("agentd --decisions", "agentspeak")]
         shown = [f"{ours:.{digits}f} {footprint.unit}", f"{footprint.limit:g} {footprint.unit}, {verdict}"]
-        shown += ["-" if value is None else f"{value:.{digits}f}" for value in [*others, footprint.jason]]
+        shown += [
+            "-" if value is None else f"{value:.{digits}f}" for value in [*others, footprint.jason, found.get("jason")]
+        ]
         lines.append(f"| {footprint.title} | {' | '.join(shown)} |")
     return "\n".join(lines)
 
@@ -225,5 +233,79 @@ def _times(value: float | None) -> str:
     return "-" if value is None else f"{value:.1f}x" if value < 100 else f"{value:,.0f}x"
 
 
+def _share(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0%}"
+
+
 def _megabytes(value: float | None) -> str:
     return "-" if value is None else f"{value:.0f}"
+
+
+COMPARED: Final = ("a", "b", "c", "d", "e", "f", "f2", "g", "h")
+"""The rows that docs/comparison.md shows."""
+
+
+def comparison(results: list[Result], footprints: dict[str, dict[str, float]]) -> str:
+    """The block of docs/comparison.md about speed: some rows, how many there are, start and memory."""
+    lines = [
+        "| one operation | Argosy / python-agentspeak, warm | Jason / python-agentspeak, warm | |",
+        "|---|---|---|---|",
+    ]
+    for result in results:
+        row, ours = result.row, result.ratio("agentd", warm)
+        if row.key in COMPARED and row.jason is not None and ours is not None:
+            remark = "Jason is faster" if ours < row.jason.warm_ratio else ""
+            if row.key == "c":
+                remark = remark or "Argosy indexes arguments, the others walk through"
+            lines.append(f"| {row.operation} | {_bare(ours)} | {_bare(row.jason.warm_ratio)} | {remark} |")
+    won, known = ahead(results)
+    shown = len(lines) - 2
+    lines += [
+        "",
+        f"These are {shown} of {known} rows. Argosy is ahead of Jason's warmed-up JVM in {won} of the {known}, by the "
+        "ratio to python-agentspeak, and behind in the others.",
+        "",
+        footprint_table(footprints).partition("\n\n")[2],
+    ]
+    return "\n".join(lines)
+
+
+def in_short(results: list[Result], footprints: dict[str, dict[str, float]]) -> list[str]:
+    """The rows of the README's table about the reasoner."""
+    by_key = {result.row.key: ratio for result in results if (ratio := result.ratio("agentd", warm)) is not None}
+    indexed = [by_key[key] for key in ("c", "c2") if key in by_key]
+    others = [ratio for key, ratio in by_key.items() if key not in {"c", "c2"}]
+    won, known = ahead(results)
+    idle = next(one for one in FOOTPRINTS if one.title == "resident when idle")
+    memory = footprints[idle.title]
+    return [
+        f"| thinking, warm | {min(others):.0f} to {max(others):.0f} times python-agentspeak, look-ups and joins at "
+        f"least {min(indexed):,.0f} times; ahead of Jason 3.3's warm JVM on {won} of {known} rows, behind on "
+        f"{known - won} | [measured](docs/reasoner.md) |",
+        f"| memory, idle reasoner | {memory['agentd']:.0f} MB | python-agentspeak {memory['agentspeak']:.0f} MB, "
+        f"Jason {idle.jason:g} MB ([measured](docs/reasoner.md)) |",
+    ]
+
+
+def picture(results: list[Result]) -> str:
+    """How many times python-agentspeak's warm speed agentd reaches on each row, and Jason elsewhere."""
+    shown = [(result.row, ratio) for result in results if (ratio := result.ratio("agentd", warm)) is not None]
+    with plots.figure(height=0.7 + 0.33 * len(shown)) as (made, axes):
+        places = range(len(shown))
+        axes.barh(
+            [-place for place in places], [ratio for _, ratio in shown], color=plots.COLOURS["agentd"], height=0.6
+        )
+        known = [(place, row.jason.warm_ratio) for place, (row, _) in enumerate(shown) if row.jason is not None]
+        axes.plot([x for _, x in known], [-place for place, _ in known], "D", color=plots.COLOURS["paper"], ms=5)
+        for place, (row, _) in enumerate(shown):
+            axes.plot([row.target] * 2, [-place - 0.4, -place + 0.4], color="black", lw=1)
+        axes.set_xscale("log")
+        axes.axvline(1, color="black", lw=0.5)
+        axes.set_yticks([-place for place in places], [f"{row.key} {row.operation}" for row, _ in shown])
+        axes.set_xlabel("times python-agentspeak's speed, warm; diamond: Jason 3.3 elsewhere; line: what is asked for")
+        axes.grid(visible=False, axis="y")
+        return plots.svg(made)
+
+
+def _bare(value: float) -> str:
+    return f"{value:.1f}" if value < 100 else f"{value:,.0f}"

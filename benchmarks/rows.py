@@ -48,6 +48,8 @@ class Row:
     jason: Jason | None = None
     environment: str = ""
     """For the percept rows: ``module:Class`` of the environment, or the module that embeds agentd's mind itself."""
+    why: str = ""
+    """For a row whose target is hard to meet: the reason, and what was tried."""
 
     def paths(self) -> list[tuple[str, Path]]:
         return [(name, PROGRAMS / file) for name, file in self.agents]
@@ -56,6 +58,15 @@ class Row:
 def _alone(program: str) -> tuple[tuple[str, str], ...]:
     return (("ag", program),)
 
+
+_MESSAGES: Final = (
+    "The time is spent between the minds (turn, effect, message, event), where python-agentspeak has one call of a "
+    "function; shortened where a count of instructions showed more than was needed ([mind.md](mind.md#speed))."
+)
+_PERCEPTS: Final = (
+    "Each percept is an input and each action an effect that can be recorded and replayed; python-agentspeak's action "
+    "is a call of a function. What a cycle costs is counted in [mind.md](mind.md#speed), and was shortened by it."
+)
 
 ROWS: Final = (
     Row("a", "a_goal_loop", "sub-goal", _alone("a_goal_loop.asl"), 12, Jason(697_745, 89_817, 48_362, 305)),
@@ -73,6 +84,7 @@ ROWS: Final = (
         (("ping", "f_ping.asl"), ("pong", "f_pong.asl")),
         4,
         Jason(190_999, 18_815, 43_679, 292),
+        why=_MESSAGES,
     ),
     Row(
         "f2",
@@ -81,6 +93,7 @@ ROWS: Final = (
         (("ping", "f2_ping.asl"), ("pong", "f2_pong.asl")),
         4,
         Jason(137_101, 18_369, 21_190, 302),
+        why=_MESSAGES,
     ),
     Row("g", "g_findall_sort", "findall + sort", _alone("g_findall_sort.asl"), 6, Jason(2_269, 311, 322, 290)),
     Row(
@@ -91,6 +104,20 @@ ROWS: Final = (
         4,
         Jason(143_009, 29_763, 32_280, 305),
         "benchmarks.counter:Counter",
+        why=_PERCEPTS,
     ),
-    Row("h'", "h_percept", "percept cycle, embedded", _alone("h_percept.asl"), 4, environment="benchmarks.embedded"),
+    Row(
+        "h'",
+        "h_percept",
+        "percept cycle, embedded",
+        _alone("h_percept.asl"),
+        4,
+        environment="benchmarks.embedded",
+        why=_PERCEPTS,
+    ),
 )
+
+
+def row_called(key: str) -> Row:
+    """Return the row of that key. Raises KeyError."""
+    return {row.key: row for row in ROWS}[key]

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+import itertools
+import os
 import shutil
+import subprocess
 import sys
 import tempfile
 from abc import ABC, abstractmethod
@@ -14,6 +17,7 @@ from pathlib import Path
 from typing import Final
 
 Agents = list[tuple[str, Path]]
+_projects = itertools.count(1)
 
 DECISIONS: Final = 200
 """So many decisions are remembered where records are on: the default of ``agentd serve``."""
@@ -69,9 +73,11 @@ class AgentSpeak(Subject):
 
 
 class JasonCommand(Subject):
-    """Jason itself, where a ``jason`` command is on PATH: ``jason FILE.mas2j`` on a project written for the row.
+    """Jason itself, where a ``jason`` command is on PATH, on a project written for the row.
 
-    The percept row is left out: its environment would have to be written in Java.
+    ``jason mas start --mas2j=FILE`` runs a project as it stands (Jason 3.x, doc/jason-cli/commands.adoc in
+    its repository): ``jason FILE.mas2j`` would make a Gradle project of it, and download. The percept rows are left
+    out: their environment would have to be written in Java.
     """
 
     key = "jason"
@@ -88,10 +94,22 @@ class JasonCommand(Subject):
         with tempfile.TemporaryDirectory() as folder:
             for _, path in agents:
                 shutil.copy(path, folder)
-            listed = "; ".join(f"{name} {path.name}" for name, path in agents)
+            listed = " ".join(f"{name} {path.name};" for name, path in agents)
+            name = f"bench_{os.getpid()}_{next(_projects)}"  # no two of a machine may have the same
             project = Path(folder, "bench.mas2j")
-            project.write_text(f"MAS bench {{ agents: {listed}; }}\n", encoding="utf-8")
-            yield [self._executable, str(project), "--console"]
+            project.write_text(f'MAS {name} {{ agents: {listed} aslSourcePath: "."; }}\n', encoding="utf-8")
+            start = [self._executable, "mas", "start", "--console", "--no-net", f"--mas2j={project.name}"]
+            yield ["/bin/sh", "-c", 'cd "$0" && exec "$@"', folder, *start]
+
+    def version(self) -> str:
+        """What it says of itself in one line, if it does so in time."""
+        try:
+            said = subprocess.run(
+                [self._executable, "--version"], capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=30
+            ).stdout.split("\n")[0]
+        except (OSError, subprocess.TimeoutExpired):
+            said = ""
+        return said.strip() or "which does not tell its version"
 
 
 def subjects_here() -> list[Subject]:

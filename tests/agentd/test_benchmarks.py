@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import sys
+import time
+from collections.abc import Iterator
 from pathlib import Path
+from subprocess import Popen
 
 import pytest
 
 from benchmarks.footprint import FOOTPRINTS, program_of_plans
-from benchmarks.processes import BenchmarkFailed, Speeds, run, until_line
-from benchmarks.reasoner import measure
-from benchmarks.report import Result, cold, report, warm
-from benchmarks.rows import PROGRAMS, ROWS, Jason, Row
-from benchmarks.subjects import Agentd, AgentSpeak, Subject
+from benchmarks.processes import BenchmarkFailed, Speeds, descendants, lines, memory, run, started, until_line
+from benchmarks.reasoner import Figures, Measured, goals, measure_rows
+from benchmarks.report import Result, ahead, cold, comparison, in_short, picture, tables, warm
+from benchmarks.rows import PROGRAMS, ROWS, Jason, Row, row_called
+from benchmarks.subjects import Agentd, AgentSpeak, JasonCommand, Subject, subjects_here
 
 TINY = """
 !round(1).
@@ -34,7 +39,7 @@ def test_each_reasoner_runs_each_program_in_turn_and_its_rounds_are_read(tmp_pat
     subjects: list[Subject] = [Agentd()]
     if importlib.util.find_spec("agentspeak") is not None:
         subjects.append(AgentSpeak())
-    (result,) = measure([_tiny(tmp_path)], subjects, 2)
+    (result,) = measure_rows([_tiny(tmp_path)], subjects, 2)
     assert {key: [len(r.rounds) for r in runs] for key, runs in result.runs.items()} == {
         subject.key: [3, 3] for subject in subjects
     }
@@ -55,7 +60,7 @@ def test_ratios_are_taken_between_neighbours_and_verdicts_follow_them() -> None:
     result = Result(row, {"agentd": ours, "agentspeak": theirs})
     assert result.ratio("agentd", cold) == 3.0
     assert result.ratio("agentd", warm) == 8.0  # the median of two rounds is their mean
-    text = report([result], {}, [], 3)
+    text = "\n".join(tables([result]))
     assert "| 3.0x | 8.0x | 12x **missed** | 20 | 40 |" in text
     assert "| 8.0x | 20.0x | **behind** | 3.0x | 5.0x | **behind** | 7% | under a quarter |" in text
     assert "Ahead of Jason's warm JVM on 0 of 1 rows, of its first round on 0 of 1, within a quarter" in text
@@ -73,3 +78,97 @@ def test_the_generated_program_of_plans_loads(tmp_path: Path) -> None:
     program = tmp_path / "plans.asl"
     program.write_text(program_of_plans(30), encoding="utf-8")
     assert until_line(Agentd().command([("ag", program)]), "FIRST")[0] > 0
+
+
+FAKE_JASON = f"""#!/bin/sh
+# As the released command: a script that starts the real process.
+{sys.executable} - "$@" <<'END'
+import re, subprocess, sys
+from pathlib import Path
+if sys.argv[1:] == ["--version"]:
+    print("Jason CLI 3.3-fake")
+    raise SystemExit
+assert sys.argv[1:5] == ["mas", "start", "--console", "--no-net"], sys.argv
+project = Path(sys.argv[5].removeprefix("--mas2j=")).read_text()
+found = re.fullmatch(r'MAS ([a-z]\\w*) {{ agents: (.+;) aslSourcePath: "."; }}\\n', project)
+agents = [one.split() for one in found[2].split(";") if one]
+command = [sys.executable, "-m", "agentd", "run", *(f"{{name}}={{file}}" for name, file in agents)]
+raise SystemExit(subprocess.run(command).returncode)
+END
+"""
+
+
+def _with_fake_jason(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "jason").write_text(FAKE_JASON, encoding="utf-8")
+    (folder / "jason").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
+
+
+def test_a_jason_command_on_the_path_is_found_and_runs_a_project_of_each_row(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert not any(isinstance(subject, JasonCommand) for subject in subjects_here())
+    _with_fake_jason(tmp_path, monkeypatch)
+    (jason,) = [subject for subject in subjects_here() if isinstance(subject, JasonCommand)]
+    assert jason.version() == "Jason CLI 3.3-fake"
+    percepts = next(row for row in ROWS if row.environment)
+    tiny, skipped = measure_rows([_tiny(tmp_path), percepts], [jason], 1)
+    assert [len(speeds.rounds) for speeds in tiny.runs["jason"]] == [3]
+    assert tiny.runs["jason"][0].rss > 20, "what the script has started is not counted"
+    assert skipped.runs == {}
+    assert "## Jason, run here" in "\n".join(tables([Result(ROWS[0], {"agentd": tiny.runs["jason"], **tiny.runs})]))
+
+
+def test_what_a_killed_command_has_started_ends_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _with_fake_jason(tmp_path, monkeypatch)
+    with JasonCommand(str(tmp_path / "jason")).prepared([("ag", PROGRAMS / "i_idle.asl")]) as command:
+        with started(command) as process:
+            assert any("FIRST" in line for line in _until_first(process))
+            below = descendants(process.pid)
+            assert below
+        until = time.monotonic() + 30
+        while any(memory(pid, "VmRSS") for pid in below):
+            assert time.monotonic() < until
+            time.sleep(0.02)
+
+
+def _until_first(process: Popen[bytes]) -> Iterator[str]:
+    for line in lines(process, 30):
+        yield line
+        if "FIRST" in line:
+            return
+
+
+def _figures(warm_of_a: float) -> Figures:
+    def runs(speed: float) -> list[Speeds]:
+        return [Speeds((speed, speed), 20.0)]
+
+    rows = [
+        Measured(row.key, {"agentd": runs(warm_of_a if row.key == "a" else 5000.0), "agentspeak": runs(10.0)})
+        for row in ROWS
+    ]
+    return Figures(1, rows, {one.title: {"agentd": one.limit / 2, "agentspeak": 9.0} for one in FOOTPRINTS})
+
+
+def test_targets_and_limits_are_goals_and_a_missed_one_is_told_as_missed() -> None:
+    assert all(goal.met for goal in goals(_figures(200.0)))
+    assert [goal.title for goal in goals(_figures(110.0)) if not goal.met] == [
+        "sub-goal: speed beside python-agentspeak, warm"
+    ]
+    assert len(goals(_figures(1.0))) == len(ROWS) + len(FOOTPRINTS)
+
+
+def test_other_pages_get_their_rows_from_the_same_figures() -> None:
+    figures = _figures(110.0)
+    results = figures.results()
+    assert results[0].row is row_called("a")
+    assert ahead(results) == (11, 12)  # 11 times is less than Jason's 14.4
+    text = comparison(results, figures.footprints)
+    assert "| sub-goal | 11.0 | 14.4 | Jason is faster |" in text
+    assert "These are 9 of 12 rows. Argosy is ahead of Jason's warmed-up JVM in 11 of the 12" in text
+    assert "| resident when idle | 15.0 MB |" in text
+    assert in_short(results, figures.footprints)[0].startswith(
+        "| thinking, warm | 11 to 500 times python-agentspeak, look-ups and joins at least 500 times; ahead of Jason "
+        "3.3's warm JVM on 11 of 12 rows, behind on 1 "
+    )
+    assert picture(results).count("sub-goal") == 1
