@@ -64,13 +64,15 @@ class Sampler:
             thread.join(5)
 
     def _run(self) -> None:
-        begun = time.monotonic()
-        while not self._stopped.wait(max(0.0, begun + (len(self.samples) + 1) * self._every - time.monotonic())):
+        begun = due = time.monotonic()
+        while True:
+            due = max(due + self._every, time.monotonic() + self._every / 2)  # who is late does not hurry after it
+            if self._stopped.wait(due - time.monotonic()):
+                return
             try:
-                sample = self._sample(time.monotonic() - begun)
+                self.samples.append(self._sample(time.monotonic() - begun))
             except (psutil.Error, OSError):  # one has ended, and the flight tells why
                 return
-            self.samples.append(sample)
 
     def _sample(self, at: float) -> Sample:
         cpu = {key: process.cpu_percent(None) for key, process in self._processes.items()}

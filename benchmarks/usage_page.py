@@ -22,6 +22,8 @@ PI_CORES: Final = 4
 PI_MB: Final = peers.PI_MEMORY * 1024**2 / 1e6
 BOARD_GOAL: Final = 1.1
 AGENT_MEMORY, AGENT_CPU = 1.3, 1.5
+SMOOTH: Final = 15
+"""Samples of which a line of the plots is the mean."""
 
 
 def goals(figures: Figures) -> list[Goal]:
@@ -192,13 +194,23 @@ def _flight(figures: Figures, mission: str) -> str:
             title = APPROACHES[one.approach]
             for who, style in ((BOARD, "-"), (AGENT, ":")):
                 label = f"{title}, {'board' if who == BOARD else 'agent'}"
-                cpu.plot(one.at, one.cpu[who], style, color=colour, linewidth=1, label=label)
+                if who == BOARD:
+                    cpu.plot(one.at, one.cpu[who], color=colour, linewidth=0.5, alpha=0.4)
+                cpu.plot(one.at, _smooth(one.cpu[who]), style, color=colour, linewidth=1, label=label)
                 memory.plot(one.at, one.rss[who], style, color=colour, linewidth=1, label=label)
         several = " (mean of the boards)" if mission == RESCUE.mission else ""
-        cpu.set(title=f"{TITLES[mission]}, speed 1{several}", xlabel="s", ylabel="CPU, % of a core", ylim=(0, None))
+        made.suptitle(
+            f"{TITLES[mission]}, speed 1{several}; CPU: each sample of a board, and means of {SMOOTH}", fontsize=9
+        )
+        cpu.set(xlabel="s", ylabel="CPU, % of a core", ylim=(0, None))
         memory.set(xlabel="s", ylabel="RSS, MB", ylim=(0, None))
         memory.legend(fontsize=7)
         return svg(made)
+
+
+def _smooth(values: list[float]) -> list[float]:
+    around = [values[max(0, place - SMOOTH // 2) : place + SMOOTH // 2 + 1] for place in range(len(values))]
+    return [sum(some) / len(some) for some in around]
 
 
 def _bars(figures: Figures) -> str:
