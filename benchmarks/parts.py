@@ -50,6 +50,8 @@ class Part:
 PARTS: Final[tuple[Part, ...]] = (
     Part("sizes", "benchmarks.sizes", 0.1),
     Part("usage", "benchmarks.usage", 26),
+    Part("startup", "benchmarks.startup", 2),
+    Part("footprint", "benchmarks.footprints", 1.5),
 )
 """In the order in which they run."""
 

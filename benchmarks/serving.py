@@ -1,0 +1,138 @@
+"""The daemons of a board at rest: one of each, and a bare process with a Zenoh session to compare them with.
+
+The mission is the paper's first one, without a vehicle: the bridge serves and waits for it, the agent's own goals wait
+for the bridge's word. What is measured is what they hold and do before anything flies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from argosy.processes import python_command
+from benchmarks.results import ROOT
+from benchmarks.watched import Watched, watched_command
+from tests.support.ports import free_port
+
+FIRST: Final = "the first plan runs"
+"""What the first plan prints."""
+HEARD: Final = "the bridge is there"
+"""What a plan prints for the agent's first percept."""
+_PROGRAM: Final = f"""
+{{ include("uav.asl") }}
+!begun.
++!begun <- .print("{FIRST}").
++bridge(up) <- .print("{HEARD}").
+"""
+BARE: Final = """
+import sys, time, zenoh
+config = zenoh.Config()
+config.insert_json5("mode", '"client"')
+config.insert_json5("connect/endpoints", '["%s"]' % sys.argv[1])
+config.insert_json5("scouting/multicast/enabled", "false")
+session = zenoh.open(config)
+print("open", flush=True)
+time.sleep(3600)
+"""
+"""A process that has a session with a router, and nothing besides."""
+CLIENT: Final = """
+import asyncio, sys
+from commd.client import join
+async def main():
+    async with join("looker", mission=sys.argv[2], router=sys.argv[1]) as me:
+        percepts = me.percepts("uav")
+        print("joined", flush=True)
+        await asyncio.Event().wait()
+asyncio.run(main())
+"""
+"""A program of the team that perceives what the agent perceives."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of process."""
+
+    name: str
+    says: str
+    """By when it serves."""
+    needs: tuple[str, ...] = ()
+    """Those that must serve before it can."""
+
+
+KINDS: Final = (
+    Kind("bare", "open", ("commd",)),
+    Kind("commd", "router board="),
+    Kind("bridged", "serving uav1", ("commd",)),
+    Kind("agentd", FIRST, ("commd",)),
+    Kind("client", "joined", ("commd",)),
+    Kind("board", FIRST),
+)
+NAMES: Final = {
+    "bare": "a bare process with a session",
+    "commd": "`commd serve`",
+    "bridged": "`bridged serve`",
+    "agentd": "`agentd serve`",
+    "client": "a program on `commd.client`",
+    "board": "`argosy board`: those three in one",
+}
+"""As people read it."""
+
+
+def kind(name: str) -> Kind:
+    """Return the kind of that name. Raises KeyError."""
+    return {one.name: one for one in KINDS}[name]
+
+
+@dataclass(frozen=True)
+class Site:
+    """A mission in a folder, and the router that it is run on."""
+
+    mission: Path
+    router: str
+    state: Path
+
+    @classmethod
+    def made(cls, folder: Path, code: Path = ROOT) -> Site:
+        """Write the mission into a folder, with ports of its own."""
+        source = code / "missions"
+        (folder / "single_uav").mkdir(parents=True)
+        (folder / "single_uav" / "uav.asl").write_text((source / "single_uav" / "uav.asl").read_text())
+        (folder / "single_uav" / "begun.asl").write_text(_PROGRAM)
+        text = (source / "single_uav.yaml").read_text()
+        text = text.replace("uav.asl", "begun.asl").replace("127.0.0.1:14550", f"127.0.0.1:{free_port()}")
+        (folder / "mission.yaml").write_text(text)
+        return cls(folder / "mission.yaml", f"tcp/127.0.0.1:{free_port()}", folder / "state")
+
+    def arguments(self, name: str) -> tuple[str, ...]:
+        """Return what a process of a kind is called with, behind the interpreter and its options."""
+        mission, where, state = str(self.mission), ("--router", self.router), ("--state", str(self.state / name))
+        match name:
+            case "bare":
+                return ("-c", BARE, self.router)
+            case "client":
+                return ("-c", CLIENT, self.router, mission)
+            case "board":
+                return ("-m", "argosy", "board", mission, "--board", "local", *where, *state, "--simulated", "--fresh")
+            case "commd":
+                return ("-m", "commd", "serve", mission, "--board", "local", *where, *state)
+            case "bridged":
+                return ("-m", "bridged", "serve", mission, *where, *state, "--simulated")
+        return ("-m", "agentd", "serve", mission, *where, *state, "--fresh")
+
+    def command(self, name: str) -> list[str]:
+        """Return the command line of a process of a kind."""
+        return [*python_command()[:-1], *self.arguments(name)]
+
+
+@contextmanager
+def serving(site: Site, name: str, before: tuple[str, ...] = ()) -> Iterator[Watched]:
+    """Run a process of a kind while the block lasts, from the moment on at which it serves. Raises BenchmarkFailed.
+
+    `before` stands before its command.
+    """
+    with watched_command(name, [*before, *site.command(name)]) as found:
+        found.says(kind(name).says)
+        yield found

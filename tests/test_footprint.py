@@ -1,0 +1,47 @@
+"""What each daemon holds at rest, in times of a bare Python process with a Zenoh session that runs beside it.
+
+The processes run a copy of the code that is compiled, so that a clone without byte code has the same figures.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks import footprints, results
+from benchmarks.cold import copied
+from benchmarks.serving import NAMES
+
+
+@pytest.fixture(scope="module")
+def figures(tmp_path_factory: pytest.TempPathFactory) -> footprints.Figures:
+    found, folder = footprints.Figures(), tmp_path_factory.mktemp("footprint")
+    code = copied(folder / "code", compiled=True)
+    for names in (footprints.TOGETHER, footprints.ALONE):
+        footprints.look(found, names, folder / names[0], code, settled=1.0)
+    return found
+
+
+@pytest.mark.parametrize(("name", "bound"), footprints.BOUNDS.items())
+def test_a_daemon_at_rest_is_no_larger_than_so_many_bare_processes(
+    figures: footprints.Figures, name: str, bound: float
+) -> None:
+    held, bare = figures.held[name].rss[0], figures.held["bare"].rss[0]
+    assert figures.ratio(name) <= bound, f"{name} holds {held:.1f} MB, a bare process {bare:.1f} MB, bound {bound:g}"
+
+
+def test_what_is_compared_with_has_a_session_and_little_else(figures: footprints.Figures) -> None:
+    """A bare process that grew would let the daemons grow with it."""
+    assert figures.held["bare"].rss[0] < 35, "MB"
+
+
+def test_one_process_for_a_board_is_smaller_than_its_three(figures: footprints.Figures) -> None:
+    three = sum(figures.held[name].rss[0] for name in ("commd", "bridged", "agentd"))
+    assert figures.held["board"].rss[0] < 0.6 * three
+
+
+def test_the_block_tells_each_kind_and_its_bound(figures: footprints.Figures) -> None:
+    text = footprints.blocks(results.here("make bench", 0.0), figures)["footprint"]
+    for name, bound in footprints.BOUNDS.items():
+        (row,) = [line for line in text.splitlines() if line.startswith(f"| {NAMES[name]} |")]
+        assert f"({figures.ratio(name):.2f})" in row
+        assert row.endswith(f"| {bound:g} |")
