@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 import zenoh
 
 from commd import denials
+from commd.known_keys import KnownKeys
 from commd.raw import RawBus, matching
 from commd.reach import why_not
 from commd.reminding import Reminder
@@ -144,6 +145,7 @@ class Bus:
         self.counters: Counter[str] = Counter()
         """dropped, bad_input, unknown_fields, unsendable, replies_lost, puts_lost: what did not get through so far."""
         self._session = session
+        self._known = KnownKeys(session)
         self._stamp = stamp
         self._loop = asyncio.get_running_loop()
         self._seq: Counter[tuple[str, str]] = Counter()
@@ -203,7 +205,7 @@ class Bus:
             return
         try:
             self._session.put(
-                key,
+                self._known.of(key),
                 payload,
                 encoding=made.encoding(self.wire),
                 congestion_control=zenoh.CongestionControl.DROP,
@@ -218,6 +220,7 @@ class Bus:
 
         def deliver(sample: zenoh.Sample) -> None:
             name = str(sample.key_expr)
+            self._known.used(name)
             try:
                 found = self._decode(record, name, sample.payload.to_bytes(), str(sample.encoding))
             except BadRecord:

@@ -1,0 +1,84 @@
+"""Keys that a session declares because it uses them again and again."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from contextlib import AbstractAsyncContextManager, AsyncExitStack
+from typing import Any
+
+import pytest
+
+from commd import known_keys
+from commd.bus import Bus, open_bus
+from schemas.records import Perception
+from tests.support.buses import on_a_bus, subscribed, until
+
+KEY = "argosy/test/uav/percept/altitude"
+
+
+def test_a_key_is_declared_when_it_is_used_again_and_no_more_than_there_is_room_for(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(known_keys, "MOST", 3)
+
+    async def body(connect: Any) -> None:
+        bus = await connect()
+        known = known_keys.KnownKeys(bus._session)
+        assert known.of(KEY) == KEY
+        assert known.used(KEY) is not None
+        assert str(known.of(KEY)) == KEY
+        assert known.of(KEY) is known.of(KEY)
+        for other in ("a/b", "a/c"):
+            assert known.of(other) == other
+        assert not known.open
+        assert known.of("a/d") == known.of("a/d") == "a/d"
+        assert known.of(KEY) is known.used(KEY), "what is declared stays so"
+
+    on_a_bus(endpoint, body)
+
+
+def test_what_is_no_key_is_not_declared(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        known = known_keys.KnownKeys((await connect())._session)
+        assert [known.of("//"), known.of("//"), known.of("//")] == ["//"] * 3
+
+    on_a_bus(endpoint, body)
+
+
+def test_declared_keys_outlive_their_router(endpoint: str) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as clients:
+            async with router(endpoint):
+                sender, receiver = [await clients.enter_async_context(client(name)) for name in ("uav", "other")]
+                got = heard(receiver)
+                await tell(sender, got, 0, 5)
+            await until(lambda: not sender.router_up and not receiver.router_up, "the router is gone")
+            for number in range(5):
+                sender.put(KEY, Perception(name="altitude", parameters=(f"lost {number}",)))
+            async with router(endpoint):
+                await until(lambda: sender.router_up and receiver.router_up, "the router is back")
+                await tell(sender, got, 5, 10)
+                late = await clients.enter_async_context(client("late"))
+                of_late = heard(late)
+                await tell(sender, of_late, 10, 15)
+                assert got[-5:] == of_late
+
+    def router(at: str) -> AbstractAsyncContextManager[Bus]:
+        return open_bus(at, fleet="test", name="board", daemon="commd", stamp=time.time_ns, mode="router")
+
+    def client(name: str) -> AbstractAsyncContextManager[Bus]:
+        return open_bus(endpoint, fleet="test", name=name, daemon="agentd", stamp=time.time_ns)
+
+    def heard(bus: Bus) -> list[Any]:
+        got: list[Any] = []
+        bus.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record.parameters[0]))
+        return got
+
+    async def tell(bus: Bus, got: list[Any], begin: int, end: int) -> None:
+        await subscribed(bus, KEY)
+        for number in range(begin, end):
+            bus.put(KEY, Perception(name="altitude", parameters=(number,)))
+        await until(lambda: got[begin - end :] == list(range(begin, end)), "what is put arrives in order")
+
+    asyncio.run(asyncio.wait_for(body(), 60))
