@@ -347,7 +347,7 @@ class Bus:
             options = {"payload": made.encode(ask, self.wire), "encoding": made.encoding(self.wire)}
         try:
             self._session.get(
-                key,
+                key if "?" in key else self._known.of(key),
                 zenoh.handlers.Callback(self._soon(arrived), lambda: self._soon(arrived)(None), indirect=False),
                 consolidation=zenoh.ConsolidationMode.NONE,
                 target=zenoh.QueryTarget.ALL,
