@@ -230,16 +230,20 @@ class ActionDesk:
         self.lease.take(action.agent, now)
         deadline = min(float(entry.deadline), action.deadline or math.inf)
         accepted = replace(self._statuses.make(action, "accepted"), deadline=deadline)
-        log.info("robot=%s action %s %s%s", self.robot, action.id, action.name, list(arguments.values()))
         follower(accepted)
         self._publish(action.agent, accepted)
         execution = self._calls.perform(action.name, entry, arguments)
         progress = Progress(self._board, action.agent, action.name, entry)
-        job = Job(action, entry, execution, now + deadline, deadline, accepted, now, progress, [follower])
+        job = Job(action, entry, execution, now + deadline, deadline, accepted, now, progress, arguments, [follower])
         self._jobs[action.id] = job
         if execution.outcome is not None and execution.outcome.state != "succeeded":
             self._hold_for(taken)
         self.step()
+        self._note(job)
+        try:
+            self._ledger.keep()
+        except OSError as error:
+            log.error("robot=%s the id of %s may not outlive a power loss: %s", self.robot, action.id, error.strerror)
 
     def _answer_built_in(self, action: Action, arguments: dict[str, Argument], reason: str, follower: Follower) -> None:
         """`release` and `hand_over`: done at once, and never while an action of the holder runs."""
@@ -310,10 +314,18 @@ class ActionDesk:
         job.progress.end()
         self._board.flush(self._now())
         status = self._statuses.make(job.action, outcome.state, outcome.reason, job.execution.feedback)
-        log.info("robot=%s action %s %s %s %s", self.robot, job.action.id, job.action.name, status.state, status.reason)
-        self._tell(job, status)
+        self._tell(job, status)  # first: its agent waits for it
         self._record(job.action, status)
+        self._note(job)
+        log.info("robot=%s action %s %s %s %s", self.robot, job.action.id, job.action.name, status.state, status.reason)
         return status
+
+    def _note(self, job: Job) -> None:
+        """Write into the log that an action has begun; of one that is over at once, after its agent was told."""
+        if not job.noted:
+            job.noted = True
+            given = list(job.arguments.values())
+            log.info("robot=%s action %s %s%s", self.robot, job.action.id, job.action.name, given)
 
     def _tell(self, job: Job, status: ActionStatus) -> None:
         job.tell(status)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from bridged.drivers.robot import Execution
 from bridged.progress import Progress
-from schemas.manifest import ActionEntry
+from schemas.manifest import ActionEntry, Argument
 from schemas.records import Action, ActionStatus
 
 MAX_FOLLOWERS = 16
@@ -29,7 +29,10 @@ class Job:
     status: ActionStatus
     told_at: float
     progress: Progress
+    arguments: dict[str, Argument]
     followers: list[Follower] = field(default_factory=list)
+    noted: bool = False
+    """Its beginning stands in the log."""
 
     def join(self, follower: Follower) -> None:
         """Let one more hear how it is, and what becomes of it."""

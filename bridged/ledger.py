@@ -75,6 +75,8 @@ class Ledger:
         self._entries: dict[str, Entry] = {}
         self._syncer = ThreadPoolExecutor(1, thread_name_prefix="ledger")
         self._sync: Future[None] | None = None
+        self._unsynced = False
+        """An id was begun since a sync was asked for."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self._read()
         self._fresh = path.with_suffix(".new")
@@ -87,8 +89,18 @@ class Ledger:
         self._rewrite_at = max(REWRITE_AT, 2 * self._file.tell())
 
     def begin(self, action: Action) -> None:
-        """Note that an id is about to be executed; it outlives this process when this returns. Raises OSError."""
-        self._append(Entry(action.id, self._wall(), action.agent, action.name), sync=True)
+        """Note that an id is about to be executed; it outlives this process when this returns. Raises OSError.
+
+        `keep` is to be called soon.
+        """
+        self._unsynced = True
+        self._append(Entry(action.id, self._wall(), action.agent, action.name))
+
+    def keep(self) -> None:
+        """Let what was noted outlive a power loss too, soon. Raises OSError."""
+        if self._unsynced:
+            self._unsynced = False
+            self._keep_through_power_loss()
 
     def finish(self, agent: str, status: ActionStatus) -> None:
         """Note how an id of an agent ended: no more of it than whoever asks again must know. Raises OSError."""
@@ -102,7 +114,7 @@ class Ledger:
             status.after,
             status.header.boot,
         )
-        self._append(entry, sync=False)
+        self._append(entry)
 
     def find(self, action: str) -> Entry | None:
         """Return what is known of an id, None if it was not begun within the last hour."""
@@ -110,7 +122,7 @@ class Ledger:
 
     def hold(self, agent: str, free: bool) -> None:
         """Note which agent answers for the robot from now on, and whether another may take it. Raises OSError."""
-        self._append(Entry(_LEASE, self._wall(), holder=agent, free=free), sync=False)
+        self._append(Entry(_LEASE, self._wall(), holder=agent, free=free))
 
     def held(self) -> tuple[str, bool]:
         """Return what was noted by `hold`; if that is older than an hour, whose action was begun last."""
@@ -126,12 +138,10 @@ class Ledger:
         self._syncer.shutdown(wait=False)
         self._file.close()
 
-    def _append(self, entry: Entry, *, sync: bool) -> None:
+    def _append(self, entry: Entry) -> None:
         self._remember(entry)
         self._file.write(msgspec.json.encode(entry) + b"\n")
         self._file.flush()
-        if sync:
-            self._keep_through_power_loss()
         if self._rewriting is None and self._file.tell() > self._rewrite_at:
             self._copied = self._file.tell()
             self._rewriting = self._syncer.submit(_write, self._fresh, list(self._entries.values()))

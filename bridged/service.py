@@ -34,8 +34,6 @@ from schemas.records import (
 
 ACTION_BYTES = 128 * 1024
 """A larger request is refused unread: a mission of 700 items, each of eight long numbers, has 100 kB."""
-MAX_STATUSES = 64
-"""Statuses of one action that may wait to be sent; of the running ones the oldest is left out first."""
 FOLLOW_AT_MOST = 3600.0
 """Wall seconds for which a query follows an action; whoever still waits asks again with the same id."""
 BY_HAND = "asked by hand, which this mission does not allow; say `inject: true` in the mission file to allow it"
@@ -47,8 +45,6 @@ class Service:
 
     def __init__(self, bus: Bus, robot: str, agents: Iterable[str], inject: bool = False) -> None:
         """`inject`: the mission allows actions by hand."""
-        self.left_out = 0
-        """Running statuses so far that a slow asker did not get."""
         self._bus, self._robot = bus, robot
         self._agents, self._inject = tuple(agents), inject
 
@@ -57,8 +53,11 @@ class Service:
         self._bus.put(keys.percept(self._bus.fleet, agent, perception.name), perception)
 
     def publish_status(self, agent: str, status: ActionStatus) -> None:
-        """Put a status for observers."""
-        self._bus.put(keys.status(self._bus.fleet, agent, status.name), status)
+        """Put a status for observers, in the order of all statuses, when what is under way now is done: the agent's
+        own answer does not wait for them.
+        """
+        key = keys.status(self._bus.fleet, agent, status.name)
+        asyncio.get_running_loop().call_soon(self._bus.put, key, status)
 
     def open(self, board: PerceptBoard, desk: ActionDesk, orders: Orders, live: RunningManifest) -> None:
         """Begin to serve."""
@@ -86,24 +85,12 @@ class Service:
             self._describe(agent, live.manifest, query)
             return
         name = query.key.rpartition("/")[2]
-        statuses: asyncio.Queue[ActionStatus | None] = asyncio.Queue()
-
-        def follow(status: ActionStatus | None) -> None:
-            if statuses.qsize() >= MAX_STATUSES:
-                statuses.get_nowait()
-                self.left_out += 1
-            statuses.put_nowait(status)
-
+        following = _Following(query)
         if self._inject or not is_by_hand(agent, query.record):
-            desk.ask(agent, name, query.record, follow)
+            desk.ask(agent, name, query.record, following.hear)
         else:
-            desk.turn_away(agent, name, query.record, BY_HAND, follow)
-        with suppress(TimeoutError):
-            async with asyncio.timeout(FOLLOW_AT_MOST):
-                while (status := await statuses.get()) is not None:
-                    query.reply(status)
-                    if status.final:
-                        return
+            desk.turn_away(agent, name, query.record, BY_HAND, following.hear)
+        await following.to_its_end()
 
     def _describe(self, agent: str, manifest: Manifest, query: Query[Action]) -> None:
         asked = zenoh.KeyExpr(query.key)
@@ -155,6 +142,44 @@ class Service:
         else:
             outcome = await orders.operator(query.record.order)
         query.reply(Outcome(ok=outcome.state == "succeeded", reason=outcome.reason))
+
+
+class _Following:
+    """Answers one asker with each status of its action, at once: the final one is not kept waiting by anything."""
+
+    def __init__(self, query: Query[Action]) -> None:
+        self._query = query
+        self._first: ActionStatus | None = None
+        """What it was told while the desk still looks at its request: no news if that is over by then."""
+        self._asked = False
+        self._ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+    def hear(self, status: ActionStatus | None) -> None:
+        """Hear of a status; None: a newer asker takes the place. Never raises."""
+        if self._ended.done():
+            return
+        try:
+            if status is not None and not status.final and not self._asked:
+                self._first = status
+                return
+            if status is not None:
+                self._query.reply(status)
+            if status is None or status.final:
+                self._ended.set_result(None)
+        except Exception as error:  # whoever tells is not to suffer for what cannot be sent
+            self._ended.set_exception(error)
+
+    async def to_its_end(self) -> None:
+        """Follow the action to its end, for `FOLLOW_AT_MOST` at most. Raises what was wrong with a status."""
+        self._asked = True
+        if self._first is not None:
+            self.hear(self._first)
+        if self._ended.done():
+            self._ended.result()
+            return
+        with suppress(TimeoutError):
+            async with asyncio.timeout(FOLLOW_AT_MOST):
+                await self._ended
 
 
 def is_by_hand(agent: str, request: Action) -> bool:

@@ -189,15 +189,18 @@ def test_a_slow_disk_holds_nothing_up_and_every_id_is_synced_in_the_end(
 
     monkeypatch.setattr("bridged.ledger.os.fsync", slow)
     ledger.begin(begun("a:0"))
+    ledger.keep()
     assert busy.wait(30)
     for number in range(1, 100):
         ledger.begin(begun(f"a:{number}"))
+        ledger.keep()
     assert path.read_bytes().count(b"\n") == 100, "another process would find every id, although nothing is synced"
     assert not synced
     disk.set()
     soon(lambda: len(synced) == 2, "one sync and one more for what came meanwhile")
     assert synced[-1] == path.stat().st_size
     ledger.begin(begun("a:100"))
+    ledger.keep()
     soon(lambda: synced[-1] == path.stat().st_size, "the sync of a later id")
     ledger.close()
 
@@ -208,6 +211,7 @@ def test_a_sync_that_fails_is_said(
     ledger = Ledger(tmp_path / "uav1.actions")
     monkeypatch.setattr("bridged.ledger.os.fsync", Mock(side_effect=OSError(5, "Input/output error")))
     ledger.begin(begun("a:1"))
+    ledger.keep()
     soon(lambda: bool(caplog.records), "the log line")
     assert caplog.records[0].message == "action ids may not outlive a power loss: Input/output error"
     ledger.close()
