@@ -326,6 +326,32 @@ def test_an_error_in_the_handler_does_not_end_the_link() -> None:
     asyncio.run(story())
 
 
+def test_a_link_has_as_many_vehicles_as_there_are_system_ids_and_answers_each_where_it_speaks() -> None:
+    async def story() -> None:
+        station, port = Ear(), free_port()
+        listening = await station.open(f"udpin:127.0.0.1:{port}", 255)
+        with contextlib.ExitStack() as stack:
+            vehicles = {}
+            for system in range(1, 255):
+                vehicle = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+                vehicle.setblocking(False)
+                vehicles[system] = vehicle
+            for _ in range(2):
+                for system, vehicle in vehicles.items():
+                    vehicle.sendto(Encoder(system, 1).pack(heartbeat()), ("127.0.0.1", port))
+                    await asyncio.sleep(0)
+            await until(lambda: len(station.heard) == 2 * len(vehicles), "all vehicles are heard twice")
+            assert len(listening.peers) == len(vehicles)
+            assert listening.counters.moves == 0
+            assert all(listening.send(heartbeat(), system) for system in vehicles)
+            loop = asyncio.get_running_loop()
+            for vehicle in vehicles.values():
+                assert await asyncio.wait_for(loop.sock_recv(vehicle, 300), 10)
+        await listening.close()
+
+    asyncio.run(story())
+
+
 def test_noise_from_many_addresses_neither_grows_the_link_nor_drives_a_vehicle_out() -> None:
     async def story() -> None:
         station, vehicle, port = Ear(), Ear(), free_port()

@@ -20,8 +20,9 @@ from bridged.drivers.mavlink.wire import AUTOPILOT, Framer, Gate, check_ids
 
 __all__ = ["Ids", "Link", "LinkAddress", "LinkCounters", "LinkError", "OnPacket", "OnState", "Peer", "open_link"]
 
-MAX_PEERS = 64
-"""Addresses that a listening link remembers; the one silent longest goes first."""
+MAX_PEERS = 512
+"""Addresses that a listening link remembers; the one silent longest goes first. A link may have 255 vehicles, each at
+an address of its own, and their cameras and ground stations."""
 STILL_THERE = 5.0
 """Wall seconds within which a system that spoke from an address is taken to be there."""
 

@@ -23,7 +23,11 @@ CONNECT_TIMEOUT_S = 5.0
 LOOKUP_TIMEOUT_S = 10.0
 """How long the name service may take to say where the host of a link is."""
 
-MAX_REMEMBERED = 256
+RECEIVE_BYTES = 1024 * 1024
+"""What the system is asked to keep of datagrams that wait to be read: about what a hundred vehicles send in a second;
+more would only be old when it is read. The system may give less (Linux: net.core.rmem_max)."""
+
+MAX_REMEMBERED = 1024
 """Addresses that a socket remembers before it forgets those that the link has forgotten."""
 
 UNANSWERED_TIMEOUT_MS = 10_000
@@ -49,6 +53,8 @@ class UdpSocket(asyncio.DatagramProtocol):
 
     def connection_made(self, transport: asyncio.DatagramTransport) -> None:  # type: ignore[override]
         self._transport = transport
+        with suppress(OSError, AttributeError):  # what the system gives will do
+            transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
         self._queued = cast(asyncio.WriteTransport, transport).get_write_buffer_size
         if not self._listens:
             # The socket is connected: the kernel passes only what comes from there.
