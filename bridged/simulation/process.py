@@ -4,6 +4,7 @@ import asyncio
 import signal
 import sys
 from collections.abc import Callable, Coroutine, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -12,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.link import Ids, LinkAddress, Peer
 from bridged.simulation.faults import Faults
 from bridged.simulation.faulty_link import FaultyLink
+from bridged.simulation.pace import Pace
 from bridged.simulation.vehicle import COMPONENT, Vehicle
 
 TICK_S = 0.02
@@ -39,6 +41,7 @@ class Simulation:
         self._wake = asyncio.Event()
         self._links: list[FaultyLink] = []
         self._seen = 0.0
+        self.pace = Pace(lambda words: print(f"simulated copter {vehicle.system} {words}", file=sys.stderr, flush=True))
 
     async def run(self, stop: asyncio.Event, started: Callable[[], None]) -> None:
         """Flies until `stop` is set; `started` is called once. Raises LinkError if a link cannot be opened."""
@@ -58,6 +61,7 @@ class Simulation:
                 await self._pause()
         finally:
             waiting.cancel()
+            self.pace.report()
             await self._switch_off()
 
     async def _switch_on(self) -> None:
@@ -83,18 +87,23 @@ class Simulation:
             await link.close()
 
     async def _pause(self) -> None:
+        loop = asyncio.get_running_loop()
+        begun = loop.time()
         await asyncio.sleep(TICK_S)
+        late = loop.time() - begun - TICK_S
         due = self.vehicle.seconds_until_due() / self.speed - TICK_S
         if due > 0:
-            try:
-                async with asyncio.timeout(min(due, LONGEST_PAUSE_S)):
+            begun, pause = loop.time(), min(due, LONGEST_PAUSE_S)
+            with suppress(TimeoutError):
+                async with asyncio.timeout(pause):
                     await self._wake.wait()
-            except TimeoutError:
-                return
+            late = max(late, loop.time() - begun - pause)
+        self.pace.round(late, loop.time())
 
     def _catch_up(self) -> None:
         now = asyncio.get_running_loop().time()
         passed, self._seen = now - self._seen, now
+        self.pace.lost += max(0.0, passed - MOST_CATCH_UP_S)
         self._send(0, self.vehicle.advance(min(passed, MOST_CATCH_UP_S) * self.speed))
         self._send_waiting()
         for link in self._links:
