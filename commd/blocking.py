@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 from commd import client
 from commd.inbox import Messages
 from schemas.records import ActionStatus, Message, Perception
+from schemas.terms import Term
 
 T = TypeVar("T")
 
@@ -33,6 +34,10 @@ class BlockingClient:
     def send(self, receiver: str, performative: str, content: Any, **how: Any) -> Message:
         """Send a message; it is on the board's disk when this returns."""
         return self._wait(self.member.send(receiver, performative, content, **how))
+
+    def ask(self, receiver: str, content: Any, **how: Any) -> Term:
+        """Ask somebody something and return the answer."""
+        return self._wait(self.member.ask(receiver, content, **how))
 
     def send_again(self, error: client.NoAnswer) -> None:
         """Send the message that had no answer under its own number."""
@@ -68,6 +73,10 @@ class BlockingClient:
             return percepts.present()
 
         return self._wait(look())
+
+    def there(self, name: str) -> bool:
+        """Return whether somebody of that name runs now and is within reach."""
+        return self._wait(self.member.there(name))
 
     def perform(
         self, action: str, *parameters: Any, on_status: Callable[[ActionStatus], None] | None = None

@@ -20,7 +20,7 @@ from typing import Any
 from commd.acting import Acting
 from commd.bus import AlreadyRunning, Bus, BusClosed, Denied, open_bus
 from commd.clock import Clock
-from commd.inbox import Inbox, Messages, Seen
+from commd.inbox import QUESTION, Inbox, Messages, Seen
 from commd.percepts import Percepts
 from commd.sending import MailboxFull, NoAnswer, NotSent, Sending, TooLarge, UnknownReceiver
 from schemas import keys
@@ -30,6 +30,7 @@ from schemas.mission import DEFAULT_ROUTER, THIS_MACHINE, Mission, load_mission
 from schemas.names import check_name
 from schemas.positions import did_you_mean
 from schemas.records import ActionStatus, BoardServices, Message, ServiceRequest
+from schemas.terms import Term
 from schemas.text import read as parse
 from schemas.text import write
 from schemas.values import term_of
@@ -41,6 +42,7 @@ __all__ = [
     "NotJoined",
     "NotSent",
     "TooLarge",
+    "Unanswered",
     "UnknownReceiver",
     "join",
     "parse",
@@ -56,6 +58,10 @@ ACCEPT_PATIENCE = 15.0
 
 class NotJoined(ConnectionError):
     """The program is no member of the team, and why."""
+
+
+class Unanswered(TimeoutError):
+    """A question that nobody has answered in time."""
 
 
 class Client:
@@ -78,7 +84,20 @@ class Client:
         self._inbox = Inbox(bus, name, seen)
         self._percepts: dict[str, Percepts] = {}
         self._acting: Acting | None = None
-        self._actions = 0
+        self._actions = self._questions = 0
+
+    @property
+    def speed(self) -> float:
+        """Mission seconds that pass in one wall second."""
+        return self._clock.speed
+
+    def wall(self, mission_seconds: float) -> float:
+        """Return the wall seconds that a span of the mission takes: all that a client is told to wait is in these."""
+        return self._clock.to_wall(mission_seconds)
+
+    async def sleep(self, mission_seconds: float) -> None:
+        """Sleep for a span of the mission."""
+        await self._clock.sleep(mission_seconds)
 
     async def send(
         self,
@@ -101,6 +120,25 @@ class Client:
     async def send_again(self, error: NoAnswer) -> None:
         """Send the message that had no answer under its own number: it is delivered once, taken before or not."""
         await self._sending.send_again(error.message, self._patience)
+
+    async def ask(self, receiver: str, content: Any, *, patience: float | None = None) -> Term:
+        """Ask somebody something, as `.send(Receiver, askOne, Content, Answer)` does, and return the answer.
+
+        No loop of `messages` is handed the answer. Of an agent it is what it believes or what a plan of it finds, and
+        False if that is nothing. Raises Unanswered after `patience` wall seconds, and what `send` raises.
+        """
+        waits = self._patience if patience is None else patience
+        self._questions += 1
+        question = f"{QUESTION}{self._questions}.{self.name}.{self._bus.boot}"
+        try:
+            with self._inbox.answer_to(question) as answer:
+                async with asyncio.timeout(waits):
+                    await self._sending.send(receiver, "askOne", term_of(content), None, "", waits, question)
+                    return (await answer).content
+        except NotSent:
+            raise
+        except TimeoutError:
+            raise Unanswered(f"{write(term_of(content))} to {receiver}: no answer within {waits:g} s") from None
 
     def messages(self) -> Messages:
         """The messages that the program is not done with, oldest first, then those that come: for `async for`.
@@ -206,24 +244,25 @@ async def join(
     robot: str | None = None,
     numbers: str | Path | None = None,
     stays: bool = False,
+    speed: float | None = None,
     patience: float = PATIENCE,
 ) -> AsyncIterator[Client]:
     """Be a member of the team while the block runs, by a mission file or by fleet, board and router.
 
     A name that the mission does not know joins for as long as the block runs; with `stays`, or if the block fails, its
     mailbox remains, and mail waits for its return. `numbers` is a file in which the numbers of the messages that are
-    done with are kept across lives. Raises NotJoined, AlreadyRunning if somebody has the name, and Findings for a bad
-    mission.
+    done with are kept across lives. `speed` is that of the run, if it is not the mission's. Raises NotJoined,
+    AlreadyRunning if somebody has the name, and Findings for a bad mission.
     """
     check_name(name)
     declared = load_mission(mission) if isinstance(mission, str | Path) else mission
-    robots, known, clock = dict[str, str](), False, Clock()
+    robots, known = dict[str, str](), False
     if declared is not None:
         if name in declared.agents:
             raise NotJoined(f"`{name}` is an agent of the mission: a client needs a name of its own")
         known = name in declared.clients
         robots = {agent: robot for robot in declared.robots for agent in declared.agents_of(robot)}
-        fleet, wire, clock = fleet or declared.fleet, declared.wire, Clock(declared.speed)
+        fleet, wire, speed = fleet or declared.fleet, declared.wire, speed or declared.speed
         board = board or declared.mailboxes.get(name) or next(iter(declared.boards), THIS_MACHINE)
         router = router or declared.router.endpoint
         if board not in (declared.boards or {THIS_MACHINE}):
@@ -231,6 +270,7 @@ async def join(
     if robot is not None:
         robots[name] = robot
     check_name(fleet)
+    clock = Clock(speed or 1.0)
     seen = Seen(None if numbers is None else Path(numbers))
     async with _bus(router or DEFAULT_ROUTER, fleet, name, clock, wire, patience) as bus:
         try:

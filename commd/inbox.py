@@ -11,7 +11,8 @@ import json
 import logging
 import os
 from collections import OrderedDict, deque
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from commd.bus import Bus, Query
@@ -26,6 +27,8 @@ ROOM = 10_000
 """Messages that wait here for the program at most; the others wait at `commd`."""
 NUMBERINGS = 1_000
 """Numberings (lives) of a sender that are told apart: more than the 500 that a batch of commd's can bring."""
+QUESTION = "sync:"
+"""What the ids of a program's questions begin with: an agent answers `false` to who waits (`sync`); no name has `:`."""
 LEAVE = 1.0
 """Wall seconds for the last answers."""
 
@@ -78,6 +81,8 @@ class Inbox:
         """Whose numbers wait."""
         self._late: OrderedDict[tuple[str, str, int], None] = OrderedDict()
         """The last ones whose time was over before the program came to them."""
+        self._asked: dict[str, asyncio.Future[Message]] = {}
+        """The questions whose answers are waited for."""
         self._changed = asyncio.Event()
         """Set and replaced whenever something came or is done."""
         self._answering = 0
@@ -95,7 +100,17 @@ class Inbox:
         if self._waiting and self._waiting[0][0] is message:
             self._seen.note(message)
             self._drop_first()
+            self._pass_answers()
             self._notify()
+
+    @contextmanager
+    def answer_to(self, question: str) -> Iterator[asyncio.Future[Message]]:
+        """Wait for the answer to a question while the block runs."""
+        self._asked[question] = answer = asyncio.get_running_loop().create_future()
+        try:
+            yield answer
+        finally:
+            del self._asked[question]
 
     async def first(self, reader: Messages) -> Message:
         """Wait for the first message that is not done with; it stays the first until it is."""
@@ -107,6 +122,7 @@ class Inbox:
                 if len(self._late) > ROOM:
                     self._late.popitem(last=False)
                 self._drop_first()
+            self._pass_answers()
             if self._waiting:
                 return self._waiting[0][0]
             await self._changed.wait()
@@ -120,6 +136,24 @@ class Inbox:
             async with asyncio.timeout(LEAVE):
                 while self._answering:
                     await self._changed.wait()
+
+    def _pass_answers(self) -> None:
+        """Be done with answers, which no loop is handed, also with those that nobody waits for any more.
+
+        A number says of all below it that they are done: an answer stays while a message before it of its sender does.
+        """
+        if not any(_is_answer(message) for message, _ in self._waiting):
+            return
+        left, held = deque[tuple[Message, float]](), set[tuple[str, str]]()
+        for message, until in self._waiting:
+            life = (message.sender, message.header.boot)
+            if _is_answer(message) and life not in held:
+                self._seen.note(message)
+                self._known.discard(_number(message))
+            else:
+                left.append((message, until))
+                held.add(life)
+        self._waiting = left
 
     def _drop_first(self) -> None:
         self._known.discard(_number(self._waiting.popleft()[0]))
@@ -146,6 +180,7 @@ class Inbox:
                     held.add((message.sender, message.header.boot))
                 elif (message.sender, message.header.boot) not in held:
                     self._queue(message)
+            self._pass_answers()
             self._notify()
             with suppress(TimeoutError):
                 async with asyncio.timeout(ANSWER_WITHIN):
@@ -158,7 +193,9 @@ class Inbox:
             self._notify()
 
     def _queue(self, message: Message) -> None:
-        number = _number(message)
+        number, answer = _number(message), self._asked.get(message.in_reply_to)
+        if answer is not None and not answer.done():
+            answer.set_result(message)
         if len(self._waiting) < ROOM and number not in self._known and not self._seen.has(message):
             until = float("inf") if message.ttl is None else asyncio.get_running_loop().time() + message.ttl
             self._known.add(number)
@@ -197,6 +234,11 @@ class Messages:
             self._in_hand = None
         self._in_hand = await self._inbox.first(self)
         return self._in_hand
+
+
+def _is_answer(message: Message) -> bool:
+    """Whether a message answers a question of `ask`, in this life of the program or in one before."""
+    return message.in_reply_to.startswith(QUESTION)
 
 
 def _number(message: Message) -> tuple[str, str, int]:

@@ -60,6 +60,12 @@ class Perceiving:
             one for one in self._by_hand.percepts.present() if not self.percepts.holds(one)
         ]
 
+    def named(self, name: str) -> list[Perception]:
+        """Each percept of a name that holds now, those by hand last."""
+        return self.percepts.named(name) + [
+            one for one in self._by_hand.percepts.named(name) if not self.percepts.holds(one)
+        ]
+
     def doubt(self) -> None:
         """Ask for the present set again."""
         self._doubt.set()

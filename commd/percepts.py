@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 
 from commd.bridge_watch import BridgeWatch
 from commd.bus import Bus
@@ -14,17 +14,18 @@ from schemas.records import Perception
 from schemas.terms import Term
 
 ROOM = 10_000
-"""Changes that wait to be read at most; the oldest go first, and are counted. The present set misses none."""
+"""Changes that wait for a loop at most; the oldest go first, and are counted. The present set misses none."""
 
 
 class Percepts:
-    """The percepts of one agent, kept complete. `async for` goes through the changes from the first percept on."""
+    """The percepts of one agent, kept complete. `async for` goes through what is perceived now, then each change."""
 
     def __init__(self, bus: Bus, agent: str, robot: str, inject: bool = False) -> None:
         """`inject`: the mission allows percepts by hand."""
         self.dropped = 0
-        """Changes that nobody read in time."""
-        self._changes: deque[Perception] = deque()
+        """Changes that a loop did not come to in time."""
+        self._loops: list[deque[Perception]] = []
+        """What each loop has still to read."""
         self._changed = asyncio.Event()
         self.perceiving = Perceiving(bus, agent, robot, self._take, inject)
         self.bridge = BridgeWatch(bus, robot, self.perceiving.doubt, self.perceiving.forget)
@@ -38,7 +39,7 @@ class Percepts:
 
     def of(self, name: str) -> list[tuple[Term, ...]]:
         """The parameters of each percept of that name that holds now."""
-        return [one.parameters for one in self.present() if one.name == name]
+        return [one.parameters for one in self.perceiving.named(name)]
 
     async def until(self, condition: Callable[[Percepts], bool], patience: float) -> bool:
         """Wait until `condition(self)` holds, at most `patience` wall seconds. Returns whether it does."""
@@ -50,22 +51,26 @@ class Percepts:
             return False
         return True
 
-    def __aiter__(self) -> Percepts:
-        return self
-
-    async def __anext__(self) -> Perception:
-        while not self._changes:
-            await self._changed.wait()
-        return self._changes.popleft()
+    async def __aiter__(self) -> AsyncIterator[Perception]:
+        changes = deque(self.present())
+        self._loops.append(changes)
+        try:
+            while True:
+                while not changes:
+                    await self._changed.wait()
+                yield changes.popleft()
+        finally:
+            self._loops = [other for other in self._loops if other is not changes]
 
     def close(self) -> None:
         """Look no longer."""
         self._tasks.cancel()
 
     def _take(self, change: Perception) -> None:
-        if len(self._changes) >= ROOM:
-            self._changes.popleft()
-            self.dropped += 1
-        self._changes.append(change)
+        for changes in self._loops:
+            if len(changes) >= ROOM:
+                changes.popleft()
+                self.dropped += 1
+            changes.append(change)
         changed, self._changed = self._changed, asyncio.Event()
         changed.set()

@@ -52,14 +52,24 @@ class Sending:
         self._turn: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
 
     async def send(
-        self, receiver: str, performative: str, content: Term, ttl: float | None, in_reply_to: str, patience: float
+        self,
+        receiver: str,
+        performative: str,
+        content: Term,
+        ttl: float | None,
+        in_reply_to: str,
+        patience: float,
+        identity: str = "",
     ) -> Message:
-        """Send a message and return it once it is on disk. Raises NotSent, and which one says why."""
+        """Send a message and return it once it is on disk. Raises NotSent, and which one says why.
+
+        `identity` is its id; none = one that is made of its number.
+        """
         async with self._turn[receiver]:
             header = self._bus.header(f"mail to {receiver}", self._name)
             message = Message(
                 header=header,
-                id=f"{self._name}.{header.boot}.{receiver}.{header.seq}",
+                id=identity or f"{self._name}.{header.boot}.{receiver}.{header.seq}",
                 sender=self._name,
                 performative=performative,
                 receiver=receiver,

@@ -99,6 +99,11 @@ class PerceptSet:
         """Each belief that holds, as the perception that told it, in the order of names and arrival."""
         return [belief for family in sorted(self._families) for belief in self._families[family].values()]
 
+    def named(self, name: str) -> list[Perception]:
+        """Each belief of a name that holds, in the order of arrival of each number of parameters."""
+        families = (family for (of, _), family in self._families.items() if of == name)
+        return [belief for family in families for belief in family.values()]
+
     def family(self, name: str, arity: int) -> list[Perception]:
         """Each belief of a name and number of parameters that holds."""
         return list(self._families.get((name, arity), {}).values())

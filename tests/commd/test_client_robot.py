@@ -128,3 +128,36 @@ def test_who_has_no_robot_is_told_so(endpoint: str, mission: Mission) -> None:
                 me.percepts("artist")
 
     on_a_bus(endpoint, everything)
+
+
+def test_changes_are_kept_for_loops_alone_and_each_begins_with_what_is_perceived(
+    endpoint: str, tmp_path: Path, mission: Mission
+) -> None:
+    async def body(me: Client, studio: Studio) -> None:
+        percepts = me.percepts()
+        assert await percepts.until(lambda seen: bool(seen.of("pose")), 20)
+        assert await percepts.until(lambda seen: bool(seen.of("velocity")), 20)
+        for _ in range(2):  # the second loop begins as the first has
+            begun = [one.name async for one in limited(percepts, len(percepts.present()))]
+            assert sorted(begun) == sorted(one.name for one in percepts.present())
+        changes = aiter(percepts)
+        for _ in percepts.present():
+            await anext(changes)
+        await me.perform("teleport", 2, 3.5, 0)
+        async with asyncio.timeout(20):
+            while (change := await anext(changes)).name != "pose":
+                pass
+        assert change.parameters == (2.0, 3.5, 0.0)
+        assert len(percepts._loops) == 1
+        await changes.aclose()
+        assert percepts._loops == []
+        assert percepts.of("nothing") == []
+
+    in_the_studio_of(endpoint, tmp_path, mission, body)
+
+
+async def limited(percepts: Any, count: int) -> Any:
+    changes = aiter(percepts)
+    for _ in range(count):
+        yield await anext(changes)
+    await changes.aclose()
