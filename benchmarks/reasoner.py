@@ -96,6 +96,11 @@ def goals(figures: Figures) -> list[Goal]:
     return found
 
 
+def in_short(figures: Figures) -> list[str]:
+    """Return the rows of the README's table."""
+    return report.in_short(figures.results(), figures.footprints)
+
+
 def measure_rows(rows: Sequence[Row], subjects: Sequence[Subject], repeat: int) -> list[Result]:
     """Run the rows' programs ``repeat`` times on each subject. Rows with the same programs share their runs."""
     groups: dict[tuple[object, str], list[Row]] = {}

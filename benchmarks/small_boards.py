@@ -1,0 +1,271 @@
+"""The paper's first mission with its board kept within the limits of a small one, and how little is still enough.
+
+All daemons of the board are in one cage (`benchmarks.limits`); the simulator, on another computer in the paper (section
+5.1), is outside. Flights of one table are flown side by side.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from argosy.processes import plan
+from benchmarks import small_boards_page
+from benchmarks.flights import READY, SINGLE, Flight, setup_in, with_one_process
+from benchmarks.held import alone
+from benchmarks.limits import Cage, Limits, caged
+from benchmarks.parts import Goal, tell
+from benchmarks.processes import BenchmarkFailed
+from benchmarks.results import Origin
+from benchmarks.scale_health import Records, listening
+from benchmarks.watched import Watched, watched_command
+
+SPEED: Final = 1.0
+QUICK_SPEED: Final = 8.0
+START: Final = 150.0
+"""Wall seconds that a board may take until all its daemons are there."""
+FLIGHT: Final = 150.0
+"""Simulated seconds that the mission may take then: more than one and a half times what it takes."""
+LOOK_EVERY: Final = 1.0
+SYSTEM: Final = 128.0
+"""MB of a board's memory that are left to its system, which is a Debian without a desktop."""
+
+OUR_DMIPS: Final = 40_000.0
+"""What one core of this machine is taken to do: 10 DMIPS per MHz at 4 GHz. The more is assumed, the less a board is
+given. (A Core i7-5960X does 238,310 by 8 cores at 3.0 GHz, which is 9.9 per MHz:
+http://scottsoapbox.com/2015/08/15/how-far-weve-come-40-years-of-processing-power)"""
+
+
+@dataclass(frozen=True)
+class Board:
+    """A board whose limits are kept."""
+
+    title: str
+    memory: float
+    """MB."""
+    cores: int
+    clock: float
+    """MHz."""
+    dmips_per_mhz: float
+    """As ARM gives it for the core."""
+    core: str
+
+    @property
+    def share(self) -> float:
+        """What one of its cores is of one of this machine's."""
+        return self.clock * self.dmips_per_mhz / OUR_DMIPS
+
+    @property
+    def limits(self) -> Limits:
+        return Limits(self.memory - SYSTEM, self.share, self.cores)
+
+
+BEAGLEBONE: Final = Board("BeagleBone Black", 512, 1, 1000, 2.0, "Cortex-A8")
+PI_3: Final = Board("Raspberry Pi 3", 1024, 4, 1200, 2.3, "Cortex-A53")
+BOARDS: Final = (BEAGLEBONE, PI_3)
+
+THREE, ONE = "three daemons", "`argosy board`"
+FORMS: Final = (THREE, ONE)
+SHARES: Final = (0.04, 0.03, 0.02, 0.015, 0.01)
+"""Of one core of this machine for the whole board, tried from above."""
+PARTS_OF_MEMORY: Final = (1.1, 1.0, 0.95, 0.9)
+"""Of what the board holds without limits, tried from above."""
+
+
+@dataclass(frozen=True)
+class Flown:
+    """One flight, and what the board's daemons used for it."""
+
+    board: str
+    form: str
+    memory: float | None
+    """MB that they were allowed."""
+    share: float | None
+    """Of a core of this machine, for each of the board's cores."""
+    cores: int
+    kept_by: str
+    completed: bool = False
+    why: str = ""
+    """For one that was not completed."""
+    ready: float = 0.0
+    """Seconds from the start until all daemons were there."""
+    mission: float = 0.0
+    """Seconds from then until the mission was done."""
+    charged: float = 0.0
+    """MB that counted against the limit, at most."""
+    elsewhere: float = 0.0
+    """MB that they held besides: pages of libraries that were charged to others, who had read them before."""
+    cpu: float = 0.0
+    """Per cent of a core in flight."""
+    throttled: float = 0.0
+    """Seconds in which they were held back."""
+    lag: float = 0.0
+    """Seconds by which a daemon's loop was late in flight, at worst."""
+    timed_out: int = 0
+    """Actions that were not done within their deadline."""
+
+    @property
+    def held(self) -> float:
+        """MB in all."""
+        return self.charged + self.elsewhere
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What was flown."""
+
+    free: list[Flown]
+    """Without limits, one of each form."""
+    boards: list[Flown]
+    shares: list[Flown]
+    memory: list[Flown]
+
+
+def measure(quick: bool) -> Figures:
+    """Fly everything; a flight that a limit ends is a figure. Raises BenchmarkFailed when one without limits fails."""
+    speed = QUICK_SPEED if quick else SPEED
+    free = _side_by_side([("no limits", form, Limits()) for form in FORMS], speed)
+    if failed := [flown for flown in free if not flown.completed]:
+        raise BenchmarkFailed(f"small boards: {failed[0].form}, without limits: {failed[0].why}")
+    by_form = {flown.form: flown for flown in free}
+
+    def less_shared(form: str, memory: float) -> float:
+        return memory - by_form[form].elsewhere
+
+    boards = [
+        (board.title, form, replace(board.limits, memory=less_shared(form, board.memory - SYSTEM)))
+        for board in BOARDS
+        for form in FORMS
+    ]
+    memory = [
+        ("", form, Limits(less_shared(form, part * by_form[form].held))) for form in FORMS for part in PARTS_OF_MEMORY
+    ]
+    shares = [("", form, Limits(share=share)) for form in FORMS for share in SHARES]
+    if quick:  # few at a time, and so much of a core that this speed is kept up
+        boards = [(title, form, replace(limits, share=0.9)) for title, form, limits in boards[:2]]
+        memory, shares = memory[:1], [("", ONE, Limits(share=0.9))]
+    return Figures(free, _side_by_side(boards, speed), _side_by_side(shares, speed), _side_by_side(memory, speed))
+
+
+def _side_by_side(flights: Sequence[tuple[str, str, Limits]], speed: float) -> list[Flown]:
+    tell(f"{len(flights)} flights side by side")
+    with ThreadPoolExecutor(len(flights)) as pool:
+        return list(pool.map(lambda one: fly(one[0], one[1], one[2], speed), flights))
+
+
+def fly(board: str, form: str, limits: Limits, speed: float) -> Flown:
+    """Fly the mission once."""
+    with caged(limits) as cage, ExitStack() as stack:
+        flown = Flown(board, form, limits.memory, limits.share, limits.cores, cage.kind)
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="argosy-bench-")))
+        setup = setup_in(folder, SINGLE.mission, speed)
+        planned = plan(setup) if form == THREE else with_one_process(setup, "local", plan(setup))
+        flight = Flight(SINGLE, "agentspeak", setup, {})
+        try:
+            for process in planned:
+                ours = process.kind.measured
+                command = cage.command(list(process.argv)) if ours else list(process.argv)
+                watched = stack.enter_context(watched_command(process.name, command))
+                flight.watched.append((process, watched))
+                if process.kind.name == "commd":
+                    _until(flight, watched, READY["commd"])
+            for process, watched in flight.watched:
+                words = [READY[process.kind.name]] if form == THREE or not process.kind.measured else list(_ALL_READY)
+                for one in words:
+                    _until(flight, watched, one)
+            flight.up = time.monotonic()
+            flown = replace(flown, ready=flight.up - flight.begun)
+            return _in_flight(stack, flight, cage, flown)
+        except BenchmarkFailed as failed:
+            usage = cage.usage()
+            why = "out of memory" if usage.killed else _why(failed, flight)
+            return replace(flown, why=why, charged=usage.peak, throttled=usage.throttled)
+
+
+def _why(failed: BenchmarkFailed, flight: Flight) -> str:
+    """Return the reason of a failure: the agent's own, if it has told one."""
+    said = [line for _, watched in flight.watched for _, line in watched.said if SINGLE.given_up in line]
+    if said:
+        return said[0].partition(f"{SINGLE.given_up}: ")[2]
+    return str(failed).partition("\n")[0].removesuffix("; last:")
+
+
+_ALL_READY: Final = (READY["bridged"], READY["agentd"])
+
+
+def _until(flight: Flight, watched: Watched, words: str) -> None:
+    while not any(words in line for _, line in watched.said):
+        for _, one in flight.watched:
+            if (code := one.process.poll()) is not None:
+                last = "\n".join(line for _, line in one.said[-3:])
+                raise BenchmarkFailed(f"{one.name} ended with exit code {code} before all were there; last:\n{last}")
+        if time.monotonic() > flight.begun + START:
+            raise BenchmarkFailed(f"{watched.name} was not there after {START:g} s")
+        time.sleep(0.05)
+
+
+def _in_flight(stack: ExitStack, flight: Flight, cage: Cage, flown: Flown) -> Flown:
+    """Wait for the end of the mission, and look at what is used meanwhile."""
+    ours = [watched for process, watched in flight.watched if process.kind.measured]
+    records = stack.enter_context(listening(flight.setup.router, flight.setup.mission.fleet))
+    used, begun = sum(one.cpu() for one in ours), time.monotonic()
+    with ThreadPoolExecutor(1) as pool:
+        done = pool.submit(flight.until_done, flight.up - flight.begun + FLIGHT / flight.setup.speed)
+        elsewhere: list[float] = []
+        while not done.done():
+            time.sleep(LOOK_EVERY)
+            elsewhere.append(_elsewhere(ours, cage))
+        done.result()
+    ended = time.monotonic()
+    usage = cage.usage()
+    return replace(
+        flown,
+        completed=True,
+        mission=flight.over - flight.up,
+        charged=usage.peak,
+        elsewhere=max(elsewhere),
+        cpu=100 * (sum(one.cpu() for one in ours) - used) / (ended - begun),
+        throttled=usage.throttled,
+        lag=_lag(records, flight.up, ended),
+        timed_out=sum("timed_out" in line for one in ours for _, line in one.said),
+    )
+
+
+def _elsewhere(ours: Sequence[Watched], cage: Cage) -> float:
+    """Return the MB that processes hold and that are not charged to them: 0 where the kernel does not tell."""
+    try:
+        held = alone([one.process.pid for one in ours])
+    except OSError:  # one has ended
+        return 0.0
+    return max(0.0, (held or 0.0) - cage.charged())
+
+
+def _lag(records: Records, begun: float, ended: float) -> float:
+    return max((health.lag for told in records.between(begun, ended).values() for _, health in told), default=0.0)
+
+
+def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
+    """Return the block of docs/benchmarks.md."""
+    return {"small-boards": small_boards_page.block(origin, figures, BOARDS, SYSTEM, OUR_DMIPS)}
+
+
+def pictures(figures: Figures) -> dict[str, str]:
+    """Return its picture."""
+    limits = {board.title: board.memory - SYSTEM for board in BOARDS}
+    return {"small-boards": small_boards_page.picture(figures, limits)}
+
+
+def goals(figures: Figures) -> list[Goal]:
+    """Return what is asked: the mission is completed on each board."""
+    return small_boards_page.goals(figures)
+
+
+def in_short(figures: Figures) -> list[str]:
+    """Return the row of the README's table."""
+    return small_boards_page.in_short(figures, BEAGLEBONE.title)
