@@ -7,7 +7,7 @@ import importlib
 import sys
 
 from agentd.ending import guarded
-from commd.command_line import check_command
+from commd.command_line import Help, check_command
 
 _COMMANDS = {
     "run": ("agentd.run", "run agents in this process, without any bus"),
@@ -20,11 +20,12 @@ _COMMANDS = {
 def main(argv: list[str] | None = None) -> int:
     """Run a command; the exit code is 0 for done, 1 for failed, 2 for bad input, 128 + N for signal N."""
     arguments = sys.argv[1:] if argv is None else argv
-    parser = argparse.ArgumentParser(prog="agentd", description="BDI agents in the Jason dialect of AgentSpeak.")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    what = "BDI agents in the Jason dialect of AgentSpeak."
+    parser = argparse.ArgumentParser(prog="agentd", description=what, formatter_class=Help)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", prog=parser.prog)
     chosen = arguments[0] if arguments else ""
     for name, (module, help_text) in _COMMANDS.items():
-        command = commands.add_parser(name, help=help_text, description=help_text)
+        command = commands.add_parser(name, help=help_text, description=help_text, formatter_class=Help)
         if name == chosen:
             importlib.import_module(module).add_arguments(command)
     check_command(parser, arguments, _COMMANDS)

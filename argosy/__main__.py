@@ -8,10 +8,9 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from importlib.metadata import version
 from typing import NoReturn
 
-from commd.command_line import check_command
+from commd.command_line import Help, check_command
 
 EXIT_FAILED, EXIT_BAD_USAGE, EXIT_INTERRUPTED = 1, 2, 130
 LETTING_GO = 2.5
@@ -94,10 +93,13 @@ def _run(given: list[str]) -> int:
         return keys(given[1:])
     if given and given[0] in COMMANDS:  # only what is asked for is imported
         name, text = given[0], COMMANDS[given[0]]
-        command = argparse.ArgumentParser(prog=f"argosy {name}", description=f"{text[0].upper()}{text[1:]}.")
+        about = f"{text[0].upper()}{text[1:]}."
+        command = argparse.ArgumentParser(prog=f"argosy {name}", description=about, formatter_class=Help)
         add_arguments, run = _load(name)
         add_arguments(command)
         return run(command.parse_intermixed_args(given[1:]))  # options may stand anywhere: an emergency has no order
+    from importlib.metadata import version  # daemons do without: it is larger than some of them
+
     parser = argparse.ArgumentParser(
         prog="argosy",
         description="Runs, checks and stops missions: teams of robots with BDI agents.",

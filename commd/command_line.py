@@ -1,9 +1,29 @@
-"""Commands that are misspelt on a command line: what was meant is told."""
+"""Command lines of daemons: a command that is misspelt is told what was meant, and help imports next to nothing."""
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
+import os
+import sys
+from argparse import ArgumentParser, HelpFormatter
 from collections.abc import Iterable, Sequence
+
+
+class Help(HelpFormatter):
+    """Help as wide as the terminal; that of argparse is made for each argument, and imports `shutil` for the width."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, width=_columns() - 2)
+
+
+def _columns() -> int:
+    try:
+        return int(os.environ.get("COLUMNS", "")) or 80
+    except ValueError:
+        pass
+    try:
+        return os.get_terminal_size(sys.__stdout__.fileno()).columns or 80  # type: ignore[union-attr]
+    except (AttributeError, ValueError, OSError):
+        return 80
 
 
 def check_command(parser: ArgumentParser, arguments: Sequence[str], commands: Iterable[str]) -> None:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
-import sysconfig
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 
 _OURS = str(Path(__file__).resolve().parents[1])
 _PACKAGES = ("schemas", "commd", "bridged", "agentd", "argosy")
-_LIBRARY = sysconfig.get_path("stdlib")
+_LIBRARY = str(Path(os.__file__).resolve().parent)
 
 
 def tell_when_aborted(tell: Callable[[str], None]) -> None:

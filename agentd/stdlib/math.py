@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import statistics
 from collections.abc import Callable
 from typing import Any
 
@@ -147,7 +146,10 @@ def median(mind: Any, items: Any) -> Any:
     numbers, members = _numbers(items), proper(items)
     if numbers is None or members is None or len(numbers) != len(members):
         return None
-    return float(statistics.median(numbers)) if numbers else None
+    if not numbers:
+        return None
+    ranked, middle = sorted(numbers), len(numbers) // 2
+    return ranked[middle] if len(ranked) % 2 else (ranked[middle - 1] + ranked[middle]) / 2
 
 
 @function("math.std_dev", 1)
