@@ -13,7 +13,6 @@ from importlib import import_module
 from typing import Any
 
 from commd.client import join
-from schemas.mission import load_mission
 
 PATIENCE = 60.0
 """Wall seconds without `commd` or router after which a program gives up."""
@@ -21,15 +20,14 @@ PATIENCE = 60.0
 
 async def live(program: str, file: str, name: str, router: str, *settings: str) -> int:
     """Run a program to its end. Returns its exit code; those that serve a team have none."""
-    mission = load_mission(file)
     values: dict[str, Any] = {}
     for setting in settings:
         key, _, value = setting.partition("=")
         values[key] = json.loads(value)
     run = import_module(f"benchmarks.imperative.{program}").run
-    async with join(name, mission=mission, router=router, patience=PATIENCE) as me:
+    async with join(name, mission=file, router=router, patience=PATIENCE) as me:
         print(name, "up")
-        return 0 if await run(me, mission.speed, **values) else 1
+        return 0 if await run(me, **values) else 1
 
 
 if __name__ == "__main__":

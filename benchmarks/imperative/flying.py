@@ -4,9 +4,9 @@ Nothing is tried again here: a step that fails raises, and the program decides a
 """
 
 import asyncio
-from collections import defaultdict
 from math import cos, hypot, radians
 
+from commd.client import Unanswered
 from schemas.terms import Structure
 
 METRES_PER_DEGREE = 111320
@@ -22,10 +22,8 @@ def metres(here, there):
 
 
 class Flyer:
-    def __init__(self, me, speed, height):
-        self.me, self.speed, self.height = me, speed, height
-        self.seen = me.percepts()
-        self.answers = defaultdict(asyncio.Future)
+    def __init__(self, me, height):
+        self.me, self.seen, self.height = me, me.percepts(), height
         self.news = asyncio.Event()
 
     # What is perceived.
@@ -49,10 +47,7 @@ class Flyer:
 
     async def until(self, condition, seconds):
         """Wait for what is perceived, some seconds of the mission at most."""
-        return await self.seen.until(lambda _: condition(), seconds / self.speed)
-
-    async def pause(self, seconds):
-        await asyncio.sleep(seconds / self.speed)
+        return await self.seen.until(lambda _: condition(), self.me.wall(seconds))
 
     # What is done.
 
@@ -82,23 +77,16 @@ class Flyer:
 
     async def ask(self, receiver, functor, victim, seconds):
         """Ask somebody something about a victim; None if there is no answer in time."""
-        question = await self.me.send(receiver, "askOne", Structure(functor, (victim,)))
         try:
-            async with asyncio.timeout(seconds / self.speed):
-                return await self.answers[question.id]
-        except TimeoutError:
+            return await self.me.ask(receiver, Structure(functor, (victim,)), patience=self.me.wall(seconds))
+        except Unanswered:
             return None
-        finally:
-            del self.answers[question.id]
 
     async def listen(self):
         """Handle one message after the other: what `heard` does for one is never interrupted by another."""
         async for message in self.me.messages():
-            if message.in_reply_to:
-                self.answers[message.in_reply_to].set_result(message.content)
-            else:
-                fact = message.content
-                answer = await self.heard(message.sender, message.performative, fact.functor, *fact.args)
-                if message.performative == "askOne":
-                    await self.me.send(message.sender, "tell", answer, in_reply_to=message.id)
+            fact = message.content
+            answer = await self.heard(message.sender, message.performative, fact.functor, *fact.args)
+            if message.performative == "askOne":
+                await self.me.send(message.sender, "tell", answer, in_reply_to=message.id)
             self.news.set()

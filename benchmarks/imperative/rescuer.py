@@ -12,8 +12,8 @@ from commd.client import NotSent
 
 
 class Rescuer(Flyer):
-    def __init__(self, me, speed, height, scout, peers):
-        super().__init__(me, speed, height)
+    def __init__(self, me, height, scout, peers):
+        super().__init__(me, height)
         self.scout, self.peers = scout, peers
         self.victims, self.held, self.rescued = {}, {}, set()
         self.mine = self.rescuing = None
@@ -58,7 +58,7 @@ class Rescuer(Flyer):
                 await self.step()
             except (Failed, NotSent) as why:
                 print("again, for", why)
-                await self.pause(3)
+                await self.me.sleep(3)
 
     async def step(self):
         if not self.perceives():
@@ -106,13 +106,13 @@ class Rescuer(Flyer):
             answers = await asyncio.gather(*(self.ask(peer, "bid", victim, 10) for peer in self.peers))
             if min([mine, *filter(None, answers)]) == mine:
                 return await self.claim(victim)
-        return await self.pause(3)
+        return await self.me.sleep(3)
 
     async def claim(self, victim):
         if await self.ask(self.scout, "claim", victim, 10):
             self.go_for(victim)
         else:
-            await self.pause(1)
+            await self.me.sleep(1)
 
     def go_for(self, victim):
         print("I go for", victim)
@@ -157,6 +157,6 @@ class Rescuer(Flyer):
                 return self.bid(victim) if victim in self.open() else False
 
 
-async def run(me, speed, **values):
-    rescuer = Rescuer(me, speed, **values)
+async def run(me, **values):
+    rescuer = Rescuer(me, **values)
     await asyncio.gather(rescuer.serve(), rescuer.listen())

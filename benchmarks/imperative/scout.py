@@ -23,8 +23,8 @@ class Promise:
 
 
 class Scout(Flyer):
-    def __init__(self, me, speed, area, lane_width, height, rescuers, patience, lease, lost):
-        super().__init__(me, speed, height)
+    def __init__(self, me, area, lane_width, height, rescuers, patience, lease, lost):
+        super().__init__(me, height)
         self.area, self.lane_width, self.rescuers = area, lane_width, rescuers
         self.patience, self.lease, self.lost = patience, lease, lost
         self.found, self.rescued, self.book = set(), set(), {}
@@ -57,7 +57,7 @@ class Scout(Flyer):
                 return await step(*arguments)
             except Failed as why:
                 print("again, for", why)
-                await self.pause(3)
+                await self.me.sleep(3)
 
     async def fly_lane(self, lane, latitude, begin, end):
         print("lane", lane)
@@ -114,23 +114,22 @@ class Scout(Flyer):
 
     async def expire(self, victim, promise):
         """A victim is stranded by nobody: a promise ends with its time, or when the rescuer is away for too long."""
-        time = asyncio.get_running_loop().time
-        begun = there = time()
-        while time() - begun < self.lease / self.speed and time() - there < self.patience / self.speed:
-            await self.pause(5)
+        held = away = 0
+        while held < self.lease and away < self.patience:
+            await self.me.sleep(5)
             if self.book.get(victim) is not promise:
                 return
-            if await self.me.there(promise.rescuer):
-                there = time()
+            held += 5
+            away = 0 if await self.me.there(promise.rescuer) else away + 5
         if promise.cleared:  # whether it dropped its buoy nobody will ever know: two buoys are better than none
-            await self.pause(self.lost)
+            await self.me.sleep(self.lost)
         if self.book.get(victim) is promise:
             print(victim, "is free again:", promise.rescuer, "is lost" if promise.cleared else "is late")
             await self.take_back(victim)
 
 
-async def run(me, speed, **values):
-    scout = Scout(me, speed, **values)
+async def run(me, **values):
+    scout = Scout(me, **values)
     async with asyncio.TaskGroup() as scout.tasks:
         for work in scout.search, scout.look, scout.listen:
             scout.tasks.create_task(work())

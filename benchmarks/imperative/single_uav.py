@@ -10,8 +10,8 @@ class Failed(Exception):
 
 
 class Uav:
-    def __init__(self, me, speed):
-        self.me, self.speed, self.seen = me, speed, me.percepts()
+    def __init__(self, me):
+        self.me, self.seen = me, me.percepts()
 
     async def fly_mission(self, takeoff_altitude, waypoint):
         try:
@@ -61,9 +61,9 @@ class Uav:
 
     async def until(self, condition, seconds):
         """Wait for what is perceived, some seconds of the mission at most."""
-        if not await self.seen.until(lambda _: condition(), seconds / self.speed):
+        if not await self.seen.until(lambda _: condition(), self.me.wall(seconds)):
             raise Failed(f"nothing was heard of the vehicle for {seconds} s")
 
 
-async def run(me, speed, takeoff_altitude, waypoint):
-    return await Uav(me, speed).fly_mission(takeoff_altitude, waypoint)
+async def run(me, takeoff_altitude, waypoint):
+    return await Uav(me).fly_mission(takeoff_altitude, waypoint)

@@ -19,6 +19,7 @@ from benchmarks.imperative.rescuer import Rescuer
 from benchmarks.imperative.scout import Scout
 from benchmarks.results import ROOT
 from benchmarks.watched import Watched
+from commd.client import Unanswered
 from schemas.mission import load_mission
 from schemas.records import ActionStatus
 from schemas.terms import Structure, Term
@@ -96,14 +97,13 @@ def test_beliefs_of_agents_become_settings_of_programs(tmp_path: Path) -> None:
 class Pretended:
     """A team: what is sent is kept, questions are answered as told, actions do what they say, percepts are put."""
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    def __init__(self, name: str, speed: float) -> None:
+        self.name, self.speed = name, speed
         self.sent: list[tuple[str, str, Term]] = []
         self.did: list[str] = []
         self.away: set[str] = set()
         self.answers: dict[tuple[str, str], Any] = {}
         """What somebody answers to a question of a kind; nothing if it stands not here."""
-        self.agent: Any = None
         self.seen: dict[str, list[tuple[Any, ...]]] = defaultdict(list)
         self.seen["state"], self.seen["altitude"], self.seen["latch"] = [("STABILIZE", True, False)], [(0.0,)], [(0,)]
         self.seen["global_pos"] = self.seen["home_pos"] = [(-27.604, -48.518)]
@@ -122,12 +122,21 @@ class Pretended:
     async def there(self, name: str) -> bool:
         return name not in self.away
 
-    async def send(self, receiver: str, performative: str, content: Any, in_reply_to: str = "") -> Any:
+    def wall(self, seconds: float) -> float:
+        return seconds / self.speed
+
+    async def sleep(self, seconds: float) -> None:
+        await asyncio.sleep(seconds / self.speed)
+
+    async def send(self, receiver: str, performative: str, content: Any) -> None:
         self.sent.append((receiver, performative, content))
-        if performative == "askOne" and (receiver, content.functor) in self.answers:
-            answer = self.answers[receiver, content.functor]
-            self.agent.answers[str(len(self.sent))].set_result(answer)
-        return type("Sent", (), {"id": str(len(self.sent))})
+
+    async def ask(self, receiver: str, content: Any, patience: float) -> Any:
+        self.sent.append((receiver, "askOne", content))
+        await asyncio.sleep(0)
+        if (receiver, content.functor) not in self.answers:
+            raise Unanswered
+        return self.answers[receiver, content.functor]
 
     async def perform(self, action: str, *parameters: Any) -> ActionStatus:
         self.did.append(action)
@@ -170,12 +179,10 @@ class TheScout:
     """A scout that has found the victims 7 and 8, and its book."""
 
     def __init__(self, speed: float = AT_ONCE) -> None:
-        self.me = Pretended("scout")
+        self.me = Pretended("scout", speed)
         area = (-27.603853, -48.519300, -27.602955, -48.517300)
         names = ("one", "two")
-        self.scout = Scout(
-            self.me, speed, area, lane_width=25, height=20, rescuers=names, patience=60, lease=300, lost=1200
-        )
+        self.scout = Scout(self.me, area, lane_width=25, height=20, rescuers=names, patience=60, lease=300, lost=1200)
         self.scout.found |= {7, 8}
 
     async def claims(self, rescuer: str, victim: int) -> bool:
@@ -272,18 +279,17 @@ NEAR, FAR = (-27.6038, -48.518), (-27.6030, -48.518)
 @pytest.fixture
 def rescuer() -> Any:
     """A rescuer that knows of two victims, 1 near and 2 far, a scout that says yes and a peer that is busy."""
-    me = Pretended("one")
-    me.agent = Rescuer(me, AT_ONCE, height=10, scout="scout", peers=["two"])
+    me = Pretended("one", AT_ONCE)
     me.answers = {("scout", "claim"): True, ("scout", "may_drop"): True, ("two", "bid"): False}
-    me.agent.victims = {1: NEAR, 2: FAR}
-    return me.agent
+    made = Rescuer(me, height=10, scout="scout", peers=["two"])
+    made.victims = {1: NEAR, 2: FAR}
+    return made
 
 
 def served(rescuer: Any, condition: Callable[[], bool], meanwhile: Callable[[], Any] = lambda: None) -> None:
     """Let a rescuer serve until a condition holds."""
 
     async def body() -> None:
-        rescuer.answers = defaultdict(asyncio.Future)
         serving = asyncio.create_task(rescuer.serve())
         await asyncio.sleep(0)
         if (more := meanwhile()) is not None:
