@@ -149,7 +149,8 @@ def picture(figures: Figures, limits: dict[str, float]) -> str:
         left.bar(["the paper's,\nin Jason"], [peers.JASON_BOARD[0] * 1.048576], color=plots.COLOURS["paper"], width=0.5)
         for title, limit in limits.items():
             left.axhline(limit, color="black", lw=0.8, ls="--")
-            left.annotate(f"{title} has {limit:.0f}", (-0.4, limit), va="bottom", fontsize=8)
+            where = left.get_yaxis_transform()
+            left.text(0.02, limit, f"left by a {title}: {limit:.0f}", va="bottom", fontsize=8, transform=where)
         left.set_ylabel("MB held by the board")
         left.set_ylim(0, max(limits.values()) * 1.1)
         for form, colour in zip(forms, COLOURS, strict=True):

@@ -1,0 +1,148 @@
+"""Limits are kept, a mission is flown within them or fails for a reason, and the page says which."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import pytest
+
+from benchmarks import limits, small_boards, small_boards_page
+from benchmarks.limits import Cage, Limits, caged
+from benchmarks.processes import BenchmarkFailed
+from benchmarks.small_boards import FORMS, ONE, THREE, Figures, Flown
+
+BURN = "import time; e = time.monotonic() + 1\nwhile time.monotonic() < e: pass\nprint(time.process_time())"
+EAT = "found = [bytearray(1_000_000) for _ in range(60)]; import time; time.sleep(0.6); print('eaten')"
+
+
+@pytest.fixture(params=["the kernel", "a watcher"])
+def by(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Both ways in which limits are kept; the first only where control groups can be made."""
+    if request.param == "a watcher":
+        monkeypatch.setattr(limits.ControlGroup, "made", classmethod(lambda cls: None))
+    else:
+        probe = limits.ControlGroup.made()
+        if probe is None:
+            pytest.skip("no control group can be made here")
+        probe.remove()
+    return str(request.param)
+
+
+def _run(cage: Cage, program: str, times: int = 1) -> list[tuple[int, str]]:
+    command = cage.command
+    running = [
+        subprocess.Popen(command([sys.executable, "-c", program]), stdout=subprocess.PIPE, text=True)
+        for _ in range(times)
+    ]
+    return [(process.wait(60), process.communicate(timeout=60)[0].strip()) for process in running]
+
+
+def test_processes_get_no_more_than_their_share_of_a_core(by: str) -> None:
+    with caged(Limits(share=0.2)) as cage:
+        begun = time.monotonic()
+        spent = sum(float(text) for _, text in _run(cage, BURN, 2))
+        passed = time.monotonic() - begun
+        assert 0 < spent < 0.2 * passed + 0.3, "the bound has room for the beginning, before a first look"
+        assert cage.usage().throttled > 0
+
+
+def test_a_process_of_a_board_of_several_cores_gets_one_of_them(by: str) -> None:
+    with caged(Limits(share=0.2, cores=4)) as cage:
+        begun = time.monotonic()
+        ((_, text),) = _run(cage, BURN)
+        assert 0 < float(text) < 0.2 * (time.monotonic() - begun) + 0.3
+
+
+def test_who_holds_too_much_is_killed_and_counted_and_who_does_not_is_left_alone(by: str) -> None:
+    with caged(Limits(memory=30)) as cage:
+        assert _run(cage, EAT) == [(-9, "")]
+        assert cage.usage().killed == 1
+    with caged(Limits(memory=300)) as cage:
+        assert _run(cage, EAT) == [(0, "eaten")]
+        usage = cage.usage()
+        assert usage.killed == 0
+        assert 60 < usage.peak < 300
+
+
+def test_nothing_is_left_of_a_cage(by: str) -> None:
+    def groups() -> list[str]:
+        return [
+            str(found)
+            for _, memory, _ in limits._places()
+            if memory.is_dir()
+            for found in memory.glob("argosy-bench-*")
+        ]
+
+    before = groups()
+    with caged(Limits(share=0.5, cores=2)) as cage:
+        assert _run(cage, "print(1)", 2) == [(0, "1")] * 2
+    assert set(groups()) <= set(before)
+
+
+def test_the_mission_is_flown_within_limits_that_it_does_not_reach() -> None:
+    flown = small_boards.fly("a board", ONE, Limits(memory=500), 8.0)
+    assert (flown.completed, flown.why) == (True, "")
+    assert 30 < flown.held < 500
+    assert flown.ready > 0
+    assert flown.mission > 5  # 89 s of it in simulated time
+    assert flown.cpu > 1
+
+
+def test_a_board_without_enough_memory_is_said_to_be_out_of_it() -> None:
+    flown = small_boards.fly("a board", THREE, Limits(memory=20), 8.0)
+    assert (flown.completed, flown.why) == (False, "out of memory")
+    assert flown.charged == pytest.approx(20, rel=0.2)
+
+
+def test_a_board_is_given_its_share_of_a_core_and_what_its_system_leaves() -> None:
+    assert small_boards.BEAGLEBONE.limits == Limits(384, 0.05, 1)
+    assert small_boards.PI_3.limits == Limits(896, 0.069, 4)
+
+
+def _figures() -> Figures:
+    def flown(board: str, form: str, memory: float | None = None, share: float | None = None) -> Flown:
+        return Flown(board, form, memory, share, 1, "a test", True, "", 5.0, 90.0, 70.0, 25.0, 3.0, 1.0, 0.1, 0)
+
+    shares = [flown("", form, None, share) for form in FORMS for share in (0.04, 0.02, 0.01)]
+    memory = [flown("", form, part) for form in FORMS for part in (100.0, 90.0)]
+    shares[1] = replace(shares[1], completed=False, why="it fell down")
+    memory[3] = replace(memory[3], completed=False, why="out of memory")
+    boards = [flown(board.title, form, 359.0, board.share) for board in small_boards.BOARDS for form in FORMS]
+    return Figures([flown("no limits", form) for form in FORMS], boards, shares, memory)
+
+
+def test_the_least_is_that_above_which_nothing_failed() -> None:
+    figures = _figures()
+    assert small_boards_page.smallest_share(figures, THREE) == 0.04, "1 % was enough, but 2 % was not"
+    assert small_boards_page.smallest_share(figures, ONE) == 0.01
+    assert small_boards_page.smallest_memory(figures, THREE) == 115.0
+    assert small_boards_page.smallest_memory(figures, ONE) == 125.0
+    assert "three daemons with 4.0% of one core of this machine, and 115 MB" in small_boards_page.least(figures)
+
+
+def test_a_flight_that_failed_on_a_board_is_a_goal_that_is_missed() -> None:
+    figures = _figures()
+    assert [goal.met for goal in small_boards.goals(figures)] == [True, True]
+    figures.boards[1] = replace(figures.boards[1], completed=False, why="out of memory")
+    first, second = small_boards.goals(figures)
+    assert (first.met, second.met) == (False, True)
+    assert first.found == "three daemons: completed, 95 MB; `argosy board`: out of memory"
+    assert "| not completed |" in small_boards.in_short(figures)[0]
+
+
+def test_the_picture_shows_both_boards() -> None:
+    svg = small_boards.pictures(_figures())["small-boards"]
+    assert "BeagleBone Black" in svg
+    assert "Raspberry Pi 3" in svg
+
+
+def test_without_limits_the_mission_has_to_be_flown(monkeypatch: pytest.MonkeyPatch) -> None:
+    def lost(board: str, form: str, given: Limits, speed: float) -> Flown:
+        return Flown(board, form, None, None, 1, "a test", why="no router")
+
+    monkeypatch.setattr(small_boards, "fly", lost)
+    with pytest.raises(BenchmarkFailed, match="without limits: no router"):
+        small_boards.measure(True)
