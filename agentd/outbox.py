@@ -11,7 +11,8 @@ import logging
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Sequence
 from contextlib import aclosing
-from typing import Any, NamedTuple, cast
+from typing import Any, Final, NamedTuple, cast
+from weakref import WeakKeyDictionary
 
 import msgspec
 
@@ -37,6 +38,10 @@ RETRY_FIRST, RETRY_MOST = 0.1, 2.0
 """Wall seconds between two attempts to hand over mail, doubling."""
 ANSWER_TIMEOUT = 8.0
 """Wall seconds that commd has to put a batch on its disk."""
+AT_ONCE: Final = 48
+"""Batches of all agents of a process that are on their way to commd at the same time; the others wait for their turn.
+commd serves 256 queries at a time and turns further ones away: were a thousand agents to ask at once, they would spend
+their time asking again."""
 
 
 class Unsendable(ValueError):
@@ -84,6 +89,7 @@ class Outbox:
         self._empty.set()
         self._news = asyncio.Event()
         self._again = asyncio.Event()
+        self._turn = _turns.setdefault(bus, asyncio.Semaphore(AT_ONCE))
         self._task = asyncio.get_running_loop().create_task(self._hand_out())
 
     def __len__(self) -> int:
@@ -201,7 +207,8 @@ class Outbox:
                 await wait_at_most(self._news, wait)
                 continue
             self._again.clear()
-            receipt = await self._ask(batch)
+            async with self._turn:
+                receipt = await self._ask(batch)
             if isinstance(receipt, Receipt):
                 pause = RETRY_FIRST
                 self._settle(batch, receipt)
@@ -286,6 +293,10 @@ class Outbox:
             del self._room[receiver]
         self._bytes -= one.size
         self.gone.append(one.place)
+
+
+_turns: Final[WeakKeyDictionary[Bus, asyncio.Semaphore]] = WeakKeyDictionary()
+"""Of each session, what the agents on it share."""
 
 
 def encoded(content: Term, wire: Wire) -> msgspec.Raw:

@@ -16,6 +16,8 @@ PATIENCE = 5.0
 """Wall seconds in which the directory answers, or a request has failed. A router that restarts takes less."""
 AGAIN = 0.2
 """Wall seconds between two attempts."""
+AT_ONCE = 16
+"""Requests of this daemon on their way at the same time; commd turns away what comes beyond 256."""
 Do: TypeAlias = Literal["join", "leave", "register", "deregister", "search", "subscribe"]
 
 
@@ -36,13 +38,14 @@ class Services:
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
         self._order: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
+        self._turn = asyncio.Semaphore(AT_ONCE)
 
     async def ask(self, board: str, agent: str, do: Do, service: str = "") -> BoardServices:
         """Have something done. Raises NotDone."""
         request = ServiceRequest(agent=agent, do=do, service=service)
         loop = asyncio.get_running_loop()
-        until = loop.time() + PATIENCE
-        async with self._order[agent]:  # what it waits for here is bounded in the same way
+        async with self._order[agent], self._turn:  # what it waits for here is bounded in the same way
+            until = loop.time() + PATIENCE
             answer, why = None, ""
             while answer is None and (left := until - loop.time()) > 0:
                 answer, why = await self._ask(board, request, left)
