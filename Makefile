@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
 
-.PHONY: fly rescue test index soak faults field attacks bench bench-bridge bench-mail bench-board bench-looking bench-page docs reference lint types contracts format check-python byte-code clean
+.PHONY: fly rescue test index soak faults field attacks bench docs reference lint types contracts format check-python byte-code clean
 
 fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
@@ -38,23 +38,8 @@ attacks: $(VENV)/test.stamp  ## try every attack of the table on a secured fleet
 field: $(VENV)/test.stamp  ## let daemons fail in flight, half an hour; writes docs/field.md
 	$(BIN)/python -m tests.field $(ARGS)
 
-bench: $(VENV)/bench.stamp byte-code  ## measure everything, about an hour on a quiet machine; writes docs/benchmarks.md and each figure of the pages
+bench: $(VENV)/bench.stamp byte-code  ## measure everything, about an hour on a quiet machine, or some parts: make bench ARGS="bridge mail"; writes each figure of the pages
 	@$(BIN)/python -m benchmarks $(ARGS)
-
-bench-bridge: $(VENV)/test.stamp  ## what a bridge of three vehicles costs, 90 s; writes docs/bridge.md
-	$(BIN)/python -m benchmarks.bridge --out docs/bridge.md $(ARGS)
-
-bench-mail: $(VENV)/test.stamp  ## what mail costs: throughput, latency, backlog, memory, 4 minutes; writes docs/mail-figures.md
-	$(BIN)/python -m benchmarks.mail --out docs/mail-figures.md $(ARGS)
-
-bench-board: $(VENV)/test.stamp  ## what one board needs: three daemons beside one process, 2 minutes; writes docs/board.md
-	$(BIN)/python -m benchmarks.board --out docs/board.md $(ARGS)
-
-bench-looking: $(VENV)/test.stamp  ## what it costs agents that somebody looks on, 15 minutes on a quiet machine; writes docs/looking.md
-	$(BIN)/python -m benchmarks.looking --out docs/looking.md $(ARGS)
-
-bench-page: $(VENV)/test.stamp  ## what the page of argosy ui costs, 3 minutes; writes the figures of docs/ui.md
-	$(BIN)/python -m benchmarks.page --out docs/ui.md $(ARGS)
 
 docs: $(VENV)/docs.stamp  ## the pages as a site in site/; a link that leads nowhere fails it (--quiet would hide it from --strict)
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --site-dir site

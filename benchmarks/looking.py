@@ -1,51 +1,39 @@
-"""What it costs an agent that somebody looks at it; writes the figures of docs/looking.md.
+"""What it costs agents that somebody looks at them.
 
-Stretches with somebody who looks on stand between stretches with nobody, in one run of one daemon: a ratio is that of a
-stretch to the mean of its two neighbours. A busy agent reasons without a pause; its throughput is counted in cycles,
-per second of processor time of its daemon (which other work on the machine hardly changes) and per second. Three agents
-of ordinary vehicles mostly sleep: there it is the processor time itself that counts.
+Three measurements: what one look takes of the processor time of a daemon (`benchmarks.bursts`), from which follows
+what an agent loses that reasons without a pause; that agent end to end, with somebody who looks on in turns; and three
+agents of ordinary vehicles, which mostly sleep.
 """
 
 from __future__ import annotations
 
-import argparse
 import asyncio
-import os
-import platform
 import statistics
-import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
-from datetime import UTC, datetime
-from importlib.metadata import version
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from agentd.look import Look
-from agentd.viewer import SHOWN_AGAIN
-from benchmarks.one_look import one_look
-from benchmarks.onlookers import FLEET, NOBODY, ONLOOKERS, Onlooker, Stretch, stretch
-from benchmarks.processes import BenchmarkFailed
+from benchmarks import bursts
+from benchmarks.looking_page import Figures, Share, blocks, goals, pictures
+from benchmarks.onlookers import CONTROL, FLEET, LISTENERS, LOOKS, NOBODY, ONLOOKERS, RATE, Onlooker, Stretch, stretch
+from benchmarks.paired import Interval, interval
+from benchmarks.parts import tell
 from benchmarks.traffic import Talker, talk
-from benchmarks.watched import watched
+from benchmarks.watched import Watched, watched
 from tests.support.ports import free_port
 
-GOAL: Final = 2.0
-"""Per cent of a busy agent's throughput that a look at it may take."""
+__all__ = ["Figures", "blocks", "goals", "measure", "pictures"]
+
 SETTLE: Final = 1.2
 """Wall seconds before a stretch: who looks on has joined, who looked on before is gone."""
-VIEWS: Final = ("run", "watch", "ui")
-"""For these the goal holds."""
-BEGIN, END = "<!-- figures -->", "<!-- end of figures -->"
-
 _BUSY: Final = """\
 n(0). limit(1000000000).
 !work(0).
 +!work(N) : limit(L) & N < L <- -+n(N); +seen(N mod 300); !leg(N); !!work(N + 1).
-+!leg(N) : N mod 1000 == 0 <- .print("leg ", N).
 +!leg(N) : n(N) <- -seen((N + 150) mod 300).
 """
 _ORDINARY: Final = """\
@@ -58,46 +46,74 @@ _ORDINARY: Final = """\
 """
 
 
-@dataclass
-class Figures:
-    """What was measured of one onlooker: a value per stretch, and that of its neighbours with nobody."""
+@dataclass(frozen=True)
+class Times:
+    """How often and how long each thing is measured."""
 
-    onlooker: Onlooker
-    pairs: list[tuple[Stretch, tuple[Stretch, Stretch]]] = field(default_factory=list)
-
-    def cost(self, of: Callable[[Stretch], float]) -> list[float]:
-        """How many per cent less there was than with nobody, per stretch."""
-        return [100 * (1 - of(one) / statistics.mean(map(of, neighbours))) for one, neighbours in self.pairs]
-
-    def looks(self) -> str:
-        """What the onlooker got, in words."""
-        wall = sum(one.lasted for one, _ in self.pairs)
-        got = sum((one.got for one, _ in self.pairs), start=type(self.pairs[0][0].got)())
-        if got["errors"]:
-            raise BenchmarkFailed(f"{got['errors']} looks of {self.onlooker.key} were not answered")
-        return ", ".join(f"{count / wall:.1f} {what}/s" for what, count in sorted(got.items())) or "nothing"
+    looks: int
+    """Bursts with each who looks."""
+    hearings: int
+    """Bursts with each who listens."""
+    rounds: int
+    """Stretches of the agent that never rests, with somebody and without."""
+    ordinary: int
+    """Stretches of ordinary agents with each onlooker."""
+    seconds: float
+    """Wall seconds of a stretch."""
 
 
-def measured(endpoint: str, agents: list[str], rounds: int, seconds: float) -> list[Figures]:
+FULL: Final = Times(looks=150, hearings=60, rounds=10, ordinary=3, seconds=2.6)
+QUICK: Final = Times(looks=3, hearings=2, rounds=1, ordinary=1, seconds=2.2)
+
+
+def measure(quick: bool) -> Figures:
+    """Measure all three. Raises BenchmarkFailed."""
+    times = QUICK if quick else FULL
+    tell("what one look takes")
+    with daemons("agents:\n  busy: {program: looking.asl}\ninject: true", bursts.PROGRAM) as (endpoint, agentd):
+        found = asyncio.run(bursts.costs(endpoint, agentd, (*LOOKS, CONTROL), times.looks, bursts.PAUSE))
+        found += asyncio.run(bursts.costs(endpoint, agentd, LISTENERS, times.hearings, bursts.HEARING))
+    tell("an agent that never rests")
+    with daemons("agents:\n  busy: {program: looking.asl}", _BUSY) as (endpoint, _):
+        watch, control = _in_turns(endpoint, ["busy"], [LOOKS[1], CONTROL], times.rounds, times.seconds)
+    lost = [_lost(pairs, lambda one: one.cycles / one.cpu) for pairs in (watch, control)]
+    tell("three agents of vehicles")
+    shares = _ordinary(ONLOOKERS[:1] if quick else ONLOOKERS, times.ordinary, times.seconds)
+    return Figures(times.rounds, times.ordinary, times.seconds, RATE, found, lost[0], lost[1], *shares)
+
+
+Pairs = list[tuple[Stretch, tuple[Stretch, Stretch]]]
+"""Stretches with somebody, each with its neighbours with nobody."""
+
+
+def _in_turns(
+    endpoint: str, agents: list[str], onlookers: Sequence[Onlooker], rounds: int, seconds: float
+) -> list[Pairs]:
     """Let each onlooker look on in turn, with nobody in between."""
-    found = [Figures(onlooker) for onlooker in ONLOOKERS]
+    found: list[Pairs] = [[] for _ in onlookers]
 
     async def all_of_them() -> None:
         before = await stretch(endpoint, agents, NOBODY, SETTLE, seconds)
         for number in range(rounds):
-            for figures in found if number % 2 == 0 else reversed(found):
-                one = await stretch(endpoint, agents, figures.onlooker, SETTLE, seconds)
+            order = list(zip(onlookers, found, strict=True))
+            for onlooker, pairs in order if number % 2 == 0 else reversed(order):
+                one = await stretch(endpoint, agents, onlooker, SETTLE, seconds)
                 after = await stretch(endpoint, agents, NOBODY, SETTLE, seconds)
-                figures.pairs.append((one, (before, after)))
+                pairs.append((one, (before, after)))
                 before = after
 
     asyncio.run(all_of_them())
     return found
 
 
+def _lost(pairs: Pairs, of: Callable[[Stretch], float]) -> Interval:
+    """How many per cent less there was than with nobody."""
+    return interval([100 * (1 - of(one) / statistics.mean(map(of, neighbours))) for one, neighbours in pairs])
+
+
 @contextmanager
-def daemons(mission: str, program: str, *more: str) -> Iterator[str]:
-    """Run a router, agents and more daemons of a mission; yields the endpoint. Raises BenchmarkFailed."""
+def daemons(mission: str, program: str, *more: str) -> Iterator[tuple[str, Watched]]:
+    """Run a router, agents and more daemons of a mission; yields the endpoint and agentd. Raises BenchmarkFailed."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         endpoint = f"tcp/127.0.0.1:{free_port()}"
@@ -108,117 +124,37 @@ def daemons(mission: str, program: str, *more: str) -> Iterator[str]:
         stack.enter_context(watched("commd", "-m", "commd", "serve", str(file))).says("commd")
         for name in more:
             stack.enter_context(watched(name, "-m", name, "serve", str(file), *state)).says("serving")
-        stack.enter_context(watched("agentd", "-m", "agentd", "serve", str(file), *state)).says("agents=")
-        yield endpoint
+        agentd = stack.enter_context(watched("agentd", "-m", "agentd", "serve", str(file), *state))
+        agentd.says("agents=")
+        yield endpoint, agentd
 
 
-def busy(rounds: int, seconds: float) -> list[Figures]:
-    """One agent that reasons without a pause."""
-    with daemons("agents:\n  busy: {program: looking.asl}", _BUSY) as endpoint:
-        return measured(endpoint, ["busy"], rounds, seconds)
-
-
-def ordinary(rounds: int, seconds: float) -> list[Figures]:
-    """Three agents of three vehicles in flight."""
+def _ordinary(onlookers: Sequence[Onlooker], rounds: int, seconds: float) -> tuple[float, list[Share]]:
+    """Three agents of three vehicles in flight: what their daemon uses with nobody, and with each onlooker."""
     port, numbers = free_port(), (1, 2, 3)
     agents = "\n".join(f"  agent{n}: {{program: looking.asl, robot: uav{n}}}" for n in numbers)
     link = f"link: 'udpin:127.0.0.1:{port}'"
     robots = "\n".join(f"  uav{n}: {{manifest: arducopter, {link}, sysid: {n}}}" for n in numbers)
-    with daemons(f"agents:\n{agents}\nrobots:\n{robots}", _ORDINARY, "bridged") as endpoint:
+    with daemons(f"agents:\n{agents}\nrobots:\n{robots}", _ORDINARY, "bridged") as (endpoint, _):
         talkers = [Talker(n, ("127.0.0.1", port)) for n in numbers]
-        lasts = (2 * rounds * len(ONLOOKERS) + 1) * (seconds + SETTLE + 1.0) + 30
+        lasts = (2 * rounds * len(onlookers) + 1) * (seconds + SETTLE + 1.0) + 30
         threading.Thread(target=talk, args=(talkers, lasts, 0.0, lambda: None), daemon=True).start()
         asyncio.run(stretch(endpoint, ["agent1"], NOBODY, 5.0, 2.5))
-        return measured(endpoint, [f"agent{n}" for n in numbers], rounds, seconds)
+        found = _in_turns(endpoint, [f"agent{n}" for n in numbers], onlookers, rounds, seconds)
+    calm = [_share(one) for pairs in found for _, neighbours in pairs for one in neighbours]
+    shares = [_more(onlooker, pairs) for onlooker, pairs in zip(onlookers, found, strict=True)]
+    return statistics.median(calm), shares
 
 
-def _spread(values: list[float], unit: str = "%") -> str:
-    """The median, and in brackets the middle half."""
-    low, _, high = statistics.quantiles(values, n=4)
-    return f"{statistics.median(values):.1f} {unit} ({low:.1f} to {high:.1f})"
-
-
-def _per_cpu(one: Stretch) -> float:
-    return one.cycles / one.cpu
-
-
-def _per_second(one: Stretch) -> float:
-    return one.cycles / one.wall
+def _more(onlooker: Onlooker, pairs: Pairs) -> Share:
+    more = [_share(one) - statistics.mean(map(_share, neighbours)) for one, neighbours in pairs]
+    wall = sum(one.lasted for one, _ in pairs)
+    got = {
+        what: count / wall
+        for what, count in sorted(sum((one.got for one, _ in pairs), start=type(pairs[0][0].got)()).items())
+    }
+    return Share(onlooker.title, got, statistics.median(_share(one) for one, _ in pairs), interval(more))
 
 
 def _share(one: Stretch) -> float:
     return 100 * one.cpu / one.wall
-
-
-def _one_look(onlooker: Onlooker) -> str:
-    """What a look takes, and what that is at its rate."""
-    parameters = dict(part.split("=") for part in (onlooker.selector or "").lstrip("?").split(";") if part)
-    taken = one_look(_BUSY, Look.of(parameters))
-    return f"{taken:.1f} ms: {taken / 10 * min(onlooker.rate, 1 / SHOWN_AGAIN):.1f} % at {onlooker.rate:g} Hz"
-
-
-def report(busy_figures: list[Figures], ordinary_figures: list[Figures], seconds: float) -> str:
-    """The figures as tables."""
-    versions = f"Python {platform.python_version()}, eclipse-zenoh {version('eclipse-zenoh')}"
-    machine = f"{os.cpu_count()} cores of {platform.machine()}"
-    count = len(busy_figures[0].pairs)
-    alone = [one for figures in busy_figures for _, (one, _) in figures.pairs]
-    calm = [one for figures in ordinary_figures for _, (one, _) in figures.pairs]
-    lines = [
-        f"Measured by `make bench-looking` on {datetime.now(UTC):%Y-%m-%d}: {versions}, {machine};",
-        f"{count} stretches of {seconds:g} s each, between some with nobody: medians, in brackets the middle half.",
-        "",
-        f"A busy agent, with nobody {statistics.median(map(_per_cpu, alone)):,.0f} cycles a second of processor time:",
-        "",
-        "| who looks on | what it gets | one look takes of the thread that reasons | lost per processor time "
-        f"| lost per second | goal: under {GOAL:g} % |",
-        "|---|---|---|---|---|---|",
-    ]
-    for figures in busy_figures:
-        cost = figures.cost(_per_cpu)
-        goal = ("met" if statistics.median(cost) < GOAL else "missed") if figures.onlooker.key in VIEWS else ""
-        look = _one_look(figures.onlooker) if figures.onlooker.selector is not None else ""
-        lines.append(
-            f"| {figures.onlooker.title} | {figures.looks()} | {look} | {_spread(cost)} "
-            f"| {_spread(figures.cost(_per_second))} | {goal} |"
-        )
-    lines += [
-        "",
-        "Three agents of three vehicles in one agentd, all of them looked at. With nobody it takes "
-        f"{_spread(list(map(_share, calm)))} of a core:",
-        "",
-        "| who looks on | what it gets | agentd, % of a core | more than with nobody |",
-        "|---|---|---|---|",
-    ]
-    for figures in ordinary_figures:
-        shares = [_share(one) for one, _ in figures.pairs]
-        more = [_share(one) - statistics.mean(map(_share, neighbours)) for one, neighbours in figures.pairs]
-        lines.append(
-            f"| {figures.onlooker.title} | {figures.looks()} | {_spread(shares)} | {_spread(more, 'points')} |"
-        )
-    return "\n".join(lines)
-
-
-def main() -> int:
-    """Measure and write. Returns the exit code: 1 if the goal is missed."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.looking", description=__doc__)
-    parser.add_argument("--rounds", type=int, default=10, help="stretches of each onlooker (with three agents: half)")
-    parser.add_argument("--seconds", type=float, default=3.2, help="wall seconds of a stretch")
-    parser.add_argument("--out", type=Path, help="page whose figures are replaced")
-    args = parser.parse_args()
-    try:
-        found = busy(args.rounds, args.seconds), ordinary(max(2, args.rounds // 2), args.seconds)
-        text = report(*found, args.seconds)
-    except BenchmarkFailed as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    print(text)
-    if args.out is not None:
-        before, _, rest = args.out.read_text(encoding="utf-8").partition(BEGIN)
-        args.out.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
-    views = [figures for figures in found[0] if figures.onlooker.key in VIEWS]
-    return 0 if all(statistics.median(figures.cost(_per_cpu)) < GOAL for figures in views) else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -10,6 +10,7 @@ from contextlib import aclosing
 from dataclasses import dataclass
 from typing import Any, Final
 
+from benchmarks.processes import BenchmarkFailed
 from commd.bus import Bus, open_bus
 from schemas import keys
 from schemas.minds import MindDecisions, MindDeeds, MindInputs, MindView
@@ -17,7 +18,7 @@ from schemas.records import Health
 
 FLEET: Final = "looking"
 ANSWER_TIMEOUT: Final = 10.0
-_TRACES: Final[dict[str, Any]] = {"inputs": MindInputs, "decisions": MindDecisions, "deeds": MindDeeds}
+TRACES: Final[dict[str, Any]] = {"inputs": MindInputs, "decisions": MindDecisions, "deeds": MindDeeds}
 
 
 @dataclass(frozen=True)
@@ -34,14 +35,26 @@ class Onlooker:
     """What it listens to."""
 
 
+RATE: Final = 2.0
+"""Hz at which `argosy run`, `watch` and `ui` look at a mind."""
 NOBODY: Final = Onlooker("nobody", "nobody")
+CONTROL: Final = Onlooker("control", "nobody again: what the method itself is off by")
+_RUN: Final = Onlooker("run", "`argosy run`: the mind without decisions", "?last=0")
+_WATCH: Final = Onlooker(
+    "watch", "`argosy watch`, `argosy ui`: the mind with plans and 30 decisions", "?plans=true;last=30"
+)
+LOOKS: Final = (_RUN, _WATCH)
+LISTENERS: Final = (
+    Onlooker("deeds", "`argosy ui` besides: it hears deeds", traces=("deeds",)),
+    Onlooker("recorder", "`argosy record`: hears inputs, decisions and deeds", traces=("inputs", "decisions", "deeds")),
+)
 ONLOOKERS: Final = (
-    Onlooker("control", "nobody again: what the method itself is off by"),
-    Onlooker("run", "`argosy run`: the mind without decisions, 2 Hz", "?last=0"),
-    Onlooker("watch", "`argosy watch`: the mind with its plans and 30 decisions, 2 Hz", "?plans=true;last=30"),
-    Onlooker("ui", "`argosy ui`: the same, and its deeds", "?plans=true;last=30", traces=("deeds",)),
+    CONTROL,
+    Onlooker("run", f"{_RUN.title}, {RATE:g} Hz", _RUN.selector),
+    Onlooker("watch", f"`argosy watch`: the mind with plans and 30 decisions, {RATE:g} Hz", _WATCH.selector),
+    Onlooker("ui", "`argosy ui`: the same, and its deeds", _WATCH.selector, traces=("deeds",)),
     Onlooker("greedy", "somebody who asks 50 times a second", "", 50.0),
-    Onlooker("recorder", "`argosy record`: inputs, decisions and deeds", traces=("inputs", "decisions", "deeds")),
+    LISTENERS[1],
 )
 
 
@@ -75,7 +88,7 @@ async def stretch(endpoint: str, agents: Sequence[str], onlooker: Onlooker, sett
         for agent in agents:
             bus.subscribe(keys.health(FLEET, agent, "agentd"), Health, health)
         for part in onlooker.traces:
-            bus.subscribe(keys.trace(FLEET, "*", part), _TRACES[part], trace)
+            bus.subscribe(keys.trace(FLEET, "*", part), TRACES[part], trace)
         looks = [
             asyncio.create_task(_look(bus, agent, onlooker, got)) for agent in agents if onlooker.selector is not None
         ]
@@ -86,7 +99,9 @@ async def stretch(endpoint: str, agents: Sequence[str], onlooker: Onlooker, sett
         await asyncio.sleep(seconds)
         for look in looks:
             look.cancel()
-        await asyncio.gather(*looks, return_exceptions=True)
+        for ended in await asyncio.gather(*looks, return_exceptions=True):
+            if isinstance(ended, Exception):
+                raise ended
         return _between(healths, got, seconds)
 
 
@@ -103,5 +118,7 @@ async def _look(bus: Bus, agent: str, onlooker: Onlooker, got: Counter[str]) -> 
         begun = time.monotonic()
         async with aclosing(bus.query(selector, None, MindView, ANSWER_TIMEOUT)) as replies:
             async for reply in replies:
-                got["looks" if reply.record is not None else "errors"] += 1
+                if reply.record is None:
+                    raise BenchmarkFailed(f"a look at {agent} was not answered: {reply.error}")
+                got["looks"] += 1
         await asyncio.sleep(max(0.0, begun + 1.0 / onlooker.rate - time.monotonic()))

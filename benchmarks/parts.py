@@ -50,8 +50,14 @@ class Part:
 PARTS: Final[tuple[Part, ...]] = (
     Part("sizes", "benchmarks.sizes", 0.1),
     Part("usage", "benchmarks.usage", 26),
+    Part("scale", "benchmarks.scale", 9),
     Part("startup", "benchmarks.startup", 2),
     Part("footprint", "benchmarks.footprints", 1.5),
+    Part("bridge", "benchmarks.bridge", 1.5),
+    Part("mail", "benchmarks.mail", 3.5),
+    Part("board", "benchmarks.board", 1.5),
+    Part("looking", "benchmarks.looking", 5.5),
+    Part("page", "benchmarks.page", 2),
 )
 """In the order in which they run."""
 
