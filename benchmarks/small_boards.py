@@ -1,6 +1,6 @@
 """The paper's first mission with its board kept within the limits of a small one, and how little is still enough.
 
-All daemons of the board are in one cage (`benchmarks.limits`); the simulator, on another computer in the paper (section
+All daemons of the board are in one cage (`benchmarks.cages`); the simulator, on another computer in the paper (section
 5.1), is outside. Flights of one table are flown side by side.
 """
 
@@ -17,9 +17,10 @@ from typing import Final
 
 from argosy.processes import plan
 from benchmarks import small_boards_page
+from benchmarks.cages import caged
 from benchmarks.flights import READY, SINGLE, Flight, setup_in, with_one_process
 from benchmarks.held import alone
-from benchmarks.limits import Cage, Limits, caged
+from benchmarks.limits import Cage, Limits
 from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import Origin

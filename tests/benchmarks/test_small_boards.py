@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from benchmarks import limits, small_boards, small_boards_page
-from benchmarks.limits import Cage, Limits, caged
+from benchmarks import control_groups, small_boards, small_boards_page
+from benchmarks.cages import caged
+from benchmarks.control_groups import ControlGroup
+from benchmarks.limits import Cage, Limits, Usage
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.small_boards import FORMS, ONE, THREE, Figures, Flown
 
@@ -22,9 +26,9 @@ EAT = "found = [bytearray(1_000_000) for _ in range(60)]; import time; time.slee
 def by(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Both ways in which limits are kept; the first only where control groups can be made."""
     if request.param == "a watcher":
-        monkeypatch.setattr(limits.ControlGroup, "made", classmethod(lambda cls: None))
+        monkeypatch.setattr(ControlGroup, "made", classmethod(lambda cls: None))
     else:
-        probe = limits.ControlGroup.made()
+        probe = ControlGroup.made()
         if probe is None:
             pytest.skip("no control group can be made here")
         probe.remove()
@@ -41,11 +45,11 @@ def _run(cage: Cage, program: str, times: int = 1) -> list[tuple[int, str]]:
 
 
 def test_processes_get_no_more_than_their_share_of_a_core(by: str) -> None:
-    with caged(Limits(share=0.2)) as cage:
+    with caged(Limits(share=0.05)) as cage:
         begun = time.monotonic()
         spent = sum(float(text) for _, text in _run(cage, BURN, 2))
         passed = time.monotonic() - begun
-        assert 0 < spent < 0.2 * passed + 0.3, "the bound has room for the beginning, before a first look"
+        assert 0 < spent < 0.05 * passed + 0.3, "the bound has room for the beginning, before a first look"
         assert cage.usage().throttled > 0
 
 
@@ -67,11 +71,42 @@ def test_who_holds_too_much_is_killed_and_counted_and_who_does_not_is_left_alone
         assert 60 < usage.peak < 300
 
 
+def test_a_group_of_version_2_is_told_its_limits_and_each_process_goes_to_a_core_of_its_own(tmp_path: Path) -> None:
+    group = ControlGroup(tmp_path, tmp_path, 2)
+    group.limit(Limits(memory=100, share=0.02, cores=2))
+    written = {file.name: file.read_text() for file in tmp_path.iterdir()}
+    assert written == {
+        "memory.max": "100000000",
+        "memory.swap.max": "0",
+        "cpu.max": "1000 25000",
+        "cgroup.subtree_control": "+cpu",
+    }
+    command = group.command(["true"])
+    assert command[4:] == [str(tmp_path / "core-0" / "cgroup.procs"), "--", "true"]
+    assert (tmp_path / "core-0" / "cpu.max").read_text() == "1000 50000"
+    (tmp_path / "memory.current").write_text("42000000")
+    (tmp_path / "memory.peak").write_text("43000000")
+    (tmp_path / "memory.events").write_text("low 0\noom 1\noom_kill 1\n")
+    (tmp_path / "cpu.stat").write_text("usage_usec 9\nthrottled_usec 1500000\n")
+    (tmp_path / "core-0" / "cpu.stat").write_text("throttled_usec 500000\n")
+    assert group.charged() == 42
+    assert group.usage() == Usage(43, 2.0, 1)
+
+
+def test_groups_of_a_benchmark_that_was_killed_are_taken_away(tmp_path: Path) -> None:
+    ended = subprocess.Popen(["true"])
+    ended.wait(10)
+    for pid in (ended.pid, os.getpid()):
+        (tmp_path / f"argosy-bench-{pid}-1" / "core-0").mkdir(parents=True)
+    control_groups._sweep(tmp_path, tmp_path)
+    assert [one.name for one in tmp_path.iterdir()] == [f"argosy-bench-{os.getpid()}-1"]
+
+
 def test_nothing_is_left_of_a_cage(by: str) -> None:
     def groups() -> list[str]:
         return [
             str(found)
-            for _, memory, _ in limits._places()
+            for _, memory, _ in control_groups._places()
             if memory.is_dir()
             for found in memory.glob("argosy-bench-*")
         ]
