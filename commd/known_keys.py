@@ -39,8 +39,9 @@ class KnownKeys:
             self.open = len(self._once) < MOST
             return None
         try:
-            declared = self._declared[key] = self._session.declare_keyexpr(key)
+            declared: zenoh.KeyExpr = self._session.declare_keyexpr(key)
         except zenoh.ZError as error:  # the session is closed, or this is no key
             log.debug("not_declared key=%s why=%s", key, error)
             return None
+        self._declared[key] = declared
         return declared
