@@ -49,7 +49,7 @@ class Part:
 
 PARTS: Final[tuple[Part, ...]] = (
     Part("sizes", "benchmarks.sizes", 0.1),
-    Part("usage", "benchmarks.usage", 26),
+    Part("usage", "benchmarks.usage", 24),
     Part("scale", "benchmarks.scale", 9),
     Part("startup", "benchmarks.startup", 2),
     Part("footprint", "benchmarks.footprints", 1.5),
@@ -58,6 +58,7 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("board", "benchmarks.board", 1.5),
     Part("looking", "benchmarks.looking", 5.5),
     Part("page", "benchmarks.page", 2),
+    Part("viewers", "benchmarks.viewers", 2),
 )
 """In the order in which they run."""
 
