@@ -91,6 +91,8 @@ class Checkpoint:
         self._lock = threading.Lock()
         self._database: sqlite3.Connection | None = None
         self._soft = False
+        self._marked = False
+        """That something was saved has been written down in this life."""
 
     @classmethod
     def open(cls, path: Path, agent: str, synchronous: Synchronous = "FULL") -> Checkpoint:
@@ -154,7 +156,13 @@ class Checkpoint:
             except BaseException:
                 self._undo()
                 raise
-            self._database.execute("PRAGMA shrink_memory")  # a daemon may have hundreds of agents
+            self._marked = True
+
+    def shrink(self) -> None:
+        """Give back the memory that a save has needed: a daemon may have hundreds of agents."""
+        with self._lock, suppress(sqlite3.Error):
+            if self._database is not None:
+                self._database.execute("PRAGMA shrink_memory")
 
     def _write(self, database: sqlite3.Connection, saving: Saving) -> None:
         if saving.mind is not None:
@@ -162,15 +170,22 @@ class Checkpoint:
         many = database.executemany
         if saving.absorbed:
             _write_absorbed(database, saving.absorbed)
-        many("INSERT OR REPLACE INTO outgoing VALUES (?, ?, ?, ?)", _outgoing(saving.outgoing))
-        many("DELETE FROM outgoing WHERE number = ?", _each(saving.delivered))
-        many("INSERT OR REPLACE INTO receiver VALUES (?, ?)", saving.next_seq.items())
-        actions = ((identity, one.name, one.parameters) for identity, one in saving.actions.items())
-        many("INSERT OR REPLACE INTO action VALUES (?, ?, ?)", actions)
-        many("DELETE FROM action WHERE id = ?", _each(saving.ended))
-        many("INSERT OR REPLACE INTO extra VALUES (?, ?)", saving.extra.items())
-        about = {"saved": 1, "numbering": saving.numbering, "lives": saving.lives}
-        many(_PUT_ABOUT, [(name, value) for name, value in about.items() if value is not None])
+        if saving.outgoing:  # a statement that has nothing to do costs time too, while an action waits
+            many("INSERT OR REPLACE INTO outgoing VALUES (?, ?, ?, ?)", _outgoing(saving.outgoing))
+        if saving.delivered:
+            many("DELETE FROM outgoing WHERE number = ?", _each(saving.delivered))
+        if saving.next_seq:
+            many("INSERT OR REPLACE INTO receiver VALUES (?, ?)", saving.next_seq.items())
+        if saving.actions:
+            actions = ((identity, one.name, one.parameters) for identity, one in saving.actions.items())
+            many("INSERT OR REPLACE INTO action VALUES (?, ?, ?)", actions)
+        if saving.ended:
+            many("DELETE FROM action WHERE id = ?", _each(saving.ended))
+        if saving.extra:
+            many("INSERT OR REPLACE INTO extra VALUES (?, ?)", saving.extra.items())
+        about = {"saved": None if self._marked else 1, "numbering": saving.numbering, "lives": saving.lives}
+        if known := [(name, value) for name, value in about.items() if value is not None]:
+            many(_PUT_ABOUT, known)
 
     def _undo(self) -> None:
         """Take back a transaction that failed; where even that fails the file is opened anew for the next."""
@@ -200,15 +215,23 @@ class Checkpoint:
 
 def _write_mind(database: sqlite3.Connection, mind: MindChanges) -> None:
     many = database.executemany
-    many("DELETE FROM belief WHERE rank = ?", _each(mind.beliefs_gone))
-    many("INSERT OR REPLACE INTO belief VALUES (?, ?)", mind.beliefs)
-    many("INSERT OR REPLACE INTO predicate VALUES (?, ?)", mind.predicates)
-    many("DELETE FROM plan WHERE rank = ?", _each(mind.plans_gone))
-    many("INSERT OR REPLACE INTO plan VALUES (?, ?)", mind.plans)
-    many("DELETE FROM pending WHERE queued = ? AND number = ?", mind.pending_gone)
-    pending = ((queued, number, int(origin), event) for (queued, number), origin, event in mind.pending)
-    many("INSERT OR REPLACE INTO pending VALUES (?, ?, ?, ?)", pending)
-    many("INSERT OR REPLACE INTO value VALUES (?, ?)", mind.values.items())
+    if mind.beliefs_gone:
+        many("DELETE FROM belief WHERE rank = ?", _each(mind.beliefs_gone))
+    if mind.beliefs:
+        many("INSERT OR REPLACE INTO belief VALUES (?, ?)", mind.beliefs)
+    if mind.predicates:
+        many("INSERT OR REPLACE INTO predicate VALUES (?, ?)", mind.predicates)
+    if mind.plans_gone:
+        many("DELETE FROM plan WHERE rank = ?", _each(mind.plans_gone))
+    if mind.plans:
+        many("INSERT OR REPLACE INTO plan VALUES (?, ?)", mind.plans)
+    if mind.pending_gone:
+        many("DELETE FROM pending WHERE queued = ? AND number = ?", mind.pending_gone)
+    if mind.pending:
+        pending = ((queued, number, int(origin), event) for (queued, number), origin, event in mind.pending)
+        many("INSERT OR REPLACE INTO pending VALUES (?, ?, ?, ?)", pending)
+    if mind.values:
+        many("INSERT OR REPLACE INTO value VALUES (?, ?)", mind.values.items())
 
 
 def _write_absorbed(database: sqlite3.Connection, absorbed: dict[tuple[str, str], int]) -> None:

@@ -11,6 +11,8 @@ import asyncio
 import logging
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 
 from agentd.checkpoint import ActionInFlight, CheckpointError, Outgoing, Saving
 from agentd.mailing import Mailing
@@ -69,7 +71,10 @@ class Keeping:
         """Actions that no save has begun to hold, and those who wait for that."""
         self._waiting: list[asyncio.Future[None]] = []
         self._ended: list[str] = []
-        self._saving: asyncio.Task[None] | None = None
+        self._saving: asyncio.Future[None] | None = None
+        """The save under way."""
+        self._again = False
+        """`look` was called meanwhile."""
         self._last = -OTHERS_EVERY
         self._since: float | None = None
         """When there was first something to keep that is not kept yet."""
@@ -83,25 +88,34 @@ class Keeping:
         if self.first is None:
             return
         saving, self.first = self.first, None
-        self._saving = asyncio.get_running_loop().create_task(self._write(saving, lambda: None))
-        await asyncio.wait([self._saving], timeout=LIFE_PATIENCE)
+        await asyncio.wait([self._write(saving, lambda: None)], timeout=LIFE_PATIENCE)
 
     # --- actions (`agentd.performing.Journal`) ---
 
-    async def begun(self, action: Action) -> None:
-        """Note that an action is about to be asked for; waits until that is on disk, but not for long."""
+    def begun(self, action: Action) -> asyncio.Future[None]:
+        """Note that an action is about to be asked for, before the next `look`, which begins to save it.
+
+        Returns what ends when that is on disk, or when it has taken too long.
+        """
+        loop = asyncio.get_running_loop()
         self._begun[action.id] = ActionInFlight(action.name, codec(Action).encode(action, self._wire))
+        waiting: asyncio.Future[None] = loop.create_future()
         if self.problem:
             self.counters["actions_unkept"] += 1
-            return
-        waiting = asyncio.get_running_loop().create_future()
+            waiting.set_result(None)
+            return waiting
+
+        def late() -> None:
+            if not waiting.done():
+                waiting.set_result(None)
+                self.counters["actions_unkept"] += 1
+                log.warning(
+                    "agent=%s action=%s begins before it is written down: the disk is slow", self._agent, action.id
+                )
+
+        loop.call_later(ACTION_PATIENCE, late)
         self._waiting.append(waiting)
-        self._wake()
-        try:
-            await asyncio.wait_for(waiting, ACTION_PATIENCE)
-        except TimeoutError:
-            self.counters["actions_unkept"] += 1
-            log.warning("agent=%s action=%s begins before it is written down: the disk is slow", self._agent, action.id)
+        return waiting
 
     def ended(self, identity: str) -> None:
         """The mind is being told how an action ended: it need not be remembered when the mind has taken that."""
@@ -118,6 +132,7 @@ class Keeping:
         """
         mail = self._mailing.absorbed() or bool(self._mailing.outbox.unsaved)
         if self._saving is not None:
+            self._again = True
             return None
         others = self._keeper.dirty or self._mailing.outbox.gone or self._ended or self.first is not None
         if not (mail or self._begun or others):
@@ -175,34 +190,72 @@ class Keeping:
                 if not one.done():
                     one.set_result(None)
 
-        self._saving = asyncio.get_running_loop().create_task(self._write(saving, done))
+        self._write(saving, done)
 
     @staticmethod
     def _is_something(saving: Saving) -> bool:
         return saving != Saving(soft=True)
 
-    async def _write(self, saving: Saving, done: Callable[[], None]) -> None:
-        loop, pause = asyncio.get_running_loop(), RETRY_FIRST
-        while True:
+    def _write(self, saving: Saving, done: Callable[[], None]) -> asyncio.Future[None]:
+        """Hand a save to the writer, at once. Returns what ends when it is on disk."""
+        self._saving = saved = asyncio.get_running_loop().create_future()
+        self._again = False
+        self._hand_in(saving, done, saved, RETRY_FIRST)
+        return saved
+
+    def _hand_in(self, saving: Saving, done: Callable[[], None], saved: asyncio.Future[None], pause: float) -> None:
+        loop = asyncio.get_running_loop()
+        told = partial(self._written, saving, done, saved, pause)
+
+        def save() -> None:
+            """On the writer's thread."""
+            error: Exception | None = None
             try:
-                await loop.run_in_executor(self._writer, self._checkpoint.save, saving)
-                break
-            except Exception as error:  # also a defect must not let mail wait without a word
-                if not isinstance(error, CheckpointError):
-                    log.exception("defect in argosy: a save of agent %s", self._agent)
-                self.counters["failed"] += 1
-                if not self.problem:
-                    log.error("agent=%s nothing is kept, and mail waits: %s", self._agent, error)
-                self.problem = f"agent {self._agent} cannot be kept, and its mail waits: {error}"
-                await asyncio.sleep(pause)
-                pause = min(pause * 2, RETRY_MOST)
+                self._checkpoint.save(saving)
+            except Exception as raised:
+                error = raised
+            with suppress(RuntimeError):  # the loop has ended
+                loop.call_soon_threadsafe(told, error)
+            self._checkpoint.shrink()  # nobody waits for that
+
+        if saved.cancelled():
+            return
+        try:
+            self._writer.submit(save)
+        except RuntimeError as ended:
+            loop.call_soon(told, ended)
+
+    def _written(
+        self,
+        saving: Saving,
+        done: Callable[[], None],
+        saved: asyncio.Future[None],
+        pause: float,
+        error: Exception | None,
+    ) -> None:
+        """A save has ended; one that failed is tried again."""
+        if saved.cancelled():
+            return
+        if error is not None:  # also a defect must not let mail wait without a word
+            if not isinstance(error, CheckpointError):
+                log.error("defect in argosy: a save of agent %s", self._agent, exc_info=error)
+            self.counters["failed"] += 1
+            if not self.problem:
+                log.error("agent=%s nothing is kept, and mail waits: %s", self._agent, error)
+            self.problem = f"agent {self._agent} cannot be kept, and its mail waits: {error}"
+            again = min(pause * 2, RETRY_MOST)
+            asyncio.get_running_loop().call_later(pause, self._hand_in, saving, done, saved, again)
+            return
         if self.problem:
             log.info("agent=%s is kept again", self._agent)
             self.problem = ""
         self.counters["saved"] += 1
         self._saving = None
+        saved.set_result(None)
         done()
-        self._wake()
+        outbox = self._mailing.outbox
+        if self._again or self._begun or self._ended or self._keeper.dirty or outbox.unsaved or outbox.gone:
+            self._wake()
 
     # --- the end ---
 

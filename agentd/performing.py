@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Coroutine, Iterable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from agentd.language.signatures import signature
@@ -29,8 +30,8 @@ ANSWER_PATIENCE = 2.0
 class Journal(Protocol):
     """Where actions are written down."""
 
-    async def begun(self, action: Action) -> None:
-        """Note that an action is about to be asked for; it outlives this process when this returns."""
+    def begun(self, action: Action) -> asyncio.Future[None] | None:
+        """Note that an action is about to be asked for; it outlives this process when what this returns ends."""
 
     def ended(self, identity: str) -> None:
         """The mind has been told how an action ended: it need not be remembered."""
@@ -39,7 +40,7 @@ class Journal(Protocol):
 class NoJournal:
     """For agents without memory."""
 
-    async def begun(self, action: Action) -> None:
+    def begun(self, action: Action) -> None:
         """Nothing is noted."""
 
     def ended(self, identity: str) -> None:
@@ -53,12 +54,27 @@ class _Left:
         self.action = action
         self.answered = asyncio.Event()
         """The bridge has said whether it runs."""
-        self.joined = False
+        self.joined = self.claimed = False
+        """A plan waits for its end; one is about to."""
         self.status: asyncio.Task[ActionStatus] | None = None
 
     def running(self, status: ActionStatus) -> None:
         """The bridge says that it runs."""
         self.answered.set()
+
+
+@dataclass
+class _Noted:
+    """What was found and noted of an action in the turn in which a plan has asked for it."""
+
+    parameters: tuple[Term, ...] = ()
+    refused: str = ""
+    """Why it cannot be asked for."""
+    left: _Left | None = None
+    """It is one that a former life has begun."""
+    kept: asyncio.Future[None] | None = None
+    """Ends when it is written down."""
+    error: Exception | None = None
 
 
 class Performing:
@@ -85,9 +101,33 @@ class Performing:
         self._dropped: set[int] = set()
 
     def begin(self, effect: PerformAction) -> None:
-        """Carry out what a plan asks for; the mind hears of its end."""
+        """Carry out what a plan asks for; the mind hears of its end.
+
+        That it is about to begin is noted here, in the turn in which the mind has asked for it: the save of that turn
+        holds it.
+        """
         self._identities[effect.id] = ""
-        self._spawn(self._perform(effect))
+        self._spawn(self._perform(effect, self._noted(effect)))
+
+    def _noted(self, effect: PerformAction) -> _Noted:
+        if self._acting is None:
+            return _Noted(refused=f"agent {self._agent} has no robot to do {effect.name}")
+        try:
+            noted = _Noted(parameters=tuple(map(to_wire, effect.parameters)))
+        except BadTerm as bad:
+            return _Noted(refused=f"{effect.name}: {bad}")
+        if left := self._same(effect.name, noted.parameters):
+            noted.left, left.claimed = left, True
+            return noted
+        try:
+            noted.kept = self._journal.begun(self._action(effect, noted))
+        except Exception as error:
+            noted.error = error
+        return noted
+
+    def _action(self, effect: PerformAction, noted: _Noted) -> Action:
+        identity = f"{self._agent}:{self._life}:{effect.id}"
+        return Action(id=identity, agent=self._agent, name=effect.name, parameters=noted.parameters)
 
     def cancel(self, number: int) -> None:
         """The intention that waited for an action is gone."""
@@ -97,9 +137,9 @@ class Performing:
         elif identity is not None and self._acting is not None:
             self._spawn(self._acting.cancel(identity))
 
-    async def _perform(self, effect: PerformAction) -> None:
+    async def _perform(self, effect: PerformAction, noted: _Noted) -> None:
         try:
-            done = await self._outcome(effect)
+            done, status = await self._outcome(effect, noted)
         except Exception as error:  # the intention must not wait for ever for an answer that cannot come
             reason = f"defect in agentd: {type(error).__name__}: {error}"
             if identity := self._identities.get(effect.id):
@@ -112,28 +152,32 @@ class Performing:
         if identity:
             self._journal.ended(identity)
         self._feed(done)
+        if status is not None:  # after the mind's turn: the intention does not wait for the log
+            asyncio.get_running_loop().call_soon(log.info, "agent=%s %s", self._agent, describe(status))
 
-    async def _outcome(self, effect: PerformAction) -> ActionDone:
-        if self._acting is None:
-            reason = f"agent {self._agent} has no robot to do {effect.name}"
-            return ActionDone(effect.id, False, reason, "refused")
-        try:
-            parameters = tuple(map(to_wire, effect.parameters))
-        except BadTerm as bad:
-            return ActionDone(effect.id, False, f"{effect.name}: {bad}", "refused")
-        if effect.id in self._dropped:
-            return ActionDone(effect.id, False, "the agent has dropped it", "cancelled")
-        if left := self._same(effect.name, parameters):
-            status = await self._join(effect.id, left)
-        else:
-            identity = f"{self._agent}:{self._life}:{effect.id}"
-            await self._journal.begun(Action(id=identity, agent=self._agent, name=effect.name, parameters=parameters))
-            self._identities[effect.id] = identity
+    async def _outcome(self, effect: PerformAction, noted: _Noted) -> tuple[ActionDone, ActionStatus | None]:
+        if noted.error is not None:
+            raise noted.error
+        if self._acting is None or noted.refused:
+            return ActionDone(effect.id, False, noted.refused, "refused"), None
+        dropped = ActionDone(effect.id, False, "the agent has dropped it", "cancelled"), None
+        kept = noted.kept
+        if (left := noted.left) is not None:
+            left.claimed = False
             if effect.id in self._dropped:
-                return ActionDone(effect.id, False, "the agent has dropped it", "cancelled")
-            status = await self._acting.perform(identity, effect.name, parameters)
-        log.info("agent=%s %s", self._agent, describe(status))
-        return ActionDone(effect.id, status.state == "succeeded", status.reason, status.state)
+                return dropped
+            if left.action.id in self._left:
+                status = await self._join(effect.id, left)
+                return ActionDone(effect.id, status.state == "succeeded", status.reason, status.state), status
+            kept = self._journal.begun(self._action(effect, noted))  # it has ended meanwhile
+        if kept is not None:
+            await kept
+        identity = f"{self._agent}:{self._life}:{effect.id}"
+        self._identities[effect.id] = identity
+        if effect.id in self._dropped:
+            return dropped
+        status = await self._acting.perform(identity, effect.name, noted.parameters)
+        return ActionDone(effect.id, status.state == "succeeded", status.reason, status.state), status
 
     # --- what a former life has left ---
 
@@ -186,7 +230,7 @@ class Performing:
     def _same(self, name: str, parameters: tuple[Term, ...]) -> _Left | None:
         """The action of a former life that is the one which a plan performs now."""
         for one in self._left.values():
-            if not one.joined and (one.action.name, one.action.parameters) == (name, parameters):
+            if not (one.joined or one.claimed) and (one.action.name, one.action.parameters) == (name, parameters):
                 return one
         return None
 

@@ -42,6 +42,9 @@ class Disk:
         self._checkpoint.save(saving)
         self.savings.append(saving)
 
+    def shrink(self) -> None:
+        self._checkpoint.shrink()
+
     def close(self) -> None:
         self._checkpoint.close()
 
