@@ -78,7 +78,7 @@ class Scout(Flyer):
 
     # The book. Each question may come again, after an answer that was lost, and then gets the same answer.
 
-    async def heard(self, sender, performative, subject, victim):
+    async def heard(self, sender, performative, subject, victim, *_):
         promise = self.book.get(victim)
         its = promise is not None and promise.rescuer == sender
         match performative, subject:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import subprocess
+import sys
 import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Coroutine
@@ -92,6 +94,21 @@ def test_beliefs_of_agents_become_settings_of_programs(tmp_path: Path) -> None:
         str(tmp_path / "m.yaml"), "rescuer1", "tcp/pi2", "height=10", 'scout="scout"', 'peers=["rescuer2"]'
     )  # fmt: skip
     assert "area=[-27.603853, -48.5193, -27.602955, -48.5173]" in scout.argv
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["scout", "nowhere.yaml", "scout", "tcp/127.0.0.1:7", "height=10"], "nowhere.yaml: error: no such file"),
+        (["scout", "missions/single_uav.yaml", "uav", "tcp/127.0.0.1:7"], "`uav` is an agent of the mission"),
+        (["scout", "m.yaml", "scout", "tcp/127.0.0.1:7", "height"], "argument NAME=JSON: invalid setting value"),
+    ],
+)
+def test_a_program_that_cannot_be_started_says_why(arguments: list[str], said: str) -> None:
+    command = [sys.executable, "-m", "benchmarks.imperative", *arguments]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert run.returncode == 2
+    assert said in run.stderr.splitlines()[-1]
 
 
 class Pretended:
