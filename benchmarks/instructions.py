@@ -12,9 +12,12 @@ import argparse
 import sys
 from collections import Counter as Counts
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any, Final
+
+import msgspec
 
 from agentd import standalone
 from agentd.environment import Environment
@@ -22,12 +25,14 @@ from agentd.language.compile import compile_program
 from agentd.language.parser import parse_file
 from agentd.run import DEEPEST_CALLS
 from benchmarks.counter import Counter
+from benchmarks.processes import BenchmarkFailed, lines, started
 from benchmarks.rows import ROWS, Row
 
 WARM_TURNS: Final = 200
 """Turns of the team before counting begins: plans and rules are compiled, objects that are kept are there."""
 COUNTED_TURNS: Final = 100
 CYCLES_A_TURN: Final = 40
+GENERATED: Final = "the programs' generated code"
 SHOWN: Final = 25
 """So many functions are shown, the dearest first."""
 
@@ -82,12 +87,47 @@ def count(row: Row) -> CountedTeam:
     raise SystemExit(f"{row.key} ended before its {WARM_TURNS + COUNTED_TURNS} turns were over")
 
 
+@dataclass(frozen=True)
+class Counted:
+    """What a row's cycle takes."""
+
+    whole: float
+    """Instructions of the interpreter per cycle of a mind."""
+    modules: dict[str, float]
+    """The same by module; those of the programs' own generated code are together."""
+
+
+def by_module(team: CountedTeam) -> Counted:
+    """Return what was counted by module, the dearest first."""
+    found: Counts[str] = Counts()
+    for code, count in team.counts.items():
+        name = Path(code.co_filename).name
+        found[name if name.endswith(".py") else GENERATED] += count
+    whole = sum(found.values()) / team.cycles
+    return Counted(whole, {name: count / team.cycles for name, count in found.most_common()})
+
+
+def counted(row: Row) -> Counted:
+    """Count a row in a process of its own. Raises BenchmarkFailed."""
+    command = [sys.executable, "-m", "benchmarks.instructions", row.key, "--json"]
+    with started(command) as process:
+        said = list(lines(process))
+    try:
+        return msgspec.json.decode(said[-1], type=Counted)
+    except (IndexError, msgspec.DecodeError):
+        raise BenchmarkFailed(f"{' '.join(command)}: {said[-1:]}") from None
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.instructions")
     parser.add_argument("row", choices=[row.key for row in ROWS])
+    parser.add_argument("--json", action="store_true", help="by module, for programs")
     args = parser.parse_args()
     sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))
     team = count(next(row for row in ROWS if row.key == args.row))
+    if args.json:
+        print(msgspec.json.encode(by_module(team)).decode())
+        return
     total = sum(team.counts.values())
     print(f"{total / team.cycles:.0f} instructions per cycle")
     for code, found in team.counts.most_common(SHOWN):

@@ -11,11 +11,12 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from benchmarks import report
 from benchmarks.footprint import FOOTPRINTS
+from benchmarks.instructions import Counted, counted
 from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed, Speeds, run
 from benchmarks.report import Result, warm
@@ -23,10 +24,12 @@ from benchmarks.results import Origin
 from benchmarks.rows import ROWS, Row, row_called
 from benchmarks.subjects import JasonCommand, Subject, subjects_here
 
-REPEAT: Final = 3
+REPEAT: Final = 2
 STARTS: Final = 10
 """How often a start is timed."""
 QUICK_ROWS: Final = ("g",)
+COUNTED: Final = ("f", "f2", "h")
+"""Rows whose instructions are counted: the slowest beside python-agentspeak."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,8 @@ class Figures:
     rows: list[Measured]
     footprints: dict[str, dict[str, float]]
     """Start times and memory: by title, then by subject."""
+    instructions: dict[str, Counted] = field(default_factory=dict)
+    """What a cycle takes, of the rows in `COUNTED`."""
     jason: str = ""
     """The version of the Jason that was found here; empty = there was none."""
 
@@ -67,12 +72,18 @@ def measure(quick: bool) -> Figures:
     results = measure_rows(rows, subjects, repeat)
     found = next((subject.version() for subject in subjects if isinstance(subject, JasonCommand)), "")
     kept = [Measured(result.row.key, result.runs) for result in results]
-    return Figures(repeat, kept, footprints(subjects, 1 if quick else STARTS), found)
+    took = {key: counted(row_called(key)) for key in COUNTED}
+    return Figures(repeat, kept, footprints(subjects, 1 if quick else STARTS), took, found)
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
-    """Return the figures of docs/reasoner.md."""
-    return {"reasoner": report.page(origin, figures.results(), figures.footprints, figures.repeat, figures.jason)}
+    """Return the figures of docs/reasoner.md, of docs/mind.md, and those of docs/comparison.md about speed."""
+    results = figures.results()
+    return {
+        "reasoner": report.page(origin, results, figures.footprints, figures.repeat, figures.jason),
+        "mind-instructions": report.instructions(origin, figures.instructions),
+        "comparison-speed": report.comparison(results, figures.footprints),
+    }
 
 
 def pictures(figures: Figures) -> dict[str, str]:
@@ -138,7 +149,9 @@ def main() -> int:
     """The command; exit code 1 when a process did not do what its row needs, 2 for an unknown row."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.reasoner")
     parser.add_argument("--rows", metavar="a,b,...", required=True, help=f"of {', '.join(row.key for row in ROWS)}")
-    parser.add_argument("--repeat", type=int, default=REPEAT, metavar="N", help="runs of each program (default 3)")
+    parser.add_argument(
+        "--repeat", type=int, default=REPEAT, metavar="N", help=f"runs of each program (default {REPEAT})"
+    )
     args = parser.parse_args()
     keys = args.rows.split(",")
     if unknown := [key for key in keys if key not in {row.key for row in ROWS}]:

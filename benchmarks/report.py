@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 from benchmarks import plots
 from benchmarks.footprint import FOOTPRINTS
+from benchmarks.instructions import GENERATED, Counted
 from benchmarks.processes import Speeds
 from benchmarks.results import Origin
-from benchmarks.rows import Row
+from benchmarks.rows import Row, row_called
 
 Figure = Callable[[Speeds], float]
 
@@ -204,23 +205,28 @@ def _jason_here(results: list[Result]) -> str:
 
 
 def footprint_table(footprints: dict[str, dict[str, float]]) -> str:
-    lines = [
-        "### Start and memory",
+    """Start times and memory, under a heading."""
+    here = any("jason" in found for found in footprints.values())
+    heads = [
         "",
-        "| | agentd | limit | records on | python-agentspeak | Jason, elsewhere | Jason, here |",
-        "|---|---|---|---|---|---|---|",
+        "agentd",
+        "limit",
+        "records on",
+        "python-agentspeak",
+        "Jason, elsewhere",
+        *(["Jason, here"] if here else []),
     ]
+    lines = ["### Start and memory", "", f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for footprint in FOOTPRINTS:
         if (found := footprints.get(footprint.title)) is None:
             continue
         digits = 2 if footprint.unit == "s" else 1
         ours = found["agentd"]
         verdict = "met" if ours < footprint.limit else "**missed**"
-        others = [found.get(key) for key in ("agentd --decisions", "agentspeak")]
+        others = [found.get("agentd --decisions"), found.get("agentspeak"), footprint.jason]
         shown = [f"{ours:.{digits}f} {footprint.unit}", f"{footprint.limit:g} {footprint.unit}, {verdict}"]
-        shown += [
-            "-" if value is None else f"{value:.{digits}f}" for value in [*others, footprint.jason, found.get("jason")]
-        ]
+        values = [*others, *([found.get("jason")] if here else [])]
+        shown += ["-" if value is None else f"{value:.{digits}f}" for value in values]
         lines.append(f"| {footprint.title} | {' | '.join(shown)} |")
     return "\n".join(lines)
 
@@ -239,6 +245,27 @@ def _share(value: float | None) -> str:
 
 def _megabytes(value: float | None) -> str:
     return "-" if value is None else f"{value:.0f}"
+
+
+FEW: Final = 20
+"""Instructions per cycle under which a module is not shown by itself."""
+
+
+def instructions(origin: Origin, counted: Mapping[str, Counted]) -> str:
+    """The block of docs/mind.md: what a cycle of the slowest rows takes, by module."""
+    modules = dict.fromkeys(name for one in counted.values() for name, count in one.modules.items() if count >= FEW)
+    titles = [f"{key}, {row_called(key).operation}" for key in counted]
+    rows = [
+        f"| interpreter's instructions per cycle of a mind | {' | '.join(titles)} |",
+        "|---" * (len(titles) + 1) + "|",
+    ]
+    for name in sorted(modules, key=lambda name: -sum(one.modules.get(name, 0.0) for one in counted.values())):
+        cells = [f"{one.modules[name]:,.0f}" if name in one.modules else "" for one in counted.values()]
+        rows.append(f"| {name if name == GENERATED else f'`{name}`'} | {' | '.join(cells)} |")
+    rest = [one.whole - sum(one.modules.get(name, 0.0) for name in modules) for one in counted.values()]
+    rows.append(f"| others | {' | '.join(f'{value:,.0f}' for value in rest)} |")
+    rows.append(f"| in all | {' | '.join(f'{one.whole:,.0f}' for one in counted.values())} |")
+    return f"{origin.line()} Counts do not depend on the load.\n\n" + "\n".join(rows)
 
 
 COMPARED: Final = ("a", "b", "c", "d", "e", "f", "f2", "g", "h")
@@ -275,6 +302,8 @@ def in_short(results: list[Result], footprints: dict[str, dict[str, float]]) -> 
     by_key = {result.row.key: ratio for result in results if (ratio := result.ratio("agentd", warm)) is not None}
     indexed = [by_key[key] for key in ("c", "c2") if key in by_key]
     others = [ratio for key, ratio in by_key.items() if key not in {"c", "c2"}]
+    if not indexed or not others:
+        return []
     won, known = ahead(results)
     idle = next(one for one in FOOTPRINTS if one.title == "resident when idle")
     memory = footprints[idle.title]
