@@ -17,7 +17,7 @@ from types import FrameType
 
 import msgspec
 
-from benchmarks import apart, pages, results
+from benchmarks import apart, pages, results, summary
 from benchmarks.parts import PARTS, Goal, Part, line_of_goals, table_of_goals
 
 BUSY = 0.5
@@ -40,7 +40,7 @@ def main(argv: list[str] | None = None, table: Sequence[Part] = PARTS) -> int:
     chosen = [one for one in table if not args.parts or one.name in args.parts]
     if args.pages:
         shown = [_shown(one) for one in chosen]
-        _all_goals_shown(table)
+        _all_shown(table)
         return 0 if all(shown) else 1
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:
@@ -63,7 +63,7 @@ def _measured(chosen: list[Part], table: Sequence[Part], quick: bool) -> int:
         if not apart.measured(one, quick) or (not quick and not _shown(one)):
             failed.append(one.name)
     if not quick:
-        _all_goals_shown(table)
+        _all_shown(table)
         goals = [goal for one in chosen if one.name not in failed for goal in goals_of(one)]
         print("\n".join(line_of_goals(goals)))
     if failed:
@@ -86,8 +86,8 @@ def _shown(one: Part) -> bool:
     return True
 
 
-def _all_goals_shown(table: Sequence[Part]) -> None:
-    _told(pages.write({"goals": all_goals(table)}))
+def _all_shown(table: Sequence[Part]) -> None:
+    _told(pages.write({"goals": all_goals(table), **summary.blocks(table)}))
 
 
 def all_goals(table: Sequence[Part] = PARTS) -> str:
@@ -97,10 +97,9 @@ def all_goals(table: Sequence[Part] = PARTS) -> str:
 
 def goals_of(one: Part) -> list[Goal]:
     """Return the goals of a part; none when it has no results of the shape that it has now."""
-    with contextlib.suppress(FileNotFoundError, msgspec.DecodeError, ImportError):
-        found: list[Goal] = one.module().goals(results.load(one.name, one.module().Figures)[1])
-        return found
-    return []
+    figures = summary.figures_of(one)
+    found: list[Goal] = [] if figures is None else one.module().goals(figures)
+    return found
 
 
 def section_of(one: Part) -> str:

@@ -169,7 +169,7 @@ def in_comparison(figures: Figures) -> list[str]:
     """Return the rows of the table of boards' memory in docs/comparison.md: what, memory, of which machine, source."""
     first = figures.rows[0]
     return [
-        f"| {what} in flight | {_held(one)} | as [board.md](board.md) says | the same |"
+        f"| {what} in flight | {_held(one)} | a computer | [board.md](board.md) |"
         for what, one in (("Argosy, three daemons", first.apart), ("Argosy, one process", first.together))
     ]
 

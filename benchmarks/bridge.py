@@ -120,11 +120,11 @@ def measure(quick: bool) -> Figures:
 
         talk(talkers, seconds, warm_up, warm)
         spent, used = time.monotonic() - begun, bridge.cpu() - used
-        rss = [memory(one.process.pid, "VmRSS") for one in (bridge, bare, dialect)]
+        rss, rss_bare, rss_dialect = (memory(one.process.pid, "VmRSS") for one in (bridge, bare, dialect))
         time.sleep(1.0)
         latencies, lost = _latencies(talkers, agentd)
         messages = sum(talker.messages for talker in talkers) / spent
-        return Figures(spent, messages, 100 * used / spent, *rss, spread(latencies), lost)
+        return Figures(spent, messages, 100 * used / spent, rss, rss_bare, rss_dialect, spread(latencies), lost)
 
 
 _PRINTED = re.compile(r"\[agent(\d+)\] (\d+)$")

@@ -109,7 +109,7 @@ def here(command: str, load: float, others: float = 0.0) -> Origin:
             continue
     return Origin(
         date=f"{datetime.now(UTC):%Y-%m-%d}",
-        machine=f"{_processor()} ({platform.machine()})",
+        machine=f"{processor()} ({platform.machine()})",
         cores=os.cpu_count() or 1,
         memory=os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9,
         system=f"{platform.system()} {platform.release().partition('-')[0]}",
@@ -139,7 +139,8 @@ def load(part: str, kind: type[T], folder: Path = RESULTS) -> tuple[Origin, T]:
     return msgspec.convert(raw["origin"], Origin), msgspec.convert(raw["figures"], kind)
 
 
-def _processor() -> str:
+def processor() -> str:
+    """Return what the kernel calls the processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -9,6 +9,8 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
+from benchmarks.results import processor
+
 ROOT = Path(__file__).parents[1]
 REPORT = ROOT / "docs" / "soak.md"
 
@@ -29,6 +31,7 @@ def _sections(text: str) -> dict[str, str]:
 def here() -> str:
     """Return when and on what a report was made."""
     return (
-        f"{datetime.now(UTC):%Y-%m-%d}: Python {platform.python_version()}, {platform.machine()}, "
-        f"{os.cpu_count()} cores, eclipse-zenoh {version('eclipse-zenoh')}, pymavlink {version('pymavlink')}"
+        f"{datetime.now(UTC):%Y-%m-%d}: Python {platform.python_version()}, {os.cpu_count()} cores of "
+        f"{processor()} ({platform.machine()}), eclipse-zenoh {version('eclipse-zenoh')}, "
+        f"pymavlink {version('pymavlink')}"
     )

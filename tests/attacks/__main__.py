@@ -9,7 +9,7 @@ import time
 from tests.attacks.links import LINKS
 from tests.attacks.messages import MESSAGES
 from tests.attacks.world import TEXT, Row, World
-from tests.soak_report import ROOT
+from tests.soak_report import ROOT, here
 from tests.support.secured import Secured
 
 PAGE = ROOT / "docs" / "attacks.md"
@@ -46,7 +46,7 @@ def main() -> int:
     failed = [row for row in rows if row.problems]
     print(f"{len(rows) - len(failed)} of {len(rows)} hold")
     if not failed:
-        lines = [HEAD, "| attack | tried | refused by | seen |", "|---|---|---|---|"]
+        lines = [HEAD, f"On {here()}.\n", "| attack | tried | refused by | seen |", "|---|---|---|---|"]
         lines += [
             "| " + " | ".join(map(cell, (r.attack, r.tried, r.refused, "<br>".join(r.seen)))) + " |" for r in rows
         ]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import pages, results
+from benchmarks import pages, results, summary
 from benchmarks.__main__ import all_goals
 from benchmarks.parts import PARTS, Part
 
@@ -35,13 +35,17 @@ def test_the_pictures_of_a_part_are_there_and_shown(part: Part) -> None:
         assert f"figures/{name}.svg" in shown, "no page shows it"
 
 
-def test_the_table_of_goals_is_that_of_all_results() -> None:
-    text = (results.ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
-    assert pages.filled(text, {"goals": all_goals()}) == text
+def test_what_is_made_of_several_parts_is_that_of_all_results() -> None:
+    blocks = {"goals": all_goals(), **summary.blocks()}
+    places = pages.names()
+    for name in blocks:
+        for page in places[name]:
+            text = page.read_text(encoding="utf-8")
+            assert pages.filled(text, blocks) == text, "python -m benchmarks --pages"
 
 
 def test_every_block_is_filled_by_a_part() -> None:
-    filled = {"goals"}
+    filled = {"goals", *summary.blocks()}
     for part in PARTS:
         filled |= part.module().blocks(*results.load(part.name, part.module().Figures)).keys()
     assert pages.names().keys() <= filled

@@ -12,7 +12,7 @@ from tests.faults.mail_files import AS_ROOT, MAIL_FILES
 from tests.faults.real import REAL
 from tests.faults.rows import Row, table, table_of_mail
 from tests.faults.virtual import VIRTUAL
-from tests.soak_report import ROOT
+from tests.soak_report import ROOT, here
 
 PAGE = ROOT / "docs" / "faults.md"
 HEAD = """\
@@ -50,7 +50,8 @@ def main() -> int:
     if not failed:
         count = len(of_actions)
         PAGE.write_text(
-            "\n".join([HEAD, *table(rows[:count]), MAIL_HEAD, *table_of_mail(rows[count:]), ""]), encoding="utf-8"
+            "\n".join([HEAD, f"On {here()}.\n", *table(rows[:count]), MAIL_HEAD, *table_of_mail(rows[count:]), ""]),
+            encoding="utf-8",
         )
     return 1 if failed else 0
 

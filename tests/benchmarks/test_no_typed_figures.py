@@ -1,0 +1,102 @@
+"""No figure of README and docs was typed by hand: what looks measured stands in a block, or is a limit that is named here.
+
+Limits, rates and defaults are decided, not measured: a page may have those that are named here, with the reason. One that
+its page has no more fails, too.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Final
+
+from benchmarks.pages import pages
+from benchmarks.results import ROOT
+
+REPORTS: Final = {"soak.md", "faults.md", "field.md", "attacks.md", "units.md"}
+"""Written by `make soak`, `faults`, `field` and `attacks`: each says when and on what it was made."""
+_BLOCK: Final = re.compile(r"<!-- figures [\w-]+ -->\n.*?<!-- end of figures -->", re.DOTALL)
+_FENCE: Final = re.compile(r"^(```|~~~).*?^\1", re.DOTALL | re.MULTILINE)
+_FIGURE: Final = re.compile(
+    r"(?<![\w.,])\d[\d,.]*\s?"
+    r"(?:ms|µs|us|ns|kB|MB|GB|KiB|MiB|GiB|%|per cent|times|msg/s|(?:messages|records|cycles)(?:/s| a second))(?!\w)"
+    r"|(?<![\w.,])\d+\.\d+ s(?!\w)|(?<!\w)x \d[\d.]*(?!\w)"
+)
+
+_CODE: Final = re.compile(r"`[^`\n]+`")
+
+_LIMITS: Final = "limits"
+_PAUSES: Final = "pauses, and times that are waited"
+ALLOWED: Final[dict[str, tuple[str, str]]] = {
+    "docs/actions.md": ("1.5 s", _PAUSES),
+    "docs/benchmarks.md": ("10 ms, 1 %", "the kernel's tick"),
+    "docs/boards.md": ("256 MB, 512 MB, 0.5 s, 60 times, 200 times", "limits and pauses of the units"),
+    "docs/design.md": ("10 times, 0.3 s", _PAUSES),
+    "docs/drivers.md": ("0.5 s, 64 KiB, 500 times", "limits and pauses"),
+    "docs/fleets.md": ("0.2 s", _PAUSES),
+    "docs/health.md": (
+        "3.5 s, 0.25 s, 1 GB, 200 MB, 16 kB, 0.5 s, 20 kB, 5 messages/s, 1 %, 8 kB",
+        "bounds between good, warning and error, and what a check sends",
+    ),
+    "docs/language.md": ("100 times", _LIMITS),
+    "docs/looking-in.md": ("2.5 s, 4 kB", "limits and defaults"),
+    "docs/looking.md": ("0.2 s, 50 times, 5 times, 2 MB", "limits, and what follows from 0.2 s"),
+    "docs/mail.md": ("0.05 s, 0.1 s, 1 MB, 256 MB, 256 kB, 64 kB, 64 MB, x 8", "limits, pauses, and bits of a byte"),
+    "docs/mavlink.md": ("0.5 s, 0.2 s, 64 KiB, 4 KiB", "limits and pauses"),
+    "docs/mind-format.md": ("0.2 s, 4 kB", _LIMITS),
+    "docs/mind.md": ("100 times", _LIMITS),
+    "docs/recording.md": ("2 GB, 128 MB, 64 MB, 1000 times", _LIMITS),
+    "docs/replaying.md": ("2 MB, 8 MB, 80 %", "limits, and the battery of an example"),
+    "docs/restart.md": ("0.5 s, 0.3 s, 50 times, 1 MB, 64 MB", "limits and pauses"),
+    "docs/search-and-rescue.md": ("40 %", "the battery at which a rescuer gives up its victim"),
+    "docs/security.md": ("0.1 s, 4 MiB, 8 MiB, 1 MB, 128 kB, 256 MB", "limits and pauses"),
+    "docs/simulated-copter.md": ("0.02 s", "the step of the simulation"),
+    "docs/ui.md": ("0.25 s, 0.35 s, 0.7 s, 16 kB, 4 kB", "limits, and times of a press"),
+}
+"""The figures that a page may type, and why."""
+
+
+def typed(text: str) -> list[str]:
+    """Return the figures of a page outside of blocks, and of examples (fences, code)."""
+    for apart in (_BLOCK, _FENCE, _CODE):
+        text = apart.sub("", text)
+    return [found[0] for found in _FIGURE.finditer(text)]
+
+
+def test_no_figure_was_typed() -> None:
+    found = []
+    for page in _pages():
+        name = str(page.relative_to(ROOT))
+        known = ALLOWED.get(name, ("", ""))[0].split(", ")
+        found += [f"{name}: {one}" for one in typed(page.read_text(encoding="utf-8")) if one not in known]
+    assert not found, "measured? then let a part of benchmarks fill a block; decided? then name it in ALLOWED"
+
+
+def test_what_is_allowed_is_there_and_has_its_reason() -> None:
+    for name, (figures, why) in ALLOWED.items():
+        there = typed((ROOT / name).read_text(encoding="utf-8"))
+        assert why
+        assert [one for one in figures.split(", ") if one not in there] == [], f"{name} has no such figures any more"
+
+
+def test_figures_are_found_where_they_are_typed_and_not_in_blocks_and_examples() -> None:
+    text = """\
+A look takes 4.3 ms.
+Fast: 22 times python-agentspeak; 6,512 messages/s; x 3.5; 0.22 s; 7 % of a core; 40 MB
+Three daemons, 2 cores, 12 rows, version 1.10.2, port 7447, 30 s at most, `5 MB`.
+<!-- figures mail -->
+
+| latency | 9.3 ms |
+
+<!-- end of figures -->
+```text
+up again after 1.2 s
+```
+| 12 µs | and 3 GB |
+"""
+    found = ["4.3 ms", "22 times", "6,512 messages/s", "x 3.5", "0.22 s", "7 %", "40 MB", "12 µs", "3 GB"]
+    assert typed(text) == found
+
+
+def _pages() -> list[Path]:
+    return [page for page in pages() if page.name not in REPORTS and "reference" not in page.parts]
