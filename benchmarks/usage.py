@@ -201,9 +201,9 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
 
 def pictures(figures: Figures) -> dict[str, str]:
     """Return the plots."""
-    from benchmarks import usage_page
+    from benchmarks import usage_plots
 
-    return usage_page.pictures(figures)
+    return usage_plots.pictures(figures)
 
 
 def in_short(figures: Figures) -> list[str]:
@@ -211,3 +211,10 @@ def in_short(figures: Figures) -> list[str]:
     from benchmarks import usage_page
 
     return usage_page.in_short(figures)
+
+
+def in_comparison(figures: Figures) -> list[str]:
+    """Return rows for docs/comparison.md."""
+    from benchmarks import usage_page
+
+    return usage_page.in_comparison(figures)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 from benchmarks import peers
 from benchmarks.flights import RESCUE, SINGLE
 from benchmarks.parts import Goal
-from benchmarks.plots import COLOURS, figure, svg
 from benchmarks.results import Origin
 from benchmarks.sampling import AGENT, ROLES
 from benchmarks.usage import ALL, BOARD, Figures, Row, Spread, Usage
@@ -22,8 +21,6 @@ PI_CORES: Final = 4
 PI_MB: Final = peers.PI_MEMORY * 1024**2 / 1e6
 BOARD_GOAL: Final = 1.1
 AGENT_MEMORY, AGENT_CPU = 1.3, 1.5
-SMOOTH: Final = 15
-"""Samples of which a line of the plots is the mean."""
 
 
 def goals(figures: Figures) -> list[Goal]:
@@ -50,7 +47,7 @@ def goals(figures: Figures) -> list[Goal]:
 
 def in_short(figures: Figures) -> list[str]:
     """Return rows for a table of what Argosy is beside others: what the BDI approach costs a board, at speed 1."""
-    theirs = {title.removeprefix("the paper, "): ratios for title, ratios, _ in _paper_ratios()}
+    theirs = {title.removeprefix("the paper, "): ratios for title, ratios, _ in paper_ratios()}
     rows = []
     for mission, speed in figures.flown():
         if speed != 1:
@@ -63,6 +60,21 @@ def in_short(figures: Figures) -> list[str]:
             f"| Jason in the paper {cpu:.2f}x, {memory:.2f}x ([measured](docs/benchmarks.md#processor-and-memory)) |"
         )
     return rows
+
+
+def in_comparison(figures: Figures) -> list[str]:
+    """Return the row of boards' memory in docs/comparison.md: what, memory, of which machine, source."""
+    flown = [one for one in figures.usages if (one.mission, one.speed, one.approach) == (SINGLE.mission, 1.0, "python")]
+    return [
+        f"| Argosy with an imperative program in agentd's place, in flight | {one.row(BOARD).pss.mean:.0f} MB (PSS)"
+        + (
+            f"; {sum(one.alone.values()):.0f} MB if nothing else on the machine shares their libraries"
+            if one.alone
+            else ""
+        )
+        + " | a computer | [benchmarks.md](benchmarks.md#processor-and-memory) |"
+        for one in flown
+    ]
 
 
 def _alone(bdi: Usage, other: Usage) -> float | None:
@@ -83,7 +95,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         if any(one.mission == mission for one in figures.usages):
             lines += [f"### {'Table 3' if mission == SINGLE.mission else 'Table 5'}: {title}", ""]
             lines += [*_paper_table(figures, mission), "", *_daemons(figures, mission), "", *_flights(figures, mission)]
-            lines += ["", f"![{title}: processor and memory over one flight](figures/{_picture(mission)}.svg)", ""]
+            lines += ["", f"![{title}: processor and memory over one flight](figures/{picture_of(mission)}.svg)", ""]
     lines += ["### The two approaches", "", *_ratios(figures), ""]
     lines += ["![AgentSpeak beside Python: ours and the paper's](figures/usage-ratios.svg)"]
     return {"paper-usage": "\n".join(lines)}
@@ -150,7 +162,7 @@ def _ratios(figures: Figures) -> list[str]:
         "| AgentSpeak beside Python | board: CPU | RSS | PSS | alone | agent's process: CPU | RSS | PSS |",
         "|---|---|---|---|---|---|---|---|",
     ]
-    for title, board, agent in _paper_ratios():
+    for title, board, agent in paper_ratios():
         lines.append(f"| {title} | {board[0]:.2f}x | {board[1]:.2f}x | | | {agent} |")
     for mission, speed in figures.flown():
         bdi, other = figures.of(mission, speed, "agentspeak"), figures.of(mission, speed, "python")
@@ -165,7 +177,7 @@ def _ratios(figures: Figures) -> list[str]:
     return lines
 
 
-def _paper_ratios() -> list[tuple[str, tuple[float, float], str]]:
+def paper_ratios() -> list[tuple[str, tuple[float, float], str]]:
     """By mission: a board's CPU and memory in Jason beside Python; the agent's process from its own measurements."""
     found = []
     jason, python = peers.PROCESSES["Jason agent"], peers.PROCESSES["Python agent"]
@@ -179,70 +191,8 @@ def _paper_ratios() -> list[tuple[str, tuple[float, float], str]]:
     return found
 
 
-def pictures(figures: Figures) -> dict[str, str]:
-    """Return the plots: one flight of each mission by both approaches, and the ratios."""
-    found = {
-        _picture(mission): _flight(figures, mission) for mission in dict.fromkeys(d.mission for d in figures.drawn)
-    }
-    return {**found, "usage-ratios": _bars(figures)}
-
-
-def _flight(figures: Figures, mission: str) -> str:
-    with figure(columns=2) as (made, (cpu, memory)):
-        for one in (drawn for drawn in figures.drawn if drawn.mission == mission):
-            colour = COLOURS["agentd" if one.approach == "agentspeak" else "python"]
-            title = APPROACHES[one.approach]
-            for who, style in ((BOARD, "-"), (AGENT, ":")):
-                label = f"{title}, {'board' if who == BOARD else 'agent'}"
-                if who == BOARD:
-                    cpu.plot(one.at, one.cpu[who], color=colour, linewidth=0.5, alpha=0.4)
-                cpu.plot(one.at, _smooth(one.cpu[who]), style, color=colour, linewidth=1, label=label)
-                memory.plot(one.at, one.rss[who], style, color=colour, linewidth=1, label=label)
-        several = " (mean of the boards)" if mission == RESCUE.mission else ""
-        made.suptitle(
-            f"{TITLES[mission]}, speed 1{several}; CPU: each sample of a board, and means of {SMOOTH}", fontsize=9
-        )
-        cpu.set(xlabel="s", ylabel="CPU, % of a core", ylim=(0, None))
-        memory.set(xlabel="s", ylabel="RSS, MB", ylim=(0, None))
-        memory.legend(fontsize=7)
-        return svg(made)
-
-
-def _smooth(values: list[float]) -> list[float]:
-    around = [values[max(0, place - SMOOTH // 2) : place + SMOOTH // 2 + 1] for place in range(len(values))]
-    return [sum(some) / len(some) for some in around]
-
-
-def _bars(figures: Figures) -> str:
-    bars: list[tuple[str, float, float, str]] = []
-    for title, (cpu, memory), _ in _paper_ratios():
-        bars.append((title, cpu, memory, COLOURS["paper"]))
-    for mission, speed in figures.flown():
-        mine, its = (figures.of(mission, speed, approach).row(BOARD) for approach in APPROACHES)
-        label = f"{TITLES[mission]}, speed {speed:g}"
-        bars.append((label, mine.cpu.mean / its.cpu.mean, mine.rss.mean / its.rss.mean, COLOURS["agentd"]))
-    with figure(columns=2, height=2.8) as (made, panels):
-        for axes, index, title in ((panels[0], 1, "CPU"), (panels[1], 2, "memory")):
-            _panel(axes, bars, index, f"a board's {title}: BDI / imperative")
-        panels[1].set_yticklabels([])
-        return svg(made)
-
-
-def _panel(axes: Any, bars: list[tuple[str, float, float, str]], index: int, title: str) -> None:
-    values: list[float] = [float(bar[index]) for bar in bars]
-    axes.barh(range(len(bars)), values, color=[bar[3] for bar in bars])
-    axes.set_yticks(range(len(bars)), [bar[0] for bar in bars])
-    for place, value in enumerate(values):
-        axes.annotate(
-            f"{value:.2f}", (value, place), xytext=(2, 0), textcoords="offset points", va="center", fontsize=8
-        )
-    axes.axvline(BOARD_GOAL, color="black", linewidth=0.8, linestyle="--")
-    axes.invert_yaxis()
-    axes.set_xlim(0, 1.15 * max(values))
-    axes.set_title(title, fontsize=9)
-
-
-def _picture(mission: str) -> str:
+def picture_of(mission: str) -> str:
+    """Return the name of the plot of a mission's flight."""
     return "usage-single" if mission == SINGLE.mission else "usage-rescue"
 
 
