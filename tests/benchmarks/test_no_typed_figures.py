@@ -1,7 +1,7 @@
-"""No figure of README and docs was typed by hand: what looks measured stands in a block, or is a limit that is named here.
+"""No figure of README and docs was typed by hand: what looks measured stands in a block, or is named here as a limit.
 
-Limits, rates and defaults are decided, not measured: a page may have those that are named here, with the reason. One that
-its page has no more fails, too.
+Limits, rates and defaults are decided, not measured: a page may have those that are named here, with the reason. One
+that its page has no more fails, too.
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ _LIMITS: Final = "limits"
 _PAUSES: Final = "pauses, and times that are waited"
 ALLOWED: Final[dict[str, tuple[str, str]]] = {
     "docs/actions.md": ("1.5 s", _PAUSES),
-    "docs/benchmarks.md": ("10 ms, 1 %", "the kernel's tick"),
     "docs/boards.md": ("256 MB, 512 MB, 0.5 s, 60 times, 200 times", "limits and pauses of the units"),
     "docs/design.md": ("10 times, 0.3 s", _PAUSES),
     "docs/drivers.md": ("0.5 s, 64 KiB, 500 times", "limits and pauses"),
