@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from argosy.processes import Process, plan
+from benchmarks import plots
 from benchmarks.flights import setup_in, start_all, with_one_process
 from benchmarks.held import alone, pss
 from benchmarks.parts import Goal, tell
@@ -139,9 +140,18 @@ def goals(figures: Figures) -> list[Goal]:
     ]
 
 
-def pictures(_: Figures) -> dict[str, str]:
-    """Return none."""
-    return {}
+def pictures(figures: Figures) -> dict[str, str]:
+    """Draw the memory of each board in both forms, beside the goal."""
+    with plots.figure(height=1.2 + 0.6 * len(figures.rows)) as (made, axes):
+        names = []
+        for row in reversed(figures.rows):
+            for what, one, colour in (("one process", row.together, "agentd"), ("three daemons", row.apart, "paper")):
+                axes.barh(len(names), statistics.median(one.pss), color=plots.COLOURS[colour])
+                names.append(f"{row.title.partition(',')[0]}: {what}")
+        axes.axvline(GOAL, color="black", linestyle="--")
+        axes.set_yticks(range(len(names)), names)
+        axes.set_xlabel("MB in flight (PSS); dashed: goal of one process")
+        return {"board": plots.svg(made)}
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:

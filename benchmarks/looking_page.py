@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from benchmarks import plots
 from benchmarks.bursts import STEPS, Cost
 from benchmarks.paired import Interval
 from benchmarks.parts import Goal, line_of_goals
@@ -83,9 +84,20 @@ def goals(figures: Figures) -> list[Goal]:
     return found
 
 
-def pictures(_: Figures) -> dict[str, str]:
-    """Return none."""
-    return {}
+def pictures(figures: Figures) -> dict[str, str]:
+    """Draw what each who looks on takes of an agent that never rests, with its interval, beside the goal."""
+    found = [(f"argosy {view}", figures.lost(parts)) for view, parts in VIEWS.items()]
+    rows = [(name, lost) for name, lost in reversed(found) if lost is not None]
+    with plots.figure(height=1.0 + 0.35 * len(rows)) as (made, axes):
+        for place, (_, lost) in enumerate(rows):
+            low, high = lost.median - lost.low, lost.high - lost.median
+            axes.errorbar(lost.median, place, xerr=[[low], [high]], fmt="o", color=plots.COLOURS["agentd"], capsize=3)
+        axes.axvline(GOAL, color=plots.COLOURS["paper"], linestyle="--")
+        axes.set_yticks(range(len(rows)), [name for name, _ in rows])
+        axes.set_ylim(-0.5, len(rows) - 0.5)
+        axes.set_xlim(left=min(0.0, *(lost.low for _, lost in rows)))
+        axes.set_xlabel("% that an agent loses which never rests, with intervals of 95 %; dashed: the goal")
+        return {"looking": plots.svg(made)}
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:

@@ -210,6 +210,14 @@ def test_goals_stand_with_the_part_whose_they_are() -> None:
     assert rows[-1] == "| [loop](#the-decision-loop) | p50 | 4x | 3x | met |"
 
 
+def test_the_cheapest_part_can_be_tried(capfd: pytest.CaptureFixture[str]) -> None:
+    cheapest = min(PARTS, key=lambda part: part.minutes)
+    assert command.main([cheapest.name, "--quick"]) == 0
+    out, err = capfd.readouterr()
+    assert f"Measured by `make bench ARGS={cheapest.name}`" in out
+    assert f"{cheapest.name}: done" in err
+
+
 def test_all_parts_take_less_than_an_hour_and_each_has_a_name_of_its_own() -> None:
     assert sum(part.minutes for part in PARTS) < 60
     assert len({part.name for part in PARTS}) == len(PARTS)
