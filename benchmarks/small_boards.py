@@ -6,10 +6,11 @@ All daemons of the board are in one cage (`benchmarks.cages`); the simulator, on
 
 from __future__ import annotations
 
+import multiprocessing
 import tempfile
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,12 +29,16 @@ from benchmarks.scale_health import Records, listening
 from benchmarks.watched import Watched, watched_command
 
 SPEED: Final = 1.0
-QUICK_SPEED: Final = 8.0
+QUICK_SPEED: Final = 5.0
 START: Final = 150.0
 """Wall seconds that a board may take until all its daemons are there."""
 FLIGHT: Final = 150.0
 """Simulated seconds that the mission may take then: more than one and a half times what it takes."""
-LOOK_EVERY: Final = 1.0
+LOOK_EVERY: Final = 4.0
+SETTLED: Final = 3.0
+"""Wall seconds after which a daemon tells no more of how late its loop was in its start."""
+APART: Final = 2.5
+"""Wall seconds between the starts of two flights."""
 SYSTEM: Final = 128.0
 """MB of a board's memory that are left to its system, which is a Debian without a desktop."""
 
@@ -73,10 +78,20 @@ BOARDS: Final = (BEAGLEBONE, PI_3)
 
 THREE, ONE = "three daemons", "`argosy board`"
 FORMS: Final = (THREE, ONE)
-SHARES: Final = (0.04, 0.03, 0.02, 0.015, 0.01)
-"""Of one core of this machine for the whole board, tried from above."""
-PARTS_OF_MEMORY: Final = (1.1, 1.0, 0.95, 0.9)
-"""Of what the board holds without limits, tried from above."""
+SHARES: Final = {THREE: (0.015, 0.02, 0.03), ONE: (0.01, 0.015, 0.02)}
+"""Of one core of this machine for the whole board."""
+PARTS_OF_MEMORY: Final = (0.95, 1.0, 1.05)
+"""Of what the board holds when its daemons are there."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A flight to be flown."""
+
+    form: str
+    limits: Limits
+    speed: float
+    board: str = ""
 
 
 @dataclass(frozen=True)
@@ -121,66 +136,72 @@ class Flown:
 class Figures:
     """What was flown."""
 
+    shares: list[Flown]
+    """With shares of one core, and as much memory as there is."""
+    boards: list[Flown]
+    """With the limits of boards."""
+    memory: list[Flown]
+    """With little memory, and all that there is of the processor."""
     free: list[Flown]
     """Without limits, one of each form."""
-    boards: list[Flown]
-    shares: list[Flown]
-    memory: list[Flown]
 
 
 def measure(quick: bool) -> Figures:
     """Fly everything; a flight that a limit ends is a figure. Raises BenchmarkFailed when one without limits fails."""
     speed = QUICK_SPEED if quick else SPEED
-    free = _side_by_side([("no limits", form, Limits()) for form in FORMS], speed)
-    if failed := [flown for flown in free if not flown.completed]:
-        raise BenchmarkFailed(f"small boards: {failed[0].form}, without limits: {failed[0].why}")
-    by_form = {flown.form: flown for flown in free}
-
-    def less_shared(form: str, memory: float) -> float:
-        return memory - by_form[form].elsewhere
-
+    found = {form: stood(form) for form in FORMS}
+    shares = [Wanted(form, Limits(share=share), speed) for form in FORMS for share in SHARES[form]]
     boards = [
-        (board.title, form, replace(board.limits, memory=less_shared(form, board.memory - SYSTEM)))
+        Wanted(form, replace(board.limits, memory=board.memory - SYSTEM - found[form].elsewhere), speed, board.title)
         for board in BOARDS
         for form in FORMS
     ]
     memory = [
-        ("", form, Limits(less_shared(form, part * by_form[form].held))) for form in FORMS for part in PARTS_OF_MEMORY
+        Wanted(form, Limits(part * found[form].held - found[form].elsewhere), speed)
+        for form in FORMS
+        for part in PARTS_OF_MEMORY
     ]
-    shares = [("", form, Limits(share=share)) for form in FORMS for share in SHARES]
-    if quick:  # few at a time, and so much of a core that this speed is kept up
-        boards = [(title, form, replace(limits, share=0.9)) for title, form, limits in boards[:2]]
-        memory, shares = memory[:1], [("", ONE, Limits(share=0.9))]
-    return Figures(free, _side_by_side(boards, speed), _side_by_side(shares, speed), _side_by_side(memory, speed))
+    if quick:  # few, and with so much of a core that this speed is kept up
+        boards = [replace(one, limits=replace(one.limits, share=0.9)) for one in boards[:2]]
+        memory, shares = memory[2:3], [Wanted(ONE, Limits(share=0.9), speed)]
+    free = [Wanted(form, Limits(), speed, "no limits") for form in FORMS]
+    groups = (shares, boards, memory, free)  # the slowest start first
+    flown = iter(_side_by_side([one for group in groups for one in group]))
+    figures = Figures(*([next(flown) for _ in group] for group in groups))
+    if failed := [one for one in figures.free if not one.completed]:
+        raise BenchmarkFailed(f"small boards: {failed[0].form}, without limits: {failed[0].why}")
+    return figures
 
 
-def _side_by_side(flights: Sequence[tuple[str, str, Limits]], speed: float) -> list[Flown]:
+def stood(form: str) -> Flown:
+    """Start a board without limits, and see what it holds on the ground."""
+    with caged(Limits()) as cage, ExitStack() as stack:
+        tell(f"{form}, on the ground")
+        flight = _started(stack, form, cage, SPEED)
+        time.sleep(SETTLED)
+        elsewhere = _elsewhere(_ours(flight), cage)
+        return Flown("", form, None, None, 1, cage.kind, charged=cage.usage().peak, elsewhere=elsewhere)
+
+
+def _side_by_side(flights: Sequence[Wanted]) -> list[Flown]:
+    """Fly all at once, each from a process of its own, so that they share nothing but the machine."""
     tell(f"{len(flights)} flights side by side")
-    with ThreadPoolExecutor(len(flights)) as pool:
-        return list(pool.map(lambda one: fly(one[0], one[1], one[2], speed), flights))
+    with ProcessPoolExecutor(len(flights), multiprocessing.get_context("spawn")) as pool:
+        flown = []
+        for wanted in flights:
+            flown.append(pool.submit(fly, wanted))
+            time.sleep(APART)
+        return [one.result() for one in flown]
 
 
-def fly(board: str, form: str, limits: Limits, speed: float) -> Flown:
+def fly(wanted: Wanted) -> Flown:
     """Fly the mission once."""
+    limits = wanted.limits
     with caged(limits) as cage, ExitStack() as stack:
-        flown = Flown(board, form, limits.memory, limits.share, limits.cores, cage.kind)
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="argosy-bench-")))
-        setup = setup_in(folder, SINGLE.mission, speed)
-        planned = plan(setup) if form == THREE else with_one_process(setup, "local", plan(setup))
-        flight = Flight(SINGLE, "agentspeak", setup, {})
+        flown = Flown(wanted.board, wanted.form, limits.memory, limits.share, limits.cores, cage.kind)
+        flight = None
         try:
-            for process in planned:
-                ours = process.kind.measured
-                command = cage.command(list(process.argv)) if ours else list(process.argv)
-                watched = stack.enter_context(watched_command(process.name, command))
-                flight.watched.append((process, watched))
-                if process.kind.name == "commd":
-                    _until(flight, watched, READY["commd"])
-            for process, watched in flight.watched:
-                words = [READY[process.kind.name]] if form == THREE or not process.kind.measured else list(_ALL_READY)
-                for one in words:
-                    _until(flight, watched, one)
-            flight.up = time.monotonic()
+            flight = _started(stack, wanted.form, cage, wanted.speed)
             flown = replace(flown, ready=flight.up - flight.begun)
             return _in_flight(stack, flight, cage, flown)
         except BenchmarkFailed as failed:
@@ -189,9 +210,31 @@ def fly(board: str, form: str, limits: Limits, speed: float) -> Flown:
             return replace(flown, why=why, charged=usage.peak, throttled=usage.throttled)
 
 
-def _why(failed: BenchmarkFailed, flight: Flight) -> str:
+def _started(stack: ExitStack, form: str, cage: Cage, speed: float) -> Flight:
+    """Start the board's daemons in the cage and the simulator outside, and wait until they are there."""
+    folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="argosy-bench-")))
+    setup = setup_in(folder, SINGLE.mission, speed)
+    planned = plan(setup) if form == THREE else with_one_process(setup, "local", plan(setup))
+    flight = Flight(SINGLE, "agentspeak", setup, {})
+    for process in planned:
+        ours = process.kind.measured
+        command = cage.command(list(process.argv)) if ours else list(process.argv)
+        watched = stack.enter_context(watched_command(process.name, command))
+        flight.watched.append((process, watched))
+        if process.kind.name == "commd":
+            _until(flight, watched, READY["commd"])
+    for process, watched in flight.watched:
+        one_process = form == ONE and process.kind.measured
+        for words in _ALL_READY if one_process else (READY[process.kind.name],):
+            _until(flight, watched, words)
+    flight.up = time.monotonic()
+    return flight
+
+
+def _why(failed: BenchmarkFailed, flight: Flight | None) -> str:
     """Return the reason of a failure: the agent's own, if it has told one."""
-    said = [line for _, watched in flight.watched for _, line in watched.said if SINGLE.given_up in line]
+    watched = flight.watched if flight is not None else []
+    said = [line for _, one in watched for _, line in one.said if SINGLE.given_up in line]
     if said:
         return said[0].partition(f"{SINGLE.given_up}: ")[2]
     return str(failed).partition("\n")[0].removesuffix("; last:")
@@ -213,7 +256,7 @@ def _until(flight: Flight, watched: Watched, words: str) -> None:
 
 def _in_flight(stack: ExitStack, flight: Flight, cage: Cage, flown: Flown) -> Flown:
     """Wait for the end of the mission, and look at what is used meanwhile."""
-    ours = [watched for process, watched in flight.watched if process.kind.measured]
+    ours = _ours(flight)
     records = stack.enter_context(listening(flight.setup.router, flight.setup.mission.fleet))
     used, begun = sum(one.cpu() for one in ours), time.monotonic()
     with ThreadPoolExecutor(1) as pool:
@@ -233,9 +276,13 @@ def _in_flight(stack: ExitStack, flight: Flight, cage: Cage, flown: Flown) -> Fl
         elsewhere=max(elsewhere),
         cpu=100 * (sum(one.cpu() for one in ours) - used) / (ended - begun),
         throttled=usage.throttled,
-        lag=_lag(records, flight.up, ended),
+        lag=_lag(records, flight.up + SETTLED, ended),
         timed_out=sum("timed_out" in line for one in ours for _, line in one.said),
     )
+
+
+def _ours(flight: Flight) -> list[Watched]:
+    return [watched for process, watched in flight.watched if process.kind.measured]
 
 
 def _elsewhere(ours: Sequence[Watched], cage: Cage) -> float:

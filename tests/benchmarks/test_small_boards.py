@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from benchmarks.cages import caged
 from benchmarks.control_groups import ControlGroup
 from benchmarks.limits import Cage, Limits, Usage
 from benchmarks.processes import BenchmarkFailed
-from benchmarks.small_boards import FORMS, ONE, THREE, Figures, Flown
+from benchmarks.small_boards import FORMS, ONE, THREE, Figures, Flown, Wanted
 
 BURN = "import time; e = time.monotonic() + 1\nwhile time.monotonic() < e: pass\nprint(time.process_time())"
 EAT = "found = [bytearray(1_000_000) for _ in range(60)]; import time; time.sleep(0.6); print('eaten')"
@@ -118,7 +119,7 @@ def test_nothing_is_left_of_a_cage(by: str) -> None:
 
 
 def test_the_mission_is_flown_within_limits_that_it_does_not_reach() -> None:
-    flown = small_boards.fly("a board", ONE, Limits(memory=500), 8.0)
+    flown = small_boards.fly(Wanted(ONE, Limits(memory=500), 8.0))
     assert (flown.completed, flown.why) == (True, "")
     assert 30 < flown.held < 500
     assert flown.ready > 0
@@ -127,7 +128,7 @@ def test_the_mission_is_flown_within_limits_that_it_does_not_reach() -> None:
 
 
 def test_a_board_without_enough_memory_is_said_to_be_out_of_it() -> None:
-    flown = small_boards.fly("a board", THREE, Limits(memory=20), 8.0)
+    flown = small_boards.fly(Wanted(THREE, Limits(memory=20), 8.0))
     assert (flown.completed, flown.why) == (False, "out of memory")
     assert flown.charged == pytest.approx(20, rel=0.2)
 
@@ -146,7 +147,7 @@ def _figures() -> Figures:
     shares[1] = replace(shares[1], completed=False, why="it fell down")
     memory[3] = replace(memory[3], completed=False, why="out of memory")
     boards = [flown(board.title, form, 359.0, board.share) for board in small_boards.BOARDS for form in FORMS]
-    return Figures([flown("no limits", form) for form in FORMS], boards, shares, memory)
+    return Figures(shares, boards, memory, [flown("no limits", form) for form in FORMS])
 
 
 def test_the_least_is_that_above_which_nothing_failed() -> None:
@@ -175,9 +176,13 @@ def test_the_picture_shows_both_boards() -> None:
 
 
 def test_without_limits_the_mission_has_to_be_flown(monkeypatch: pytest.MonkeyPatch) -> None:
-    def lost(board: str, form: str, given: Limits, speed: float) -> Flown:
-        return Flown(board, form, None, None, 1, "a test", why="no router")
+    def lost(flights: Sequence[Wanted]) -> list[Flown]:
+        return [Flown(one.board, one.form, None, None, 1, "a test", why="no router") for one in flights]
 
-    monkeypatch.setattr(small_boards, "fly", lost)
+    def on_the_ground(form: str) -> Flown:
+        return Flown("", form, None, None, 1, "a test", charged=70.0, elsewhere=25.0)
+
+    monkeypatch.setattr(small_boards, "_side_by_side", lost)
+    monkeypatch.setattr(small_boards, "stood", on_the_ground)
     with pytest.raises(BenchmarkFailed, match="without limits: no router"):
         small_boards.measure(True)
