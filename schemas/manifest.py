@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Callable, Iterable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -80,7 +81,13 @@ def load_manifest(name: str | Path, relative_to: Path | None = None, check: Chec
     if path is None:
         known = ", ".join(shipped_names("manifests", ".toml"))
         raise Findings([Finding(str(name), 0, 0, f"no such manifest; expected a file or one of: {known}")])
-    return read_manifest(read_text(path), str(path), check)
+    return _read_once(read_text(path), str(path), check)
+
+
+@lru_cache(maxsize=16)
+def _read_once(text: str, file: str, check: Check | None) -> Manifest:
+    """Read a text that may have been read before: the robots of a fleet have few manifests, and none is changed."""
+    return read_manifest(text, file, check)
 
 
 def read_manifest(text: str, file: str, check: Check | None = None) -> Manifest:

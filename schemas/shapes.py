@@ -8,7 +8,9 @@ from __future__ import annotations
 import re
 import types
 import typing
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
+from types import MappingProxyType
 from typing import Any, Literal, Union, get_args, get_origin
 
 import msgspec
@@ -49,7 +51,7 @@ def misfits(value: object, model: Any, hook: Hook, path: Path = ()) -> Iterator[
 
 
 def _fields(value: dict[str, Any], model: Any, hook: Hook, path: Path) -> Iterator[tuple[Path, str]]:
-    fields = {field.encode_name: field for field in msgspec.structs.fields(model)}
+    fields = _fields_of(model)
     for name, item in value.items():
         if name in fields:
             yield from misfits(item, fields[name].type, hook, (*path, name))
@@ -58,6 +60,12 @@ def _fields(value: dict[str, Any], model: Any, hook: Hook, path: Path) -> Iterat
     for name, field in fields.items():
         if field.required and name not in value:
             yield path, f"needs the field `{name}`"
+
+
+@lru_cache(maxsize=64)
+def _fields_of(model: type[msgspec.Struct]) -> Mapping[str, msgspec.structs.FieldInfo]:
+    """The fields of a model by their names in files; msgspec reads the annotations anew each time it is asked."""
+    return MappingProxyType({field.encode_name: field for field in msgspec.structs.fields(model)})
 
 
 def _options(model: Any) -> tuple[Any, ...]:

@@ -180,3 +180,12 @@ def test_everything_in_a_document_is_found_on_its_line() -> None:
     }
     assert line_of(toml_lines(DOCUMENT), ("a", "b", "list", "0", "deeper")) == 9
     assert line_of(toml_lines(DOCUMENT), ("elsewhere",)) == 0
+
+
+def test_a_manifest_is_read_once_for_all_robots_of_a_fleet_and_anew_when_its_text_changes(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('[robot]\ndriver = "mavlink"\nvehicle = "arducopter"\nlink_loss = "5s"\n')
+    first = load_manifest("mine.toml", tmp_path)
+    assert load_manifest("mine.toml", tmp_path) is first
+    path.write_text(path.read_text().replace("5s", "7s"))
+    assert (first.robot.link_loss, load_manifest("mine.toml", tmp_path).robot.link_loss) == (5.0, 7.0)
