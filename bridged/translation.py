@@ -61,6 +61,8 @@ class Translator:
 LARGEST = 65_536
 """Bytes of the largest belief that is told; an agent must be able to take in each of them."""
 _ENCODE = msgspec.msgpack.Encoder().encode
+_LISTS, _NUMBERS = (list, tuple), (int, float)
+"""Made once: a union is made anew wherever it is written, for each value that a robot says."""
 
 ToTerm = Callable[[object], Term]
 """What makes a term of a plain value, by the robot's `values`."""
@@ -73,10 +75,10 @@ class _Absent(Exception):
 def _argument(field: Field, message: object, term: ToTerm) -> Term:
     value = message
     for step in field.field.split("."):
-        value = value[int(step)] if isinstance(value, list | tuple) else _member(value, step)
+        value = value[int(step)] if isinstance(value, _LISTS) else _member(value, step)
     if field.each:
         return _elements(field, value, term)
-    if isinstance(value, list | tuple):
+    if isinstance(value, _LISTS):
         return [_value(field, item, term) for item in value if not _is_absent(field, item)]
     if _is_absent(field, value):
         raise _Absent
@@ -85,7 +87,7 @@ def _argument(field: Field, message: object, term: ToTerm) -> Term:
 
 def _elements(field: Field, value: object, term: ToTerm) -> list[Term]:
     """What is taken of each structure in a list; one that lacks a value that it may lack is left out."""
-    if not isinstance(value, list | tuple):
+    if not isinstance(value, _LISTS):
         raise TypeError(f"a list was expected, not a {type(value).__name__}")
     parts = field.parts()
     found: list[Term] = []
@@ -105,9 +107,9 @@ def _is_absent(field: Field, value: object) -> bool:
 
 def _value(field: Field, value: object, term: ToTerm) -> Term:
     """Convert a value, or every number in a list of lists."""
-    if isinstance(value, list | tuple):
+    if isinstance(value, _LISTS):
         return [_value(field, item, term) for item in value]
-    if isinstance(value, int | float) and not isinstance(value, bool) and (field.scale, field.offset) != (1.0, 0.0):
+    if isinstance(value, _NUMBERS) and not isinstance(value, bool) and (field.scale, field.offset) != (1.0, 0.0):
         value = float(f"{value * field.scale + field.offset:.{DIGITS}g}")
     return term(value)
 
@@ -120,10 +122,10 @@ def _member(value: object, step: str) -> object:
 
 def _term(value: object) -> Term:
     match value:
-        case bool() | int() | str() | Atom():
-            return value
         case float():
             return number(value)
+        case bool() | int() | str() | Atom():
+            return value
         case bytes() | bytearray():
             return list(value)
     raise TypeError(f"no term for a {type(value).__name__}")
