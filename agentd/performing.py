@@ -170,13 +170,11 @@ class Performing:
                 status = await self._join(effect.id, left)
                 return ActionDone(effect.id, status.state == "succeeded", status.reason, status.state), status
             kept = self._journal.begun(self._action(effect, noted))  # it has ended meanwhile
-        if kept is not None:
-            await kept
         identity = f"{self._agent}:{self._life}:{effect.id}"
         self._identities[effect.id] = identity
         if effect.id in self._dropped:
             return dropped
-        status = await self._acting.perform(identity, effect.name, noted.parameters)
+        status = await self._acting.perform(identity, effect.name, noted.parameters, kept=kept)
         return ActionDone(effect.id, status.state == "succeeded", status.reason, status.state), status
 
     # --- what a former life has left ---

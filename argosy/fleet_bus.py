@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncGenerator, AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import AsyncExitStack, aclosing, asynccontextmanager
 from functools import partial
 from typing import Any, TypeVar
@@ -117,7 +117,14 @@ class FleetBus(Bus):
         self.boards.at_each(lambda _, bus: Bus.subscribe(bus, key, record, told))
 
     async def query(
-        self, key: str, ask: Record | None, answer: type[R], timeout: float, *, limit: int = BACKLOG
+        self,
+        key: str,
+        ask: Record | None,
+        answer: type[R],
+        timeout: float,
+        *,
+        limit: int = BACKLOG,
+        ready: Callable[[], Awaitable[bool]] | None = None,
     ) -> AsyncGenerator[Reply[R], None]:
         """As `Bus.query`; of a board that is not reached the reply says why."""
         name = key.split("/")[2]
@@ -132,7 +139,7 @@ class FleetBus(Bus):
                 await replies.put(Reply(its_key, None, f"board {board} is not reached: {bus}"))
                 return
             try:
-                async with aclosing(Bus.query(bus, key, ask, answer, timeout, limit=limit)) as its:
+                async with aclosing(Bus.query(bus, key, ask, answer, timeout, limit=limit, ready=ready)) as its:
                     async for reply in its:
                         await replies.put(reply)
             except BusClosed as closed:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Iterable
+from collections.abc import Awaitable, Iterable
 from contextlib import suppress
 from functools import partial
 
@@ -65,7 +65,11 @@ class Service:
         for agent in self._agents:
             bus.serve(keys.percept(fleet, agent, "**"), Perception, partial(self._repair, agent, board.sets[agent]))
             bus.serve(
-                keys.action(fleet, agent, "*"), Action, partial(self._act, agent, desk, live), at_most=ACTION_BYTES
+                keys.action(fleet, agent, "*"),
+                Action,
+                partial(self._act, agent, desk, live),
+                at_most=ACTION_BYTES,
+                at_once=True,
             )
             bus.serve(keys.cancel(fleet, agent), Cancel, partial(self._cancel, agent, desk), urgent=True)
         bus.serve(keys.manifest(fleet, self._robot), ManifestChange, partial(self._read_or_change, live))
@@ -79,18 +83,18 @@ class Service:
             if asked.intersects(zenoh.KeyExpr(key)):
                 query.reply(perception, key)
 
-    async def _act(self, agent: str, desk: ActionDesk, live: RunningManifest, query: Query[Action]) -> None:
+    def _act(self, agent: str, desk: ActionDesk, live: RunningManifest, query: Query[Action]) -> Awaitable[None] | None:
         """Carry out an action asked for on a concrete key with a valid payload; describe it to anybody else."""
         if not query.concrete or query.record is None:
             self._describe(agent, live.manifest, query)
-            return
+            return None
         name = query.key.rpartition("/")[2]
         following = _Following(query)
         if self._inject or not is_by_hand(agent, query.record):
             desk.ask(agent, name, query.record, following.hear)
         else:
             desk.turn_away(agent, name, query.record, BY_HAND, following.hear)
-        await following.to_its_end()
+        return following.to_its_end()
 
     def _describe(self, agent: str, manifest: Manifest, query: Query[Action]) -> None:
         asked = zenoh.KeyExpr(query.key)
@@ -169,14 +173,18 @@ class _Following:
         except Exception as error:  # whoever tells is not to suffer for what cannot be sent
             self._ended.set_exception(error)
 
-    async def to_its_end(self) -> None:
-        """Follow the action to its end, for `FOLLOW_AT_MOST` at most. Raises what was wrong with a status."""
+    def to_its_end(self) -> Awaitable[None] | None:
+        """Follow the action to its end from now on; None if that has come. Raises what was wrong with a status."""
         self._asked = True
         if self._first is not None:
             self.hear(self._first)
         if self._ended.done():
             self._ended.result()
-            return
+            return None
+        return self._wait()
+
+    async def _wait(self) -> None:
+        """Wait for the end, for `FOLLOW_AT_MOST` at most."""
         with suppress(TimeoutError):
             async with asyncio.timeout(FOLLOW_AT_MOST):
                 await self._ended

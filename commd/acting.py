@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from contextlib import aclosing, suppress
 
 from commd.bridge_watch import BridgeWatch
@@ -61,16 +61,24 @@ class Acting:
         patience: float = ACCEPT_PATIENCE,
         on_status: Callable[[ActionStatus], None] | None = None,
         attempt: int = 1,
+        kept: asyncio.Future[None] | None = None,
     ) -> ActionStatus:
         """Ask for an action and return its final status; the bridge has `patience` wall seconds to take it.
 
         Never raises and never waits for ever: without a word from the bridge for `BUS_GRACE` it has failed, and when
         the deadline that the bridge has told is over. `on_status` hears of each status before the final one. `attempt`
         above 1 follows what a former life has asked for: the bridge begins nothing, and refuses what it does not know.
+        `kept` is waited for when all is prepared: before it has ended nobody is asked.
         """
         self._wanted[identity] = True
+
+        async def ready() -> bool:
+            if kept is not None:
+                await kept
+            return self._wanted[identity]  # it may have been dropped meanwhile
+
         try:
-            status = await self._follow(identity, name, parameters, patience, on_status, attempt)
+            status = await self._follow(identity, name, parameters, patience, on_status, attempt, ready)
         finally:
             del self._wanted[identity]
         if status.after is not None:
@@ -86,6 +94,7 @@ class Acting:
         patience: float,
         on_status: Callable[[ActionStatus], None] | None,
         attempt: int,
+        ready: Callable[[], Awaitable[bool]],
     ) -> ActionStatus:
         loop, reason = asyncio.get_running_loop(), "bridge_lost: nobody serves this action"
         heard = loop.time()
@@ -114,7 +123,7 @@ class Acting:
                 key = keys.action(self._bus.fleet, self._agent, name)
                 async with (
                     asyncio.timeout_at(until) as timer,
-                    aclosing(self._bus.query(key, action, ActionStatus, QUERY_TIMEOUT)) as replies,
+                    aclosing(self._bus.query(key, action, ActionStatus, QUERY_TIMEOUT, ready=ready)) as replies,
                 ):
                     taken = False
                     self._timers.add(timer)

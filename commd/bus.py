@@ -11,8 +11,8 @@ import asyncio
 import logging
 import os
 from collections import Counter, deque
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Collection, Sequence
-from contextlib import asynccontextmanager, suppress
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Collection, Iterator, Sequence
+from contextlib import asynccontextmanager, contextmanager, suppress
 from functools import partial
 from threading import Thread
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
@@ -53,6 +53,8 @@ UNKNOWN = "is commd running? If it is, it takes no more links: its log and its h
 """Why a router that can be reached lets nobody in."""
 OPEN_PATIENCE = 15.0
 """Wall seconds that Zenoh has to open a session or to say why not; an attempt to reach a router takes 1 s."""
+LAST_WORD = 1.0
+"""Wall seconds that Zenoh has after the end of a query to tell of it."""
 STOP_PATIENCE = 1.5
 """Wall seconds that it has when we are told to stop."""
 LOOK_UP_PATIENCE = 3.0
@@ -264,15 +266,18 @@ class Bus:
         self,
         key: str,
         record: type[R],
-        handler: Callable[[Query[R]], Awaitable[None]],
+        handler: Callable[[Query[R]], Awaitable[None] | None],
         *,
         at_most: int = MAX_BYTES,
         urgent: bool = False,
+        at_once: bool = False,
     ) -> Callable[[], None]:
         """Serve queries: `handler(query)` runs as a task of its own and the query ends when it returns.
 
-        A payload of more than `at_most` bytes is refused unread. What is `urgent` has room of its own beside all other
-        queries. Returns what ends the serving; without it, it lasts as long as the session.
+        With `at_once` it is a plain function, called when the query comes; if it returns something to be awaited, that
+        is the task, and else the query has ended. A payload of more than `at_most` bytes is refused unread. What is
+        `urgent` has room of its own beside all other queries. Returns what ends the serving; without it, it lasts as
+        long as the session.
         """
         room = 2 * QUERIES if urgent else QUERIES
 
@@ -284,7 +289,10 @@ class Bus:
             if len(self._tasks) >= room:
                 self._refuse(query, "dropped", "busy: too many queries at once")
                 return
-            self._tasks.spawn(self._serve(query, record, handler))
+            if at_once:
+                self._serve_at_once(query, record, handler)
+            else:
+                self._tasks.spawn(self._serve(query, record, handler))
 
         queryable = self._session.declare_queryable(key, self._hand_over(deliver, refuse=_drop_query))
         forget = self._declare("queryable", key)
@@ -304,35 +312,71 @@ class Bus:
         with query:
             Query(self, query, None, why).reply_error(why)
 
-    async def _serve(self, query: zenoh.Query, record: type[R], handler: Callable[[Query[R]], Awaitable[None]]) -> None:
+    async def _serve(
+        self, query: zenoh.Query, record: type[R], handler: Callable[[Query[R]], Awaitable[None] | None]
+    ) -> None:
         with query:
-            found, error = None, ""
-            if query.payload is not None and len(query.payload):
-                try:
-                    found = self._decode(
-                        record, str(query.key_expr), query.payload.to_bytes(), str(query.encoding or "")
-                    )
-                except BadRecord as bad:
-                    error = str(bad)
-            ours = Query(self, query, found, error)
+            ours = self._read_query(query, record)
+            with self._told(ours):
+                if (rest := handler(ours)) is not None:
+                    await rest
+
+    def _serve_at_once(
+        self, query: zenoh.Query, record: type[R], handler: Callable[[Query[R]], Awaitable[None] | None]
+    ) -> None:
+        rest, ours = None, self._read_query(query, record)
+        try:
+            with self._told(ours):
+                rest = handler(ours)
+        except Exception as error:  # as of a task that fails
+            self._loop.call_exception_handler({"message": "serving a query", "exception": error})
+        if rest is None:
+            query.drop()  # type: ignore[no-untyped-call]
+        else:
+            self._tasks.spawn(self._serve_on(query, ours, rest))
+
+    async def _serve_on(self, query: zenoh.Query, ours: Query[Any], rest: Awaitable[None]) -> None:
+        with query, self._told(ours):
+            await rest
+
+    def _read_query(self, query: zenoh.Query, record: type[R]) -> Query[R]:
+        found, error = None, ""
+        if query.payload is not None and len(query.payload):
             try:
-                await handler(ours)
+                found = self._decode(record, str(query.key_expr), query.payload.to_bytes(), str(query.encoding or ""))
             except BadRecord as bad:
-                ours.reply_error(str(bad))
-            except Exception as error:
-                ours.reply_error(f"defect in {self.daemon}: {type(error).__name__}: {error}")
-                raise
+                error = str(bad)
+        return Query(self, query, found, error)
+
+    @contextmanager
+    def _told(self, ours: Query[Any]) -> Iterator[None]:
+        """Tell the asker what is wrong with what is to be sent, and of a defect, which is raised."""
+        try:
+            yield
+        except BadRecord as bad:
+            ours.reply_error(str(bad))
+        except Exception as error:
+            ours.reply_error(f"defect in {self.daemon}: {type(error).__name__}: {error}")
+            raise
 
     async def query(
-        self, key: str, ask: Record | None, answer: type[R], timeout: float, *, limit: int = BACKLOG
+        self,
+        key: str,
+        ask: Record | None,
+        answer: type[R],
+        timeout: float,
+        *,
+        limit: int = BACKLOG,
+        ready: Callable[[], Awaitable[bool]] | None = None,
     ) -> AsyncGenerator[Reply[R], None]:
         """Ask all that serve `key` and yield each reply as it is made. No reply at all = nobody serves it.
 
         The key may have parameters, `key?a=b;c=d`, for those who serve it to read.
         Ends when all have answered or after `timeout` wall seconds; a final reply that did not come is for the caller
-        to notice. At most `limit` replies wait to be taken; further ones are dropped and counted.
+        to notice. At most `limit` replies wait to be taken; further ones are dropped and counted. `ready` is waited for
+        when all is prepared; if it says no, nothing is asked.
         """
-        replies: asyncio.Queue[zenoh.Reply | None] = asyncio.Queue()
+        replies: asyncio.Queue[zenoh.Reply | float | None] = asyncio.Queue()
         token = zenoh.CancellationToken()
 
         def arrived(reply: zenoh.Reply | None) -> None:
@@ -341,14 +385,19 @@ class Bus:
             else:
                 replies.put_nowait(reply)
 
-        made = codec(type(ask)) if ask is not None else None
+        soon = self._soon(arrived)
+        handler = zenoh.handlers.Callback(soon, partial(soon, None), indirect=False)
         options: dict[str, Any] = {}
-        if ask is not None and made is not None:
+        if ask is not None:
+            made = codec(type(ask))
             options = {"payload": made.encode(ask, self.wire), "encoding": made.encoding(self.wire)}
+        place = key if "?" in key else self._known.of(key)
+        if ready is not None and not await ready():
+            return
         try:
             self._session.get(
-                key if "?" in key else self._known.of(key),
-                zenoh.handlers.Callback(self._soon(arrived), lambda: self._soon(arrived)(None), indirect=False),
+                place,
+                handler,
                 consolidation=zenoh.ConsolidationMode.NONE,
                 target=zenoh.QueryTarget.ALL,
                 timeout=timeout,
@@ -357,20 +406,16 @@ class Bus:
             )
         except zenoh.ZError as error:
             raise BusClosed(f"cannot ask {key}: {error}") from None
-        until = self._loop.time() + timeout + 1.0  # Zenoh ends the query itself; the second is for its last word
+        late = self._loop.call_later(timeout + LAST_WORD, replies.put_nowait, float(timeout))
         try:
-            while True:
-                try:
-                    async with asyncio.timeout_at(until):  # not while whoever asks does something with a reply
-                        reply = await replies.get()
-                except TimeoutError:
+            while (reply := await replies.get()) is not None:
+                if isinstance(reply, float):
                     self.counters["queries_unended"] += 1
-                    return
-                if reply is None:
                     return
                 yield self._read_reply(key.partition("?")[0], reply, answer)
         finally:
-            token.cancel()  # type: ignore[no-untyped-call]
+            late.cancel()
+            self._loop.call_soon(token.cancel)  # who has what he wanted does not wait for that
 
     def _read_reply(self, key: str, reply: zenoh.Reply, answer: type[R]) -> Reply[R]:
         if reply.ok is None:

@@ -59,19 +59,22 @@ def read(files: Iterable[Path]) -> dict[str, list[int]]:
 def split(stamps: dict[str, list[int]], windows: Sequence[tuple[int, int]]) -> list[list[float]]:
     """Return how long each stage took, us, loop by loop: one list for each stage.
 
-    `windows` are the begin and end of each loop, ns; in each, the first stamp of each kind counts. A loop that lacks
-    one is left out. Zenoh may hand a sample over before the call that put it has come back: such a stage takes no time.
+    `windows` are the begin and end of each loop, ns; in each, the first stamp of a kind after the stage before counts.
+    A loop that lacks one is left out. Zenoh may hand a sample over before the call that put it has come back: such a
+    stage takes no time.
     """
     split: list[list[float]] = [[] for _ in STAGES]
     for begun, ended in windows:
-        moments = [_first(stamps.get(stage.stamp, []), begun, ended) for stage in STAGES]
-        if None in moments:
-            continue
-        last = begun
-        for spent, moment in zip(split, moments, strict=True):
-            assert moment is not None
+        spent, last = list[float](), begun
+        for stage in STAGES:
+            moment = _first(stamps.get(stage.stamp, []), begun if stage.who == "bus" else last, ended)
+            if moment is None:
+                break
             spent.append(max(0, moment - last) / 1000)
             last = max(last, moment)
+        else:
+            for of, one in zip(split, spent, strict=True):
+                of.append(one)
     return split
 
 

@@ -122,8 +122,8 @@ def _stamp_the_bridge() -> None:
 
 def _stamp_the_agent() -> None:
     from agentd.host import Host
+    from agentd.keeping import Keeping
     from agentd.mind.effects import PerformAction
-    from commd.acting import Acting
     from commd.perceiving import Perceiving
 
     def performs(name: str) -> Callable[[Any, Any], bool]:
@@ -131,7 +131,7 @@ def _stamp_the_agent() -> None:
 
     before(Perceiving, "_heard", "percept taken", lambda _, key, perception: perception.name == "ping")
     before(Host, "_carry_out", "action chosen", performs("pong"))
-    before(Acting, "perform", "action kept", lambda _, identity, name, *more: name == "pong")
+    before(Keeping, "_written", "action kept", lambda *_, **__: True)
     before(Host, "_done", "end told", lambda *_: True)
     before(Host, "_carry_out", "plan goes on", performs("seen"))
 
