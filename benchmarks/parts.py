@@ -53,6 +53,8 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("scale", "benchmarks.scale", 9),
     Part("startup", "benchmarks.startup", 2),
     Part("footprint", "benchmarks.footprints", 1.5),
+    Part("reasoner", "benchmarks.reasoner", 5.5),
+    Part("small-boards", "benchmarks.small_boards", 3.5),
     Part("bridge", "benchmarks.bridge", 1.5),
     Part("mail", "benchmarks.mail", 3.5),
     Part("board", "benchmarks.board", 1.5),

@@ -211,18 +211,20 @@ def fly(wanted: Wanted) -> Flown:
 
 
 def _started(stack: ExitStack, form: str, cage: Cage, speed: float) -> Flight:
-    """Start the board's daemons in the cage and the simulator outside, and wait until they are there."""
+    """Start the vehicle's simulator, then the board's daemons in the cage, and wait until they are there."""
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="argosy-bench-")))
     setup = setup_in(folder, SINGLE.mission, speed)
     planned = plan(setup) if form == THREE else with_one_process(setup, "local", plan(setup))
     flight = Flight(SINGLE, "agentspeak", setup, {})
-    for process in planned:
+    for process in sorted(planned, key=lambda process: process.kind.measured):
         ours = process.kind.measured
+        if process.kind.name == "commd":
+            flight.begun = time.monotonic()  # the board is switched on
         command = cage.command(list(process.argv)) if ours else list(process.argv)
         watched = stack.enter_context(watched_command(process.name, command))
         flight.watched.append((process, watched))
-        if process.kind.name == "commd":
-            _until(flight, watched, READY["commd"])
+        if process.kind.name in {"commd", "simulator"}:
+            _until(flight, watched, READY[process.kind.name])
     for process, watched in flight.watched:
         one_process = form == ONE and process.kind.measured
         for words in _ALL_READY if one_process else (READY[process.kind.name],):
