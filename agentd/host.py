@@ -41,6 +41,7 @@ from agentd.tracing.given_terms import Included
 from agentd.tracing.readings import CameBack, Interrupted
 from agentd.tracing.sources import Sources
 from agentd.viewer import Viewer
+from agentd.waking import Wake
 from agentd.wire import BadTerm, perceived
 from commd.acting import Acting
 from commd.bridge_watch import BridgeWatch
@@ -50,7 +51,7 @@ from commd.hand_percepts import HandPercepts, hear_by_hand
 from commd.notify import Loop
 from commd.output import stdout
 from commd.perceiving import Perceiving
-from commd.tasks import Tasks, wait_at_most
+from commd.tasks import Tasks
 from schemas.minds import MindView
 from schemas.records import Health, Perception
 
@@ -187,7 +188,14 @@ class Host:
             keeper=self._keeper,
         )
         self._backlog = Backlog()
-        self._wake = asyncio.Event()
+        self._wake = Wake()
+        self._beats = Loop.unwatched()
+        self._turning = False
+        """Whether a turn is to come as soon as all that the bus has brought is taken in."""
+        self._through = False
+        """Whether a turn outside of `run` has stopped the team."""
+        self._broken: BaseException | None = None
+        """What a turn outside of `run` has failed with."""
         self._prints: deque[str] = deque(maxlen=LAST_PRINTS)
         self._tasks = Tasks(f"working for agent {part.name}")
         for formula in (*part.done.values(), *part.failed.values()):
@@ -283,39 +291,82 @@ class Host:
         Each turn is a beat of `loop`.
         """
         loop = loop or Loop.unwatched()
-        mind, clock = self._mind, self._clock
         await self._come_back()
         waiting = asyncio.create_task(stop.wait())
         waiting.add_done_callback(lambda _: self._wake.set())
         in_order = False
+        self._beats = loop
         try:
             while not stop.is_set():
-                loop.beat()
-                self._wake.clear()
-                if self._control.may_reason():
-                    _busy.add(self)
-                    self._go_on(reason(mind, clock, len(_busy), self._tracing.ran))
-                else:
-                    self._step()
-                ready = mind.ready and not self._control.paused
-                if not ready:
-                    _busy.discard(self)
-                look_at = self._keep()
+                pause = self._turn()
                 if self.stopped is not None:
                     break
-                if ready:
+                if pause == 0:
                     await asyncio.sleep(0)
                     continue
-                due = None if self._control.paused else mind.wake_at
-                pauses = [] if due is None else [max(0.0, clock.to_wall(due - clock.now()))]
-                pauses += [pause for pause in (look_at, loop.period, self._control.left) if pause is not None]
-                await wait_at_most(self._wake, min(pauses, default=None))
+                await self._wake.wait(pause)
+                if self._broken is not None:
+                    raise self._broken
+                if self._through:
+                    break
             in_order = True
         finally:
             _busy.discard(self)
             loop.end()
             waiting.cancel()
+            self._wake.close()
             await self._leave(in_order)
+
+    def _turn(self) -> float | None:
+        """Reason about what has come, and carry out what comes of it.
+
+        Returns the wall seconds until the next turn if nothing else comes: 0 for at once, None for never.
+        """
+        self._beats.beat()
+        self._wake.clear()
+        mind, clock, control = self._mind, self._clock, self._control
+        if control.may_reason():
+            _busy.add(self)
+            self._go_on(reason(mind, clock, len(_busy), self._tracing.ran))
+        else:
+            self._step()
+        ready = mind.ready and not control.paused
+        if not ready:
+            _busy.discard(self)
+        look_at = self._keep()
+        if ready:
+            return 0.0
+        due = None if control.paused else mind.wake_at
+        pauses = [] if due is None else [max(0.0, clock.to_wall(due - clock.now()))]
+        pauses += [pause for pause in (look_at, self._beats.period, control.left) if pause is not None]
+        return min(pauses, default=None)
+
+    def _turn_at_once(self) -> None:
+        """Have a turn in the place of the task that sleeps: in the pass of the event loop in which something came."""
+        self._turning = False
+        if not self._wake.asleep:
+            self._wake.set()
+            return
+        try:
+            pause = self._turn()
+        except BaseException as error:
+            self._broken = error
+            self._wake.set()
+            return
+        self._through = self.stopped is not None
+        if pause == 0 or self._through:
+            self._wake.set()
+        else:
+            self._wake.within(pause)
+
+    def _rouse(self) -> None:
+        """Something has come for the mind."""
+        if self._turning:
+            return
+        if self._wake.asleep and self._bus.afterwards(self._turn_at_once):
+            self._turning = True
+        else:
+            self._wake.set()
 
     def _go_on(self, effects: list[Effect]) -> None:
         """Carry out what a run of the mind wants done."""
@@ -415,7 +466,7 @@ class Host:
 
     def _feed(self, item: Input) -> None:
         self._mind.feed(item)
-        self._wake.set()
+        self._rouse()
 
     # --- out of the mind ---
 

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 import zenoh
 
 from commd import denials
+from commd.handover import Handover
 from commd.known_keys import KnownKeys
 from commd.raw import RawBus, matching
 from commd.reach import why_not
@@ -150,6 +151,7 @@ class Bus:
         self._known = KnownKeys(session)
         self._stamp = stamp
         self._loop = asyncio.get_running_loop()
+        self._handover = Handover(self._loop, self.counters)
         self._seq: Counter[tuple[str, str]] = Counter()
         self._tasks = Tasks("serving a query")
         self._held: dict[Token, str] = {}
@@ -181,6 +183,13 @@ class Bus:
     def on_router(self, handler: Callable[[bool], None]) -> None:
         """Call `handler(up)` whenever the connection to the router comes or goes."""
         self._on_router.append(handler)
+
+    def afterwards(self, handler: Callable[[], None]) -> bool:
+        """Call `handler()` in this pass of the loop, when all that has come is told; False if nothing is being told.
+
+        For those who are told of several things and want to act on them together.
+        """
+        return self._handover.afterwards(handler)
 
     def stamp(self) -> int:
         """Return the time of this board as headers have it, Unix nanoseconds."""
@@ -597,14 +606,7 @@ class Bus:
 
     def _soon(self, function: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return a callback for Zenoh's threads that runs `function` on the event loop while that runs."""
-
-        def callback(item: Any) -> None:
-            try:
-                self._loop.call_soon_threadsafe(function, item)
-            except RuntimeError:
-                self.counters["dropped"] += 1
-
-        return callback
+        return partial(self._handover.put, function)
 
     def _hand_over(
         self, deliver: Callable[[Any], None], refuse: Callable[[Any], None] | None = None

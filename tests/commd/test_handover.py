@@ -1,0 +1,102 @@
+"""What comes on other threads is handed to the event loop in its order, together, and with a turn behind it."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections import Counter
+from typing import Any
+
+from commd.handover import AT_ONCE, Handover
+
+
+def test_things_from_several_threads_come_in_their_order_and_all_of_them() -> None:
+    async def main() -> dict[int, list[int]]:
+        handover, heard = Handover(asyncio.get_running_loop(), Counter()), dict[int, list[int]]()
+        told = asyncio.Event()
+
+        def hear(item: tuple[int, int]) -> None:
+            heard.setdefault(item[0], []).append(item[1])
+            if sum(map(len, heard.values())) == 4000:
+                told.set()
+
+        def put(who: int) -> None:
+            for number in range(1000):
+                handover.put(hear, (who, number))
+
+        threads = [threading.Thread(target=put, args=(who,)) for who in range(4)]
+        for thread in threads:
+            thread.start()
+        await asyncio.wait_for(told.wait(), 20)
+        return heard
+
+    assert asyncio.run(main()) == {who: list(range(1000)) for who in range(4)}
+
+
+def test_the_loop_is_called_once_for_all_that_waits_and_others_have_their_turn_in_between() -> None:
+    async def main() -> list[Any]:
+        loop, heard = asyncio.get_running_loop(), list[Any]()
+        handover = Handover(loop, Counter())
+        for number in range(2 * AT_ONCE):
+            handover.put(heard.append, number)
+        loop.call_soon(heard.append, "another")
+        while len(heard) < 2 * AT_ONCE + 1:
+            await asyncio.sleep(0)
+        return heard
+
+    heard = asyncio.run(main())
+    assert heard.index("another") == AT_ONCE
+    assert [one for one in heard if one != "another"] == list(range(2 * AT_ONCE))
+
+
+def test_who_is_told_of_something_has_a_turn_behind_the_rest_in_the_same_pass() -> None:
+    async def main() -> list[Any]:
+        loop, heard = asyncio.get_running_loop(), list[Any]()
+        handover = Handover(loop, Counter())
+
+        def hear(item: int) -> None:
+            heard.append(item)
+            if item == 0:
+                assert handover.afterwards(lambda: heard.append("turn"))
+
+        for number in range(3):
+            handover.put(hear, number)
+        loop.call_soon(heard.append, "next")
+        while len(heard) < 5:
+            await asyncio.sleep(0)
+        assert not handover.afterwards(lambda: heard.append("never"))
+        await asyncio.sleep(0)
+        return heard
+
+    assert asyncio.run(main()) == [0, 1, 2, "turn", "next"]
+
+
+def test_a_defect_is_told_and_keeps_nobody_else_from_theirs() -> None:
+    async def main() -> tuple[list[Any], list[str]]:
+        loop, heard, told = asyncio.get_running_loop(), list[Any](), list[str]()
+        loop.set_exception_handler(lambda _, context: told.append(repr(context["exception"])))
+        handover = Handover(loop, Counter())
+
+        def fails(item: Any) -> None:
+            handover.afterwards(lambda: heard.append("turn"))
+            raise ValueError(item)
+
+        handover.put(fails, "wrong")
+        handover.put(heard.append, "right")
+        while len(heard) < 2:
+            await asyncio.sleep(0)
+        return heard, told
+
+    assert asyncio.run(main()) == (["right", "turn"], ["ValueError('wrong')"])
+
+
+def test_what_comes_when_the_loop_has_ended_is_counted() -> None:
+    counters = Counter[str]()
+
+    async def main() -> Handover:
+        return Handover(asyncio.get_running_loop(), counters)
+
+    handover = asyncio.run(main())
+    handover.put(print, "lost")
+    handover.put(print, "lost")
+    assert counters == {"dropped": 2}
