@@ -23,7 +23,7 @@ from benchmarks.traffic import RATES, Talker, talk
 from benchmarks.watched import Watched, watched
 from tests.support.ports import free_port
 
-SECONDS: Final = 60.0
+SECONDS: Final = 45.0
 WARM_UP: Final = 8.0
 """Seconds of traffic before anything is measured: connecting, streams, first percepts."""
 GOAL_CPU, GOAL_RSS, GOAL_P99 = 5.0, 15.0, 5.0

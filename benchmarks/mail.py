@@ -30,7 +30,7 @@ __all__ = ["Figures", "blocks", "goals", "measure", "pictures"]
 Synchronous = Literal["full", "normal"]
 T = TypeVar("T")
 
-SECONDS: Final = 15.0
+SECONDS: Final = 12.0
 LETTERS: Final = 400
 """Single messages whose latency is measured."""
 BACKLOG: Final = 36_000
@@ -184,7 +184,7 @@ def in_folder(measure: Callable[[Path], Awaitable[T]]) -> T:
 def measure(quick: bool) -> Figures:
     """Run everything once. Raises BenchmarkFailed."""
     seconds, letters, backlog, queued = (1.0, 20, 2_400, 2_000) if quick else (SECONDS, LETTERS, BACKLOG, QUEUED)
-    agents, tokens = (5, 20) if quick else (AGENTS, TOKENS)
+    agents, tokens = (5, 600) if quick else (AGENTS, TOKENS)
     tell("throughput")
     full = in_folder(lambda at: throughput(at, "full", seconds))
     normal = in_folder(lambda at: throughput(at, "normal", seconds))

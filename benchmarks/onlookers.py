@@ -50,7 +50,6 @@ LISTENERS: Final = (
 )
 ONLOOKERS: Final = (
     CONTROL,
-    Onlooker("run", f"{_RUN.title}, {RATE:g} Hz", _RUN.selector),
     Onlooker("watch", f"`argosy watch`: the mind with plans and 30 decisions, {RATE:g} Hz", _WATCH.selector),
     Onlooker("ui", "`argosy ui`: the same, and its deeds", _WATCH.selector, traces=("deeds",)),
     Onlooker("greedy", "somebody who asks 50 times a second", "", 50.0),

@@ -25,7 +25,7 @@ from commd.bus import open_bus
 from tests.support.ports import free_port
 from tests.support.processes import Daemon, running
 
-SECONDS: Final = 12.0
+SECONDS: Final = 8.0
 """Wall seconds of a stretch."""
 CROWDS: Final = (3, 50)
 """Agents and robots that the page shows."""

@@ -55,12 +55,12 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("footprint", "benchmarks.footprints", 1.5),
     Part("reasoner", "benchmarks.reasoner", 5.5),
     Part("small-boards", "benchmarks.small_boards", 3.5),
-    Part("bridge", "benchmarks.bridge", 1.5),
-    Part("mail", "benchmarks.mail", 3.5),
+    Part("bridge", "benchmarks.bridge", 1.2),
+    Part("mail", "benchmarks.mail", 3),
     Part("board", "benchmarks.board", 1.5),
-    Part("looking", "benchmarks.looking", 5.5),
-    Part("page", "benchmarks.page", 2),
-    Part("viewers", "benchmarks.viewers", 2),
+    Part("looking", "benchmarks.looking", 5),
+    Part("page", "benchmarks.page", 1.5),
+    Part("viewers", "benchmarks.viewers", 1.2),
 )
 """In the order in which they run."""
 

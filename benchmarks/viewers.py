@@ -28,7 +28,7 @@ from commd.bus import open_bus
 from tests.support.ports import free_port
 from tests.support.processes import running
 
-SECONDS: Final = 15.0
+SECONDS: Final = 10.0
 SETTLE: Final = 6.0
 """Wall seconds before a stretch: everybody is known, and imports are over."""
 CROWDS: Final = (3, 50)
