@@ -18,10 +18,13 @@ from typing import Any, Protocol
 
 import zenoh
 
-BACKLOG = 256
-"""Samples of one subscription that may wait for the event loop; of more the oldest goes: the newest is the present."""
+BACKLOG = 1024
+"""Samples of one subscription that may wait for the event loop; of more the oldest goes: the newest is the present. It
+is a second of a thousand a second, in which a busy machine may leave the bridge without a core."""
 LARGEST = 65_536
 """Bytes of the largest payload that is taken in."""
+ROOM = 256 * LARGEST
+"""Bytes of payload that may wait with them."""
 BATCH = 64
 """Samples that are handed over in one go before the event loop turns to others."""
 QUERY_AT_MOST = 3600.0
@@ -283,6 +286,8 @@ class _Queue:
     ) -> None:
         self._loop, self._handler, self._counters = loop, handler, counters
         self._waiting: deque[Sample] = deque()
+        self._bytes = 0
+        """Of payload that wait."""
         self._lock = Lock()
         self._called = False
         """The event loop has been told that something waits."""
@@ -297,8 +302,9 @@ class _Queue:
             return
         read = _read_sample(sample)
         with self._lock:
-            if len(self._waiting) >= BACKLOG:
-                self._waiting.popleft()
+            self._bytes += len(read.payload)
+            while len(self._waiting) >= BACKLOG or (self._waiting and self._bytes > ROOM):
+                self._bytes -= len(self._waiting.popleft().payload)
                 self.dropped += 1
                 self._counters["dropped"] += 1
             self._waiting.append(read)
@@ -316,6 +322,7 @@ class _Queue:
                     self._called = False
                     return
                 sample = self._waiting.popleft()
+                self._bytes -= len(sample.payload)
             try:
                 self._handler(sample)
             except Exception as error:  # one sample must not stop those after it

@@ -6,8 +6,9 @@ import asyncio
 import json
 import math
 import time
+from collections import Counter
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
-from typing import Literal
+from typing import Literal, cast
 
 import msgspec
 import pytest
@@ -15,7 +16,7 @@ import zenoh
 
 from bridged.drivers.robot import Outcome
 from commd.bus import Bus, open_bus
-from commd.raw import BACKLOG, LARGEST, REPLIES, Sample
+from commd.raw import BACKLOG, LARGEST, REPLIES, Sample, _Queue
 from schemas.manifest import read_manifest
 from tests.bridged.pond import MANIFEST, Pond, in_a_pond, manifest, served, until
 
@@ -333,6 +334,24 @@ def test_a_bridge_that_is_too_slow_keeps_the_newest_and_counts_the_rest(endpoint
         assert pond.driver._bus.counters["dropped"] == BACKLOG
 
     in_a_pond(endpoint, body)
+
+
+def test_what_waits_for_a_slow_bridge_is_bounded_in_bytes_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("commd.raw.ROOM", 100)
+    monkeypatch.setattr("commd.raw._read_sample", lambda sample: sample)
+
+    async def body() -> None:
+        told: list[Sample] = []
+        queue = _Queue(asyncio.get_running_loop(), told.append, Counter())
+        samples = [Sample(f"k/{number}", bytes(40), "") for number in range(6)]
+        for some, dropped in ((samples[:3], 1), (samples[3:5], 1), (samples[5:], 1)):
+            for sample in some:
+                queue.push(cast(zenoh.Sample, sample))
+            await asyncio.sleep(0.01)
+            assert queue.dropped == dropped
+        assert told == samples[1:]
+
+    asyncio.run(body())
 
 
 def test_another_manifest_takes_effect_without_a_pause(endpoint: str) -> None:
