@@ -51,6 +51,7 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("sizes", "benchmarks.sizes", 0.1),
     Part("usage", "benchmarks.usage", 24),
     Part("scale", "benchmarks.scale", 9),
+    Part("loop", "benchmarks.loop", 4),
     Part("startup", "benchmarks.startup", 2),
     Part("footprint", "benchmarks.footprints", 1.5),
     Part("reasoner", "benchmarks.reasoner", 5.5),

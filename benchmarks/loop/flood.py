@@ -19,7 +19,7 @@ from schemas import keys
 from schemas.codec import BadRecord, codec
 from schemas.records import Health
 
-SECONDS: Final = 5.0
+SECONDS: Final = 4.0
 """For which a rate is kept up."""
 KEEPS_UP: Final = 1.0
 """Seconds after the last change within which the last event has to be there."""

@@ -16,15 +16,15 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from benchmarks.loop import flood, latency
-from benchmarks.loop.flood import Flood
+from benchmarks.loop.flood import SECONDS, Flood
 from benchmarks.loop.latency import Turns, middle, percentile, sizes
 from benchmarks.loop.stages import STAGES
 from benchmarks.parts import Goal
 from benchmarks.plots import COLOURS, figure, svg
 from benchmarks.results import Origin
 
-TURNS: Final = 1500
-RATES: Final = (1000.0, 1500.0, 2000.0, 3000.0, 4000.0, 6000.0, 8000.0)
+TURNS: Final = 1000
+RATES: Final = (1000.0, 2000.0, 3000.0, 4000.0, 6000.0)
 """Changes a second, until some are lost."""
 GOAL_TIMES, GOAL_RATE = 4.0, 1000.0
 _NOTES: Final = """\
@@ -54,7 +54,7 @@ class Figures:
 
 def measure(quick: bool) -> Figures:
     """Run everything once. Raises BenchmarkFailed."""
-    count, seconds = (20, 0.5) if quick else (TURNS, 5.0)
+    count, seconds = (20, 0.5) if quick else (TURNS, SECONDS)
     carried = sizes()
     return Figures(
         bytes={
@@ -110,7 +110,7 @@ def goals(figures: Figures) -> list[Goal]:
                 wanted=f"< {GOAL_TIMES:g} times the bare exchanges in it",
                 found=f"{ratio:.1f} times",
                 met=ratio < GOAL_TIMES,
-                why="" if ratio < GOAL_TIMES else "see what was tried below",
+                why="" if ratio < GOAL_TIMES else _why(figures),
             )
         )
     for what, floods in (("replaced", figures.replaced), ("added", figures.added)):
@@ -122,9 +122,33 @@ def goals(figures: Figures) -> list[Goal]:
                 wanted=f"{GOAL_RATE:,.0f}",
                 found=f"{rate:,.0f}",
                 met=rate >= GOAL_RATE,
+                why="" if rate >= GOAL_RATE else _what_was_lost(floods),
             )
         )
     return made
+
+
+def _why(figures: Figures) -> str:
+    """Return where the time of a loop that takes too long goes, in words."""
+    by = _by_whom(figures)
+    largest = max(zip(STAGES, figures.stamped.stages, strict=True), key=lambda one: middle(one[1]))[0]
+    shares = ", ".join(f"{who} {spent:,.0f} µs" for who, spent in by.items())
+    return f"of the loop {shares}; the longest of it: {largest.title}; what was made shorter stands below"
+
+
+def _what_was_lost(floods: list[Flood]) -> str:
+    """Return what ended the rise of the rate, in words."""
+    last = floods[-1]
+    lost = ", ".join(f"{name} {value:,.0f}" for name, value in last.lost.items())
+    return f"at {last.reached:,.0f} a second: {lost or f'the last event came {last.behind:.2f} s late'}"
+
+
+def _by_whom(figures: Figures) -> dict[str, float]:
+    """Return the microseconds of the loop by daemon and bus: sums of the stages' medians."""
+    by: dict[str, float] = {}
+    for stage, spent in zip(STAGES, figures.stamped.stages, strict=True):
+        by[stage.who] = by.get(stage.who, 0.0) + middle(spent)
+    return by
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
@@ -170,10 +194,7 @@ def _stages(figures: Figures) -> Iterator[str]:
     for stage, spent in zip(STAGES, stages, strict=True):
         part = 100 * middle(spent) / whole
         yield f"| {stage.title} | {stage.who} | {middle(spent):,.0f} | {percentile(spent, 0.99):,.0f} | {part:.0f} % |"
-    by: dict[str, float] = {}
-    for stage, spent in zip(STAGES, stages, strict=True):
-        by[stage.who] = by.get(stage.who, 0.0) + middle(spent)
-    parts = ", ".join(f"{who} {100 * spent / whole:.0f} %" for who, spent in by.items())
+    parts = ", ".join(f"{who} {100 * spent / whole:.0f} %" for who, spent in _by_whom(figures).items())
     yield ""
     yield f"In all: {parts}."
 
@@ -192,6 +213,15 @@ def _rates(figures: Figures) -> Iterator[str]:
         "The program itself judges the order: each event must be the one after the last. A rate is raised until "
         "changes are lost or the last event comes more than a second late."
     )
+
+
+def in_short(figures: Figures) -> list[str]:
+    """Return the row of README."""
+    loop = middle(figures.stamped.loop) / 1000
+    return [
+        "| from a percept to the status of the action that it leads to, through all daemons, p50 "
+        f"| {loop:.2f} ms, {times(figures.stamped):.1f} times the bare Zenoh exchanges in it | |"
+    ]
 
 
 def pictures(figures: Figures) -> dict[str, str]:
