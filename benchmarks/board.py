@@ -143,7 +143,7 @@ def goals(figures: Figures) -> list[Goal]:
 def pictures(figures: Figures) -> dict[str, str]:
     """Draw the memory of each board in both forms, beside the goal."""
     with plots.figure(height=1.2 + 0.6 * len(figures.rows)) as (made, axes):
-        names = []
+        names: list[str] = []
         for row in reversed(figures.rows):
             for what, one, colour in (("one process", row.together, "agentd"), ("three daemons", row.apart, "paper")):
                 axes.barh(len(names), statistics.median(one.pss), color=plots.COLOURS[colour])

@@ -28,8 +28,6 @@ from tests.support.ports import free_port
 
 __all__ = ["Figures", "blocks", "goals", "measure", "pictures"]
 
-SETTLE: Final = 1.2
-"""Wall seconds before a stretch: who looks on has joined, who looked on before is gone."""
 _BUSY: Final = """\
 n(0). limit(1000000000).
 !work(0).
@@ -58,12 +56,14 @@ class Times:
     """Stretches of the agent that never rests, with somebody and without."""
     ordinary: int
     """Stretches of ordinary agents with each onlooker."""
+    settle: float
+    """Wall seconds before a stretch: who looks on has joined, who looked on before is gone."""
     seconds: float
     """Wall seconds of a stretch."""
 
 
-FULL: Final = Times(looks=120, hearings=40, rounds=5, ordinary=3, seconds=2.4)
-QUICK: Final = Times(looks=3, hearings=2, rounds=1, ordinary=1, seconds=2.2)
+FULL: Final = Times(looks=120, hearings=40, rounds=5, ordinary=3, settle=1.2, seconds=2.4)
+QUICK: Final = Times(looks=3, hearings=2, rounds=1, ordinary=1, settle=0.3, seconds=2.2)
 
 
 def measure(quick: bool) -> Figures:
@@ -75,10 +75,10 @@ def measure(quick: bool) -> Figures:
         found += asyncio.run(bursts.costs(endpoint, agentd, LISTENERS, times.hearings, bursts.HEARING))
     tell("an agent that never rests")
     with daemons("agents:\n  busy: {program: looking.asl}", _BUSY) as (endpoint, _):
-        watch, control = _in_turns(endpoint, ["busy"], [LOOKS[1], CONTROL], times.rounds, times.seconds)
+        watch, control = _in_turns(endpoint, ["busy"], [LOOKS[1], CONTROL], times.rounds, times)
     lost = [_lost(pairs, lambda one: one.cycles / one.cpu) for pairs in (watch, control)]
     tell("three agents of vehicles")
-    shares = _ordinary(ONLOOKERS[:1] if quick else ONLOOKERS, times.ordinary, times.seconds)
+    shares = _ordinary(ONLOOKERS[:1] if quick else ONLOOKERS, times)
     return Figures(times.rounds, times.ordinary, times.seconds, RATE, found, lost[0], lost[1], *shares)
 
 
@@ -87,18 +87,18 @@ Pairs = list[tuple[Stretch, tuple[Stretch, Stretch]]]
 
 
 def _in_turns(
-    endpoint: str, agents: list[str], onlookers: Sequence[Onlooker], rounds: int, seconds: float
+    endpoint: str, agents: list[str], onlookers: Sequence[Onlooker], rounds: int, times: Times
 ) -> list[Pairs]:
     """Let each onlooker look on in turn, with nobody in between."""
     found: list[Pairs] = [[] for _ in onlookers]
 
     async def all_of_them() -> None:
-        before = await stretch(endpoint, agents, NOBODY, SETTLE, seconds)
+        before = await stretch(endpoint, agents, NOBODY, times.settle, times.seconds)
         for number in range(rounds):
             order = list(zip(onlookers, found, strict=True))
             for onlooker, pairs in order if number % 2 == 0 else reversed(order):
-                one = await stretch(endpoint, agents, onlooker, SETTLE, seconds)
-                after = await stretch(endpoint, agents, NOBODY, SETTLE, seconds)
+                one = await stretch(endpoint, agents, onlooker, times.settle, times.seconds)
+                after = await stretch(endpoint, agents, NOBODY, times.settle, times.seconds)
                 pairs.append((one, (before, after)))
                 before = after
 
@@ -129,7 +129,7 @@ def daemons(mission: str, program: str, *more: str) -> Iterator[tuple[str, Watch
         yield endpoint, agentd
 
 
-def _ordinary(onlookers: Sequence[Onlooker], rounds: int, seconds: float) -> tuple[float, list[Share]]:
+def _ordinary(onlookers: Sequence[Onlooker], times: Times) -> tuple[float, list[Share]]:
     """Three agents of three vehicles in flight: what their daemon uses with nobody, and with each onlooker."""
     port, numbers = free_port(), (1, 2, 3)
     agents = "\n".join(f"  agent{n}: {{program: looking.asl, robot: uav{n}}}" for n in numbers)
@@ -137,10 +137,10 @@ def _ordinary(onlookers: Sequence[Onlooker], rounds: int, seconds: float) -> tup
     robots = "\n".join(f"  uav{n}: {{manifest: arducopter, {link}, sysid: {n}}}" for n in numbers)
     with daemons(f"agents:\n{agents}\nrobots:\n{robots}", _ORDINARY, "bridged") as (endpoint, _):
         talkers = [Talker(n, ("127.0.0.1", port)) for n in numbers]
-        lasts = (2 * rounds * len(onlookers) + 1) * (seconds + SETTLE + 1.0) + 30
+        lasts = (2 * times.ordinary * len(onlookers) + 1) * (times.seconds + times.settle + 1.0) + 30
         threading.Thread(target=talk, args=(talkers, lasts, 0.0, lambda: None), daemon=True).start()
-        asyncio.run(stretch(endpoint, ["agent1"], NOBODY, 5.0, 2.5))
-        found = _in_turns(endpoint, [f"agent{n}" for n in numbers], onlookers, rounds, seconds)
+        asyncio.run(stretch(endpoint, ["agent1"], NOBODY, 4 * times.settle, times.seconds))
+        found = _in_turns(endpoint, [f"agent{n}" for n in numbers], onlookers, times.ordinary, times)
     calm = [_share(one) for pairs in found for _, neighbours in pairs for one in neighbours]
     shares = [_more(onlooker, pairs) for onlooker, pairs in zip(onlookers, found, strict=True)]
     return statistics.median(calm), shares

@@ -95,13 +95,17 @@ async def stretch(endpoint: str, agents: Sequence[str], onlooker: Onlooker, sett
         got.clear()
         for heard in healths.values():
             heard.clear()
-        await asyncio.sleep(seconds)
+        begun = time.monotonic()
+        while time.monotonic() < begun + seconds or any(len(heard) < 2 for heard in healths.values()):
+            if time.monotonic() > begun + seconds + ANSWER_TIMEOUT:
+                raise BenchmarkFailed(f"agentd told of its health less than twice in {seconds + ANSWER_TIMEOUT:g} s")
+            await asyncio.sleep(0.05)
         for look in looks:
             look.cancel()
         for ended in await asyncio.gather(*looks, return_exceptions=True):
             if isinstance(ended, Exception):
                 raise ended
-        return _between(healths, got, seconds)
+        return _between(healths, got, time.monotonic() - begun)
 
 
 def _between(healths: dict[str, list[Health]], got: Counter[str], lasted: float) -> Stretch:
