@@ -20,8 +20,19 @@ def run_cycles(mind: Mind, cycles: int) -> None:
     effects, take_event = mind.effects, mind.take_event
     for _ in range(cycles):
         mind.cycle += 1
-        if inputs:
-            take_inputs(mind)
+        if (
+            inputs
+            and take_inputs(mind)
+            and not (events or running or mailbox or inputs or goal_conditions)
+            and mind.atomic is None
+            and not (timers and timers[0].due <= mind.now)
+        ):  # percepts that no plan is for: as most cycles of an agent with a robot are
+            if conditions and mind.changes != mind.changes_seen:
+                mind.changes_seen = mind.changes
+                check_conditions(mind)
+            if not (running or events or effects):
+                mind.still += 1
+                return
         if timers and timers[0].due <= mind.now:
             mind.timers.run(mind.now)
         if (conditions or goal_conditions) and mind.changes != mind.changes_seen:

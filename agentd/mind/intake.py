@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 from agentd.language.signatures import signature
 from agentd.language.terms import Literal, atom
@@ -23,38 +23,51 @@ from agentd.mind.inputs import (
 from agentd.mind.waiting import fail_waiting, resume_waiting
 
 
-def take_inputs(mind: Any) -> None:
-    """All percepts and results that have come in: deletions of percepts before additions."""
+def take_inputs(mind: Any) -> bool:
+    """All percepts and results that have come in: deletions of percepts before additions.
+
+    Returns whether there were percepts only.
+    """
     batch = list(mind.inputs)
     mind.inputs.clear()
     added: list[Any] = []
+    percepts_only = True
     for item in batch:
         if mind.on_input is not None:
             mind.on_input(mind.cycle, item)
         kind = type(item)
-        if kind is ActionDone:
-            _action_done(mind, item)
-            continue
-        if kind is PerceptsChanged:
+        if kind in _PERCEPT:
+            percepts.update(mind, item, added)
+        elif kind is PerceptsChanged:
             percepts.change(mind, item, added)
-            continue
-        match item:
-            case PerceptReplaced() | PerceptAdded() | PerceptRemoved():
-                percepts.update(mind, item, added)
-            case TeamReply():
-                request = mind.requests.pop(item.id, None)
-                if request is not None:
-                    request.answered(mind, item)
-            case GoalAdded(literal=literal):
-                mind.add_goal(literal)
-            case BeliefAdded(literal=literal):
-                mind.add_belief(literal)
-            case SignalRaised(literal=literal):
-                mind.post(mind.plans.relevant("+", "", literal.sig), literal.args, with_source(literal.annots))
-            case _:
-                pass
+        else:
+            percepts_only = False
+            _take(mind, item)
     if added:
         percepts.raise_additions(mind, added)
+    return percepts_only
+
+
+_PERCEPT: Final = frozenset((PerceptReplaced, PerceptAdded, PerceptRemoved))
+
+
+def _take(mind: Any, item: Any) -> None:
+    """An input that is no percept."""
+    match item:
+        case ActionDone():
+            _action_done(mind, item)
+        case TeamReply():
+            request = mind.requests.pop(item.id, None)
+            if request is not None:
+                request.answered(mind, item)
+        case GoalAdded(literal=literal):
+            mind.add_goal(literal)
+        case BeliefAdded(literal=literal):
+            mind.add_belief(literal)
+        case SignalRaised(literal=literal):
+            mind.post(mind.plans.relevant("+", "", literal.sig), literal.args, with_source(literal.annots))
+        case _:
+            pass
 
 
 def _action_done(mind: Any, done: ActionDone) -> None:

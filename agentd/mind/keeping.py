@@ -109,11 +109,12 @@ class Keeper:
     @property
     def dirty(self) -> bool:
         """Whether anything may have changed since `changes` was asked last; it costs nothing to ask."""
-        return self._seen != self._state()
+        return self._seen != self._state() or self._beliefs.dirty
 
     def _state(self) -> tuple[int, ...]:
+        """What differs when anything but beliefs has changed; percepts that come and go alone are no change."""
         mind = self._mind
-        return mind.cycle, mind.changes, len(mind.events), mind.plans.version, mind.message_count
+        return mind.cycle - mind.still, len(mind.events), mind.plans.version, mind.message_count
 
     def changes(self) -> MindChanges:
         """What has changed since this was asked last. To be asked between two calls of `Mind.run` only.

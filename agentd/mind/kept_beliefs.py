@@ -187,6 +187,14 @@ class KeptBeliefs(BeliefBase):
 
     # --- keeping ---
 
+    @property
+    def dirty(self) -> bool:
+        """Whether beliefs may have changed since `change` was asked last."""
+        book = self._book
+        return bool(
+            book.changed or book.gone or book.rules_gone or self._changeable or len(self._predicates) > self._mentioned
+        )
+
     def change(self, changes: MindChanges, tell: Tell) -> None:
         """Add what has changed since this was asked last."""
         book = self._book

@@ -118,6 +118,8 @@ class Mind:
         self.now = self.start = start
         self._clock, self.on_input = clock, on_input
         self.cycle = 0
+        self.still = 0
+        """Cycles so far in which percepts came and nothing else happened."""
         """How many cycles have been run."""
         self.open_beliefs = OpenBeliefs(self)
         opened = self.open_beliefs.install

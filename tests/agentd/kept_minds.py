@@ -28,8 +28,10 @@ class Life(World):
         self.stored = stored or StoredMind()
 
     def save(self) -> MindChanges:
-        """Keep what has changed; returns that."""
+        """Keep what has changed; returns that. Where nothing was said to have changed, nothing has."""
+        clean = not self.keeper.dirty
         changes = self.keeper.changes()
+        assert not (clean and changes), changes
         self.stored = self.stored.changed(changes)
         return changes
 

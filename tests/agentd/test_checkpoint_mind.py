@@ -196,6 +196,33 @@ def test_percepts_that_come_by_the_bus_are_nothing_to_save_either() -> None:
         assert not life.save()
 
 
+def test_percepts_that_no_plan_is_for_do_not_even_have_to_be_looked_at() -> None:
+    life = begun("!watch. +!watch <- .wait(100000).")
+    life.feed(PerceptAdded(term("at(0)"))).save()
+    for n in range(5):
+        life.feed(PerceptReplaced(term(f"at({n})")))
+        assert not life.keeper.dirty
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "+at(_) <- +seen.",
+        "-at(_) <- +seen.",
+        "!watch. +!watch <- .wait(at(4)); +seen.",
+        "!watch. +!watch <- .wait(not at(0), 100000); +seen.",
+        "far :- at(X) & X > 3. !watch. +!watch <- .wait(far); +seen.",
+    ],
+)
+def test_what_percepts_bring_about_is_kept(source: str) -> None:
+    life = begun(f"{source} @other +!other.")
+    life.feed(PerceptAdded(term("at(0)"))).save()
+    life.feed(PerceptReplaced(term("at(4)"))).settle()
+    assert life.keeper.dirty
+    life.save()
+    assert "seen/0" in dict(state_of(life.next().mind)["beliefs"])
+
+
 def test_a_belief_that_is_a_percept_too_is_kept_without_that_source_in_its_place() -> None:
     life = begun("+!add(B) <- +B.")
     life.feed(PerceptAdded(term("at(1)")), GoalAdded(term("add(at(2))")), GoalAdded(term("add(at(1)[mine])"))).save()
