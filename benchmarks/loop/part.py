@@ -139,6 +139,8 @@ def _why(figures: Figures) -> str:
 def _what_was_lost(floods: list[Flood]) -> str:
     """Return what ended the rise of the rate, in words."""
     last = floods[-1]
+    if last.kept_up:
+        return f"no rate above {last.reached:,.0f} a second was tried"
     lost = ", ".join(f"{name} {value:,.0f}" for name, value in last.lost.items())
     return f"at {last.reached:,.0f} a second: {lost or f'the last event came {last.behind:.2f} s late'}"
 
