@@ -78,7 +78,7 @@ BOARDS: Final = (BEAGLEBONE, PI_3)
 
 THREE, ONE = "three daemons", "`argosy board`"
 FORMS: Final = (THREE, ONE)
-SHARES: Final = {THREE: (0.015, 0.02, 0.03), ONE: (0.01, 0.015, 0.02)}
+SHARES: Final = {THREE: (0.015, 0.02, 0.03), ONE: (0.01, 0.015, 0.02, 0.03)}
 """Of one core of this machine for the whole board."""
 PARTS_OF_MEMORY: Final = (0.95, 1.0, 1.05)
 """Of what the board holds when its daemons are there."""

@@ -130,7 +130,7 @@ def in_short(figures: Figures, title: str) -> list[str]:
     """Return the row of the README's table: what became of the mission within the limits of the board of that title."""
     flights = [one for one in figures.boards if one.board == title]
     completed = all(one.completed for one in flights)
-    memory = max(one.memory or 0.0 for one in flights)
+    memory = max(given_memory(figures, one) for one in flights)
     share = flights[0].share
     given = f"{memory:.0f} MB" + ("" if share is None else f" and {share:.0%} of a core here")
     return [
@@ -145,7 +145,7 @@ def picture(figures: Figures, limits: dict[str, float]) -> str:
     forms = list(dict.fromkeys(one.form for one in figures.free))
     with plots.figure(columns=2, width=9.0) as (made, (left, right)):
         held = [one.held for one in figures.free]
-        left.bar(forms, held, color=COLOURS, width=0.5)
+        left.bar([form.strip("`") for form in forms], held, color=COLOURS, width=0.5)
         left.bar(["the paper's,\nin Jason"], [peers.JASON_BOARD[0] * 1.048576], color=plots.COLOURS["paper"], width=0.5)
         for title, limit in limits.items():
             left.axhline(limit, color="black", lw=0.8, ls="--")
@@ -154,14 +154,16 @@ def picture(figures: Figures, limits: dict[str, float]) -> str:
         left.set_ylabel("MB held by the board")
         left.set_ylim(0, max(limits.values()) * 1.1)
         for form, colour in zip(forms, COLOURS, strict=True):
-            flown = sorted((f for f in figures.shares if f.form == form and f.completed), key=lambda f: f.share or 0.0)
+            tried = [*figures.shares, *(one for one in figures.boards if one.cores == 1)]
+            flown = sorted((f for f in tried if f.form == form and f.completed), key=lambda f: f.share or 0.0)
+            name = form.strip("`")
             shares = [100 * (one.share or 0.0) for one in flown]
-            right.plot(shares, [one.ready for one in flown], "o--", color=colour, label=f"{form}: ready")
-            right.plot(shares, [one.mission for one in flown], "o-", color=colour, label=f"{form}: mission")
-            lost = [100 * (f.share or 0.0) for f in figures.shares if f.form == form and not f.completed]
-            right.plot(lost, [0.0] * len(lost), "x", color=colour, label=f"{form}: not completed" if lost else None)
+            right.plot(shares, [one.ready for one in flown], "o--", color=colour, label=f"{name}: ready")
+            right.plot(shares, [one.mission for one in flown], "o-", color=colour, label=f"{name}: mission")
+            lost = [100 * (f.share or 0.0) for f in tried if f.form == form and not f.completed]
+            right.plot(lost, [0.0] * len(lost), "x", color=colour, label=f"{name}: not completed" if lost else None)
         right.set_xlabel("% of one core here for the whole board")
         right.set_ylabel("s")
         right.set_ylim(bottom=-5)
-        right.legend(fontsize=7)
+        right.legend(fontsize=7, loc="center right")
         return plots.svg(made)
