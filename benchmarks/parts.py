@@ -49,7 +49,7 @@ class Part:
 
 PARTS: Final[tuple[Part, ...]] = (
     Part("sizes", "benchmarks.sizes", 0.1),
-    Part("usage", "benchmarks.usage", 24),
+    Part("usage", "benchmarks.usage", 21.5),
     Part("scale", "benchmarks.scale", 9),
     Part("loop", "benchmarks.loop", 4),
     Part("startup", "benchmarks.startup", 2),
