@@ -51,12 +51,16 @@ def sample(pids: dict[str, list[int]]) -> Sample:
 
 
 def _of(pid: int) -> tuple[float, float]:
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    waited = 0
+    """Seconds on a core and seconds that a core was waited for, of all threads, as the scheduler counts them.
+
+    Nanoseconds, where `/proc/PID/stat` looks a hundred times a second who is there.
+    """
+    ran = waited = 0
     for task in Path(f"/proc/{pid}/task").iterdir():
         with suppress(OSError):
-            waited += int((task / "schedstat").read_text().split()[1])
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"), waited / 1e9
+            on_core, in_line, *_ = (task / "schedstat").read_text().split()
+            ran, waited = ran + int(on_core), waited + int(in_line)
+    return ran / 1e9, waited / 1e9
 
 
 def _idle() -> float:
