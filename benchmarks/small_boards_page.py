@@ -165,5 +165,5 @@ def picture(figures: Figures, limits: dict[str, float]) -> str:
         right.set_xlabel("% of one core here for the whole board")
         right.set_ylabel("s")
         right.set_ylim(bottom=-5)
-        right.legend(fontsize=7, loc="center right")
+        right.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
         return plots.svg(made)
