@@ -34,7 +34,8 @@ def patience(part: Part) -> float:
 def measured(part: Part, quick: bool) -> bool:
     """Measure a part; what went wrong it has told itself, or is told here. On Ctrl-C all is ended, too."""
     command = [sys.executable, "-m", "benchmarks.measuring", part.name, part.where, *(["--quick"] if quick else [])]
-    _become_guardian()
+    _guard(True)
+    others = set(psutil.Process().children(recursive=True))
     begun = time.monotonic()
     process = subprocess.Popen(command, cwd=ROOT, start_new_session=True)
     try:
@@ -43,15 +44,16 @@ def measured(part: Part, quick: bool) -> bool:
         code = -1
         print(f"error: {part.name}: not done after {patience(part):.0f} s", file=sys.stderr, flush=True)
     finally:
-        if left := _end(process):
+        if left := _end(process, others):
             print(f"note: {part.name} left processes behind, ended: {', '.join(left)}", file=sys.stderr, flush=True)
+        _guard(False)
     word = "done" if code == 0 else "failed"
     print(f"{part.name}: {word} after {time.monotonic() - begun:.0f} s", file=sys.stderr, flush=True)
     return code == 0
 
 
-def _end(process: subprocess.Popen[bytes]) -> list[str]:
-    """End a part and all that it has started. Returns the names of those that were still there without it."""
+def _end(process: subprocess.Popen[bytes], others: set[psutil.Process]) -> list[str]:
+    """End a part and all that it has started: all that was not there before it. Returns who outlived it."""
     try:
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
@@ -60,13 +62,13 @@ def _end(process: subprocess.Popen[bytes]) -> list[str]:
     finally:  # a second Ctrl-C shortens the grace, and no more
         process.kill()
         process.wait()
-        left = _kill_all(process.pid)
+        left = _kill_all(process.pid, others)
     return left
 
 
-def _kill_all(group: int) -> list[str]:
+def _kill_all(group: int, others: set[psutil.Process]) -> list[str]:
     """Kill a process group, and all that has come to us because those that had started it are gone."""
-    found = psutil.Process().children(recursive=True)
+    found = [one for one in psutil.Process().children(recursive=True) if one not in others]
     names = [_called(one) for one in found]
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(group, signal.SIGKILL)
@@ -84,9 +86,9 @@ def _called(process: psutil.Process) -> str:
         return ""
 
 
-def _become_guardian() -> None:
-    """Become the parent of processes whose own parent has gone (Linux): also those in a session of their own."""
-    _prctl(_SET_CHILD_SUBREAPER, 1)
+def _guard(wanted: bool) -> None:
+    """Become the parent of processes whose own parent has gone (Linux), also of those in a session of their own."""
+    _prctl(_SET_CHILD_SUBREAPER, int(wanted))
 
 
 def end_with_parent() -> None:

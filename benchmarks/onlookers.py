@@ -100,12 +100,13 @@ async def stretch(endpoint: str, agents: Sequence[str], onlooker: Onlooker, sett
             if time.monotonic() > begun + seconds + ANSWER_TIMEOUT:
                 raise BenchmarkFailed(f"agentd told of its health less than twice in {seconds + ANSWER_TIMEOUT:g} s")
             await asyncio.sleep(0.05)
+        lasted = time.monotonic() - begun
         for look in looks:
             look.cancel()
         for ended in await asyncio.gather(*looks, return_exceptions=True):
             if isinstance(ended, Exception):
                 raise ended
-        return _between(healths, got, time.monotonic() - begun)
+        return _between(healths, got, lasted)
 
 
 def _between(healths: dict[str, list[Health]], got: Counter[str], lasted: float) -> Stretch:

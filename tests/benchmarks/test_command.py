@@ -218,6 +218,6 @@ def test_the_cheapest_part_can_be_tried(capfd: pytest.CaptureFixture[str]) -> No
     assert f"{cheapest.name}: done" in err
 
 
-def test_all_parts_take_less_than_an_hour_and_each_has_a_name_of_its_own() -> None:
-    assert sum(part.minutes for part in PARTS) < 60
+def test_all_parts_take_about_an_hour_and_each_has_a_name_of_its_own() -> None:
+    assert sum(part.minutes for part in PARTS) < 70
     assert len({part.name for part in PARTS}) == len(PARTS)
