@@ -163,9 +163,9 @@ class SharedLink:
         if self.link is not None and not self.link.up:
             notes.append(f"link {self.address} is down: {self.link.why}")
         since = asyncio.get_running_loop().time() - STRANGE_FOR
-        ours = ", ".join(map(str, sorted(self.riders)))
         for system, (where, at) in self._strangers.items():
             if at > since and system not in self.riders:
+                ours = ", ".join(map(str, sorted(self.riders)))
                 robots = f"robot is {ours}" if len(self.riders) == 1 else f"robots are {ours}"
                 notes.append(f"heard system {system} at {where}; this link's {robots}")
         for (system, objection, where), at in self._refused.items():
