@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 from agentd.language import syntax
@@ -10,7 +11,7 @@ from agentd.language.instantiate import instantiate
 from agentd.language.order import sorted_annots
 from agentd.language.parser import parse_term
 from agentd.language.printer import source_text
-from agentd.language.signatures import DEFAULT, signature
+from agentd.language.signatures import DEFAULT, Signature, signature
 from agentd.language.sources import PERCEPT
 from agentd.language.terms import (
     Code,
@@ -34,6 +35,10 @@ MAX_DEPTH = 100
 """Terms nested deeper are not sent: JSON readers have limits of their own."""
 
 
+MOST_NAMES = 1024
+"""Names of percepts that are remembered as such."""
+
+
 class BadTerm(ValueError):
     """A term that cannot cross the bus; says why."""
 
@@ -48,15 +53,24 @@ def to_wire(term: Any) -> wire.Term:
 
 def from_wire(term: wire.Term) -> Any:
     """Return the run-time form of a wire term; equal variable names become one variable. Raises BadTerm."""
-    return _FromWire().term(term)
+    kind = type(term)
+    if kind is float or kind is str:  # as what robots tell mostly is
+        return term
+    return float(term) if kind is int else _FromWire().term(term)  # type: ignore[arg-type]
 
 
 def perceived(perception: Perception) -> Literal:
     """Return the belief that a perception tells, with source(percept). Raises BadTerm for a name that is none."""
-    if not (perception.name[:1].islower() and perception.name.replace("_", "a").isalnum()):
-        raise BadTerm(f"`{perception.name}` is no name of a belief")
     arguments = tuple(map(from_wire, perception.parameters))
-    return Literal(signature(perception.name, len(arguments)), arguments, PERCEPT)
+    return Literal(_belief(perception.name, len(arguments)), arguments, PERCEPT)
+
+
+@lru_cache(MOST_NAMES)
+def _belief(name: str, arity: int) -> Signature:
+    """The signature of a belief that is perceived."""
+    if not (name[:1].islower() and name.replace("_", "a").isalnum()):
+        raise BadTerm(f"`{name}` is no name of a belief")
+    return signature(name, arity)
 
 
 class _ToWire:

@@ -15,7 +15,17 @@ from agentd.language.sources import PERCEPT
 from agentd.language.terms import EMPTY, List, Literal, deref
 from agentd.mind import Mind
 from agentd.mind.effects import Effect
-from agentd.mind.inputs import ActionDone, Mail, PerceptsChanged, TeamReply, TimeRead, TooDeep
+from agentd.mind.inputs import (
+    ActionDone,
+    Mail,
+    PerceptAdded,
+    PerceptRemoved,
+    PerceptReplaced,
+    PerceptsChanged,
+    TeamReply,
+    TimeRead,
+    TooDeep,
+)
 from agentd.tracing.acts import Acts, deed_line
 from agentd.tracing.given_terms import Included, written
 from agentd.tracing.readings import CameBack, Given, MailRefused, NamesRead
@@ -223,8 +233,13 @@ class Course:
         )
 
 
+_PERCEPT: Final = frozenset((PerceptReplaced, PerceptAdded, PerceptRemoved))
+
+
 def weight(item: Given) -> int:
     """Bytes that an input takes, roughly."""
+    if type(item) in _PERCEPT:
+        return INPUT_BYTES + PART_BYTES * _parts(item.literal)  # type: ignore[union-attr]
     if isinstance(item, Mail):
         return INPUT_BYTES + PART_BYTES * _parts(item.content)
     match item:
@@ -244,11 +259,14 @@ def weight(item: Given) -> int:
 def _parts(term: Any) -> int:
     """How many parts a term has, up to some number."""
     if type(term) is Literal and (not term.annots or term.annots is PERCEPT):
+        count = 1 + len(term.args)
         for part in term.args:
-            if type(part) is not float:
+            if type(part) is str:
+                count += 1 + len(part) // PART_BYTES
+            elif type(part) is not float:
                 break
         else:
-            return 1 + len(term.args)  # as most are
+            return count  # as most are
     count, pending = 0, [term]
     while pending and count < MOST_PARTS:
         part = deref(pending.pop())
