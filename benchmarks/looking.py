@@ -62,7 +62,7 @@ class Times:
     """Wall seconds of a stretch."""
 
 
-FULL: Final = Times(looks=120, hearings=40, rounds=5, ordinary=3, settle=1.2, seconds=2.4)
+FULL: Final = Times(looks=120, hearings=60, rounds=4, ordinary=3, settle=1.2, seconds=2.4)
 QUICK: Final = Times(looks=3, hearings=2, rounds=1, ordinary=1, settle=0.3, seconds=2.2)
 
 

@@ -59,7 +59,7 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("bridge", "benchmarks.bridge", 1.2),
     Part("mail", "benchmarks.mail", 3),
     Part("board", "benchmarks.board", 1.5),
-    Part("looking", "benchmarks.looking", 5),
+    Part("looking", "benchmarks.looking", 5.5),
     Part("page", "benchmarks.page", 1.5),
     Part("viewers", "benchmarks.viewers", 1.2),
 )
