@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.address import LinkAddress, LinkAddressError
 from bridged.drivers.mavlink.link import MAX_PEERS, Link, LinkError, open_link
+from bridged.drivers.mavlink.sockets import ROOM_EACH
 from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
 from tests.support.buses import until
 from tests.support.ports import free_port
@@ -350,6 +351,31 @@ def test_a_link_has_as_many_vehicles_as_there_are_system_ids_and_answers_each_wh
         await listening.close()
 
     asyncio.run(story())
+
+
+def test_what_waits_to_be_read_has_more_room_the_more_vehicles_speak_and_no_more_for_one() -> None:
+    rooms = []
+
+    async def story() -> None:
+        station, port = Ear(), free_port()
+        listening = await station.open(f"udpin:127.0.0.1:{port}", 255)
+        wire = listening._endpoint._present.close.__self__._transport.get_extra_info("socket")  # type: ignore[union-attr]
+        with contextlib.ExitStack() as stack:
+            for system in range(1, 201):
+                vehicle = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+                vehicle.sendto(Encoder(system, 1).pack(heartbeat()), ("127.0.0.1", port))
+                if system in (1, 200):
+                    await until(lambda system=system: len(station.heard) == system, "all are heard")  # type: ignore[misc]
+                    rooms.append(wire.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF))
+                await asyncio.sleep(0)
+        await listening.close()
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        unasked = other.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+    asyncio.run(story())
+    most = 2 * int(Path("/proc/sys/net/core/rmem_max").read_text())
+    assert rooms[0] == unasked
+    assert rooms[1] >= min(most, 2 * 200 * ROOM_EACH)
 
 
 def test_noise_from_many_addresses_neither_grows_the_link_nor_drives_a_vehicle_out() -> None:

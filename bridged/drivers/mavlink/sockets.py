@@ -23,9 +23,10 @@ CONNECT_TIMEOUT_S = 5.0
 LOOKUP_TIMEOUT_S = 10.0
 """How long the name service may take to say where the host of a link is."""
 
-RECEIVE_BYTES = 1024 * 1024
-"""What the system is asked to keep of datagrams that wait to be read: about what a hundred vehicles send in a second;
-more would only be old when it is read. The system may give less (Linux: net.core.rmem_max)."""
+ROOM_EACH, ROOM_STEP = 10 * 1024, 16
+"""Bytes that the system is asked to keep of what waits to be read, for each address that speaks: about what a vehicle
+sends in a second, for more would only be old when it is read. It is asked at every so many addresses; what it keeps
+unasked is room for the first of them. It may give less (Linux: net.core.rmem_max)."""
 
 MAX_REMEMBERED = 1024
 """Addresses that a socket remembers before it forgets those that the link has forgotten."""
@@ -53,8 +54,6 @@ class UdpSocket(asyncio.DatagramProtocol):
 
     def connection_made(self, transport: asyncio.DatagramTransport) -> None:  # type: ignore[override]
         self._transport = transport
-        with suppress(OSError, AttributeError):  # what the system gives will do
-            transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
         self._queued = cast(asyncio.WriteTransport, transport).get_write_buffer_size
         if not self._listens:
             # The socket is connected: the kernel passes only what comes from there.
@@ -90,6 +89,10 @@ class UdpSocket(asyncio.DatagramProtocol):
         if len(self._peers) > MAX_REMEMBERED:
             self._peers = {key for key in self._peers if self._link.find_peer(key) is not None}
         self._peers.add(key)
+        if len(self._peers) % ROOM_STEP == 0 and self._transport is not None:
+            wire: socket.socket = self._transport.get_extra_info("socket")
+            with suppress(OSError):  # what the system gives will do
+                wire.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM_EACH * (len(self._peers) + ROOM_STEP))
         peer = self._link.add_peer(key, label, lambda data: self._write(data, addr))
         peer.waiting = self._queued
         return peer
