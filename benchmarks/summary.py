@@ -38,8 +38,8 @@ def comparison_board(table: Sequence[Part] = PARTS) -> str:
         f"agent {agent[0]:.0f} to {agent[1]:.0f} | Raspberry Pi 3 | measurements published with the paper |",
         f"| the same with a Python program in the agent's place | {peers.PYTHON_BOARD[0]:.0f} to "
         f"{peers.PYTHON_BOARD[1]:.0f} MiB | Raspberry Pi 3 | the same |",
-        f"| the paper's board with its agent; with a Python program | {jason.memory.mean:.1f} % of the memory, "
-        f"{jason.cpu.mean:.1f} % CPU; {python.memory.mean:.1f} %, {python.cpu.mean:.1f} % | Raspberry Pi 3 "
+        f"| the paper's board with its agent; with a Python program | {jason.memory.mean:.2f} % of the memory, "
+        f"{jason.cpu.mean:.2f} % CPU; {python.memory.mean:.2f} %, {python.cpu.mean:.2f} % | Raspberry Pi 3 "
         "| the paper, table 3 |",
     ]
     for one in table:
