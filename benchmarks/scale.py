@@ -24,7 +24,7 @@ SIZES: Final = (1, 10, 50, 100)
 APART: Final = (10, 50)
 """Sizes at which each vehicle also has a bridge of its own."""
 QUICK: Final = (1, 5)
-SECONDS: Final = 15.0
+SECONDS: Final = 12.0
 """For which each size is looked at."""
 QUICK_SECONDS: Final = 3.0
 LATE: Final = 100.0

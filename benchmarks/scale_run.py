@@ -28,7 +28,7 @@ from schemas.mission import load_mission
 
 AT_ONCE: Final = 8
 """Simulators that start at the same time."""
-PATIENCE: Final = 120.0
+PATIENCE: Final = 90.0
 """Seconds that all agents have to serve their vehicles, from the start of the last daemon."""
 SETTLE: Final = 4.0
 """Seconds from then on before anything counts."""
