@@ -153,7 +153,8 @@ def _flights(figures: Figures, mission: str) -> list[str]:
     told = []
     for one in (usage for usage in figures.usages if usage.mission == mission):
         each = ", ".join(f"{cpu:.2f} % in {taken:.0f} s" for cpu, taken in zip(one.by_flight, one.seconds, strict=True))
-        told.append(f"{APPROACHES[one.approach]} at speed {one.speed:g}: {each}")
+        again = "".join(f" (not done and flown again: {why})" for why in one.again)
+        told.append(f"{APPROACHES[one.approach]} at speed {one.speed:g}: {each}{again}")
     return [f"A board's CPU in the mean of each flight, and how long it took: {'; '.join(told)}."]
 
 

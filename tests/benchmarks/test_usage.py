@@ -15,7 +15,7 @@ from benchmarks.processes import BenchmarkFailed
 from benchmarks.sampling import AGENT, Sample
 from benchmarks.usage import ALL, BOARD, Figures
 
-SPEED = 20.0
+SPEED = 10.0
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +97,32 @@ def test_a_mission_that_is_not_done_in_time_is_no_row() -> None:
     with flying(SINGLE, "python", SPEED) as flight, pytest.raises(BenchmarkFailed, match="not done after"):
         flight.until_done(patience=0.1)
     assert all(watched.process.returncode is not None for _, watched in flight.watched), "nothing is left behind"
+
+
+def test_a_flight_that_is_not_done_is_flown_once_more_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    course: list[tuple[float, list[Sample]] | BenchmarkFailed] = []
+
+    def fly(*_: object) -> tuple[float, list[Sample]]:
+        found = course.pop(0)
+        if isinstance(found, BenchmarkFailed):
+            raise found
+        return found
+
+    values = {("local", who): 1.0 for who in ("commd", "bridged", AGENT)}
+    done = (1.0, [Sample(1.0, values, values, values)])
+    lost = BenchmarkFailed("single UAV: the copter was late; last:\nwords")
+    monkeypatch.setattr(usage, "flown", fly)
+    monkeypatch.setattr(usage, "QUICK", ((SINGLE, 1.0, 1),))
+    course += [lost, done, done]
+    found = usage.measure(True)
+    assert [one.again for one in found.usages] == [["single UAV: the copter was late"], []]
+    assert (
+        "flown again: single UAV: the copter was late"
+        in usage.blocks(results.here("a test", 0.0), found)["paper-usage"]
+    )
+    course += [lost, lost]
+    with pytest.raises(BenchmarkFailed, match="late"):
+        usage.measure(True)
 
 
 def test_it_is_a_part_of_the_benchmarks() -> None:
