@@ -51,6 +51,7 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("sizes", "benchmarks.sizes", 0.1),
     Part("usage", "benchmarks.usage", 21.5),
     Part("scale", "benchmarks.scale", 9),
+    Part("routers", "benchmarks.routers", 3),
     Part("loop", "benchmarks.loop", 4),
     Part("startup", "benchmarks.startup", 2),
     Part("footprint", "benchmarks.footprints", 1.5),

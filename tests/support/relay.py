@@ -15,6 +15,8 @@ class Relay:
     def __init__(self, port: int, target: int) -> None:
         self.port, self.target = port, target
         self.cuts = 0
+        self.forth = self.back = 0
+        """Bytes that came from those who have connected, and from the target."""
         self._open = asyncio.Event()
         self._open.set()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -51,13 +53,17 @@ class Relay:
             return
         self._writers.add(back)
         for source, sink in ((reader, back), (onward, writer)):
-            task = asyncio.create_task(self._pass(source, sink))
+            task = asyncio.create_task(self._pass(source, sink, forth=source is reader))
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
 
-    async def _pass(self, source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
+    async def _pass(self, source: asyncio.StreamReader, sink: asyncio.StreamWriter, *, forth: bool) -> None:
         with suppress(OSError):
             while data := await source.read(_READ):
+                if forth:
+                    self.forth += len(data)
+                else:
+                    self.back += len(data)
                 await self._open.wait()
                 sink.write(data)
                 await sink.drain()
