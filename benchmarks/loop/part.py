@@ -160,9 +160,11 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
 
 def _latencies(figures: Figures) -> Iterator[str]:
     said = figures.bytes
-    yield f"{len(figures.kept.put)} turns each; µs; percepts of {said['percept']} bytes, actions of {said['action']}, "
-    yield f"statuses of {said['status']}. *Bare* are exchanges of the same sizes between two Python processes with a"
-    yield "session and a callback each, through the same router, in turn with the loop."
+    yield (
+        f"{len(figures.kept.put)} turns each; µs; percepts of {said['percept']} bytes, actions of {said['action']}, "
+        f"statuses of {said['status']}. *Bare* are exchanges of the same sizes between two Python processes with a "
+        "session and a callback each, through the same router, in turn with the loop."
+    )
     yield ""
     yield "| | bare exchanges in it | p50 | p99 | max | times the bare ones: p50 | p99 |"
     yield "|---|---|---|---|---|---|---|"
