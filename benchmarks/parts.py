@@ -48,21 +48,21 @@ class Part:
 
 
 PARTS: Final[tuple[Part, ...]] = (
-    Part("sizes", "benchmarks.sizes", 0.1),
-    Part("usage", "benchmarks.usage", 21.5),
-    Part("scale", "benchmarks.scale", 9),
-    Part("routers", "benchmarks.routers", 3),
-    Part("loop", "benchmarks.loop", 4),
-    Part("startup", "benchmarks.startup", 2),
-    Part("footprint", "benchmarks.footprints", 1.5),
-    Part("reasoner", "benchmarks.reasoner", 5.5),
-    Part("small-boards", "benchmarks.small_boards", 3.5),
-    Part("bridge", "benchmarks.bridge", 1.2),
-    Part("mail", "benchmarks.mail", 3),
+    Part("sizes", "benchmarks.paper.sizes", 0.1),
+    Part("usage", "benchmarks.paper.usage", 21.5),
+    Part("scale", "benchmarks.scale.part", 9),
+    Part("routers", "benchmarks.routers.part", 3),
+    Part("loop", "benchmarks.loop.part", 4),
+    Part("startup", "benchmarks.startup.part", 2),
+    Part("footprint", "benchmarks.startup.footprints", 1.5),
+    Part("reasoner", "benchmarks.reasoner.part", 5.5),
+    Part("small-boards", "benchmarks.small_boards.part", 3.5),
+    Part("bridge", "benchmarks.bridge.part", 1.2),
+    Part("mail", "benchmarks.mail.part", 3),
     Part("board", "benchmarks.board", 1.5),
-    Part("looking", "benchmarks.looking", 5.5),
-    Part("page", "benchmarks.page", 1.5),
-    Part("viewers", "benchmarks.viewers", 1.2),
+    Part("looking", "benchmarks.looking.part", 5.5),
+    Part("page", "benchmarks.looking.webpage", 1.5),
+    Part("viewers", "benchmarks.looking.viewers", 1.2),
 )
 """In the order in which they run."""
 

@@ -2,7 +2,7 @@
 
 The paper is *Embedded Architecture Composed of Cognitive Agents and ROS for Programming Intelligent Robots*: agents in
 Jason 2 with rosjava, and Python programs in their place, on Raspberry Pi 3 (1 GB) with ArduPilot SITL on another
-computer. What Jason does beside python-agentspeak stands with the programs that were run: `benchmarks.rows`.
+computer. What Jason does beside python-agentspeak stands with the programs that were run: `benchmarks.reasoner.rows`.
 """
 
 from __future__ import annotations

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks import footprints, results
-from benchmarks.cold import copied
+from benchmarks import results
 from benchmarks.serving import NAMES
+from benchmarks.startup import footprints
+from benchmarks.startup.cold import copied
 
 
 @pytest.fixture(scope="module")

@@ -12,12 +12,12 @@ from subprocess import Popen
 
 import pytest
 
-from benchmarks.footprint import FOOTPRINTS, program_of_plans
 from benchmarks.processes import BenchmarkFailed, Speeds, descendants, lines, memory, run, started, until_line
-from benchmarks.reasoner import Figures, Measured, goals, measure_rows
-from benchmarks.report import Result, ahead, cold, comparison, in_short, picture, tables, warm
-from benchmarks.rows import PROGRAMS, ROWS, Jason, Row, row_called
-from benchmarks.subjects import Agentd, AgentSpeak, JasonCommand, Subject, subjects_here
+from benchmarks.reasoner.footprint import FOOTPRINTS, program_of_plans
+from benchmarks.reasoner.part import Figures, Measured, goals, measure_rows
+from benchmarks.reasoner.report import Result, ahead, cold, comparison, in_short, picture, tables, warm
+from benchmarks.reasoner.rows import PROGRAMS, ROWS, Jason, Row, row_called
+from benchmarks.reasoner.subjects import Agentd, AgentSpeak, JasonCommand, Subject, subjects_here
 
 TINY = """
 !round(1).

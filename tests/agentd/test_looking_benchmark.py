@@ -7,9 +7,9 @@ import time
 
 import pytest
 
-from benchmarks.bursts import Cost, used
-from benchmarks.looking import blocks, goals, measure
-from benchmarks.looking_page import Figures, Share
+from benchmarks.looking.bursts import Cost, used
+from benchmarks.looking.page import Figures, Share
+from benchmarks.looking.part import blocks, goals, measure
 from benchmarks.paired import Interval, interval
 from benchmarks.results import here
 from tests.support.processes import running

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import page, pages, peers, results, summary
+from benchmarks import pages, peers, results, summary
 from benchmarks.board import Figures, Flown, Row, blocks, goals, pictures
+from benchmarks.looking import webpage as page
 from benchmarks.parts import Part
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.spread import Spread, spread

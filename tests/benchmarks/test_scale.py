@@ -7,11 +7,12 @@ import math
 
 import pytest
 
-from benchmarks import fits, scale
+from benchmarks import fits
 from benchmarks.results import Origin
-from benchmarks.scale_mission import Vehicles
-from benchmarks.scale_processes import Use
-from benchmarks.scale_run import Run, Spread, run
+from benchmarks.scale import part as scale
+from benchmarks.scale.daemons import Use
+from benchmarks.scale.mission import Vehicles
+from benchmarks.scale.run import Run, Spread, run
 
 MISSED = {
     "actions timed out",

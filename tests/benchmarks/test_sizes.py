@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks import results
-from benchmarks.bare import bare_agentspeak, bare_python
+from benchmarks.paper.bare import bare_agentspeak, bare_python
+from benchmarks.paper.sizes import AGENTSPEAK, MISSIONS, PYTHON, Figures, Source, count, goals, measure
 from benchmarks.peers import Size
 from benchmarks.results import ROOT
-from benchmarks.sizes import AGENTSPEAK, MISSIONS, PYTHON, Figures, Source, count, goals, measure
 from schemas.mission import load_mission
 
 

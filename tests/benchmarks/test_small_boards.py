@@ -12,12 +12,14 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import control_groups, small_boards, small_boards_page
-from benchmarks.cages import caged
-from benchmarks.control_groups import ControlGroup
-from benchmarks.limits import Cage, Limits, Usage
 from benchmarks.processes import BenchmarkFailed
-from benchmarks.small_boards import FORMS, ONE, THREE, Figures, Flown, Wanted
+from benchmarks.small_boards import control_groups
+from benchmarks.small_boards import page as small_boards_page
+from benchmarks.small_boards import part as small_boards
+from benchmarks.small_boards.cages import caged
+from benchmarks.small_boards.control_groups import ControlGroup
+from benchmarks.small_boards.limits import Cage, Limits, Usage
+from benchmarks.small_boards.part import FORMS, ONE, THREE, Figures, Flown, Wanted
 
 BURN = "import time; e = time.monotonic() + 1\nwhile time.monotonic() < e: pass\nprint(time.process_time())"
 EAT = "found = [bytearray(1_000_000) for _ in range(60)]; import time; time.sleep(0.6); print('eaten')"

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import results, startup
-from benchmarks.cold import copied, dropped
+from benchmarks import results
 from benchmarks.serving import KINDS
+from benchmarks.startup import part as startup
+from benchmarks.startup.cold import copied, dropped
 
 
 @pytest.fixture(scope="module")

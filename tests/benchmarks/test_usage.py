@@ -8,12 +8,13 @@ import msgspec
 import pytest
 
 from argosy.surroundings import servo_log
-from benchmarks import results, usage
+from benchmarks import results
 from benchmarks.flights import APPROACHES, RESCUE, SINGLE, Flight, flying, setup_in
+from benchmarks.paper import usage
+from benchmarks.paper.usage import ALL, BOARD, Figures
 from benchmarks.parts import PARTS
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.sampling import AGENT, Sample
-from benchmarks.usage import ALL, BOARD, Figures
 
 SPEED = 10.0
 

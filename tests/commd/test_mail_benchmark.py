@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.mail import blocks, goals, measure
+from benchmarks.mail.part import blocks, goals, measure
 from benchmarks.results import here
 
 

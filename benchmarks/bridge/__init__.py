@@ -1,0 +1,1 @@
+"""What a bridge of three vehicles costs."""

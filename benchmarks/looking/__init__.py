@@ -1,0 +1,1 @@
+"""What it costs that somebody looks on, and what those who look on take."""

@@ -1,0 +1,151 @@
+"""What one look at an agent, or hearing what it does, takes of its daemon's processor time, all threads together.
+
+The agent works in bursts that are alike: in each everything changes that a look would show. Bursts with somebody who
+looks on are mixed with bursts with nobody, in one process; what the process uses for each is read to the nanosecond.
+What differs is taken between bursts of one round, so that what changes on the machine meanwhile is in both.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import random
+import statistics
+import time
+from collections.abc import Sequence
+from contextlib import AsyncExitStack, aclosing
+from dataclasses import dataclass
+from typing import Any, Final
+
+from benchmarks.looking.onlookers import ANSWER_TIMEOUT, FLEET, NOBODY, TRACES, Onlooker
+from benchmarks.paired import Interval, interval
+from benchmarks.processes import BenchmarkFailed
+from benchmarks.watched import Watched
+from commd.bus import Bus, open_bus
+from schemas import keys
+from schemas.minds import MindView
+from schemas.records import Perception
+
+AGENT: Final = "busy"
+PROGRAM: Final = """\
+n(0).
++go(N, End) <- !!work(N, End).
++!work(N, End) : N < End <- -+n(N); +seen(N mod 300); !leg(N); !!work(N + 1, End).
++!work(_, End) <- .print("end of ", End).
++!leg(N) : n(N) <- -seen((N + 150) mod 300).
+"""
+STEPS: Final = 300
+"""Of a burst: each of the 300 beliefs comes and goes."""
+PAUSE: Final = 0.03
+"""Wall seconds before and behind a burst."""
+HEARING: Final = 0.3
+"""Wall seconds behind a burst that somebody hears: what is put four times a second has been put."""
+WARM_UP: Final = 10
+
+
+@dataclass
+class Cost:
+    """What somebody who looks on takes."""
+
+    key: str
+    title: str
+    extra: Interval
+    """Milliseconds of processor time more for a burst."""
+    work: float
+    """Milliseconds of a burst with nobody."""
+    heard: float
+    """Answers and records that came to the onlooker for each burst."""
+
+
+def used(pid: int) -> float:
+    """Return the seconds of processor time of a process so far, of all its threads, those included that have ended."""
+    return time.clock_gettime((~pid << 3) | 2)  # Linux: its clock, as clock_getcpuclockid(3) would name it
+
+
+async def costs(
+    endpoint: str, agentd: Watched, onlookers: Sequence[Onlooker], rounds: int, behind: float
+) -> list[Cost]:
+    """Measure all of them, each once a round, in another order each time, and nobody, too. Raises BenchmarkFailed.
+
+    `behind` is the time behind a burst that belongs to it.
+    """
+    order: list[Onlooker] = [NOBODY, *onlookers]
+    taken: dict[str, list[float]] = {one.key: [] for one in order}
+    heard = dict.fromkeys(taken, 0)
+    mixed = random.Random(1)
+    async with open_bus(endpoint, fleet=FLEET, name="onlooker", daemon="bench", stamp=time.time_ns) as bus:
+        bursts = _Bursts(endpoint, bus, agentd)
+        for _ in range(WARM_UP):
+            await bursts.one(NOBODY, PAUSE)
+        for _ in range(rounds):
+            mixed.shuffle(order)
+            for one in order:
+                taken[one.key].append(await bursts.one(one, behind))
+                heard[one.key] += bursts.heard
+    alone = taken[NOBODY.key]
+    return [
+        Cost(
+            one.key,
+            one.title,
+            interval([more - less for more, less in zip(taken[one.key], alone, strict=True)]),
+            statistics.median(alone),
+            heard[one.key] / rounds,
+        )
+        for one in onlookers
+    ]
+
+
+class _Bursts:
+    """Lets the agent work, and somebody look on."""
+
+    def __init__(self, endpoint: str, bus: Bus, agentd: Watched) -> None:
+        self._endpoint, self._bus, self._agentd, self._done, self._read = endpoint, bus, agentd, 0, 0
+        self.heard = 0
+        """Answers and records of the last burst."""
+
+    async def one(self, onlooker: Onlooker, behind: float) -> float:
+        """Return the milliseconds of processor time that a burst takes, and what the onlooker wants of it."""
+        async with AsyncExitStack() as stack:
+            self.heard = 0
+            if onlooker.traces:
+                opened = open_bus(self._endpoint, fleet=FLEET, name="ear", daemon="bench", stamp=time.time_ns)
+                ear = await stack.enter_async_context(opened)
+                for part in onlooker.traces:
+                    ear.subscribe(keys.trace(FLEET, AGENT, part), TRACES[part], self._hear)
+                await asyncio.sleep(behind)
+            await asyncio.sleep(PAUSE)
+            self.heard = 0
+            before = used(self._agentd.process.pid)
+            await self._burst()
+            if onlooker.selector is not None:
+                await self._look(onlooker.selector)
+            await asyncio.sleep(behind)
+            return 1000 * (used(self._agentd.process.pid) - before)
+
+    def _hear(self, key: str, record: Any) -> None:
+        self.heard += 1
+
+    async def _burst(self) -> None:
+        begun, self._done = self._done, self._done + STEPS
+        self._bus.put(keys.percept(FLEET, AGENT, "go"), Perception(parameters=(begun, self._done)))
+        until = time.monotonic() + ANSWER_TIMEOUT
+        while not self._said(f"end of {self._done}"):
+            if time.monotonic() > until:
+                raise BenchmarkFailed(f"the agent has not worked within {ANSWER_TIMEOUT:g} s")
+            await asyncio.sleep(0.005)
+
+    def _said(self, words: str) -> bool:
+        lines = self._agentd.said
+        while self._read < len(lines):
+            self._read += 1
+            if lines[self._read - 1][1].endswith(words):
+                return True
+        return False
+
+    async def _look(self, selector: str) -> None:
+        async with aclosing(
+            self._bus.query(keys.mind(FLEET, AGENT) + selector, None, MindView, ANSWER_TIMEOUT)
+        ) as replies:
+            async for reply in replies:
+                if reply.record is None:
+                    raise BenchmarkFailed(f"a look was not answered: {reply.error}")
+                self.heard += 1

@@ -1,0 +1,171 @@
+"""What it costs agents that somebody looks at them.
+
+Three measurements: what one look takes of the processor time of a daemon (`looking.bursts`), from which follows
+what an agent loses that reasons without a pause; that agent end to end, with somebody who looks on in turns; and three
+agents of ordinary vehicles, which mostly sleep.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import statistics
+import tempfile
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from benchmarks.bridge.traffic import Talker, talk
+from benchmarks.looking import bursts
+from benchmarks.looking.onlookers import (
+    CONTROL,
+    FLEET,
+    LISTENERS,
+    LOOKS,
+    NOBODY,
+    ONLOOKERS,
+    RATE,
+    Onlooker,
+    Stretch,
+    stretch,
+)
+from benchmarks.looking.page import Figures, Share, blocks, goals, pictures
+from benchmarks.paired import Interval, interval
+from benchmarks.parts import tell
+from benchmarks.watched import Watched, watched
+from tests.support.ports import free_port
+
+__all__ = ["Figures", "blocks", "goals", "measure", "pictures"]
+
+_BUSY: Final = """\
+n(0). limit(1000000000).
+!work(0).
++!work(N) : limit(L) & N < L <- -+n(N); +seen(N mod 300); !leg(N); !!work(N + 1).
++!leg(N) : n(N) <- -seen((N + 150) mod 300).
+"""
+_ORDINARY: Final = """\
+!patrol(0).
++altitude(A) : A > 100 <- .print("too high: ", A).
++battery(_, _, P) : P < 20 <- .print("low: ", P).
++!patrol(N) : altitude(A) & global_pos(X, Y) <-
+    +visited(N mod 40, X, Y); -visited((N + 20) mod 40, _, _); .wait(500); !!patrol(N + 1).
++!patrol(N) <- .wait(500); !!patrol(N).
+"""
+
+
+@dataclass(frozen=True)
+class Times:
+    """How often and how long each thing is measured."""
+
+    looks: int
+    """Bursts with each who looks."""
+    hearings: int
+    """Bursts with each who listens."""
+    rounds: int
+    """Stretches of the agent that never rests, with somebody and without."""
+    ordinary: int
+    """Stretches of ordinary agents with each onlooker."""
+    settle: float
+    """Wall seconds before a stretch: who looks on has joined, who looked on before is gone."""
+    seconds: float
+    """Wall seconds of a stretch."""
+
+
+FULL: Final = Times(looks=120, hearings=60, rounds=4, ordinary=3, settle=1.2, seconds=2.4)
+QUICK: Final = Times(looks=3, hearings=2, rounds=1, ordinary=1, settle=0.3, seconds=2.2)
+
+
+def measure(quick: bool) -> Figures:
+    """Measure all three. Raises BenchmarkFailed."""
+    times = QUICK if quick else FULL
+    tell("what one look takes")
+    with daemons("agents:\n  busy: {program: looking.asl}\ninject: true", bursts.PROGRAM) as (endpoint, agentd):
+        found = asyncio.run(bursts.costs(endpoint, agentd, (*LOOKS, CONTROL), times.looks, bursts.PAUSE))
+        found += asyncio.run(bursts.costs(endpoint, agentd, LISTENERS, times.hearings, bursts.HEARING))
+    tell("an agent that never rests")
+    with daemons("agents:\n  busy: {program: looking.asl}", _BUSY) as (endpoint, _):
+        watch, control = _in_turns(endpoint, ["busy"], [LOOKS[1], CONTROL], times.rounds, times)
+    lost = [_lost(pairs, lambda one: one.cycles / one.cpu) for pairs in (watch, control)]
+    tell("three agents of vehicles")
+    shares = _ordinary(ONLOOKERS[:1] if quick else ONLOOKERS, times)
+    return Figures(times.rounds, times.ordinary, times.seconds, RATE, found, lost[0], lost[1], *shares)
+
+
+Pairs = list[tuple[Stretch, tuple[Stretch, Stretch]]]
+"""Stretches with somebody, each with its neighbours with nobody."""
+
+
+def _in_turns(
+    endpoint: str, agents: list[str], onlookers: Sequence[Onlooker], rounds: int, times: Times
+) -> list[Pairs]:
+    """Let each onlooker look on in turn, with nobody in between."""
+    found: list[Pairs] = [[] for _ in onlookers]
+
+    async def all_of_them() -> None:
+        before = await stretch(endpoint, agents, NOBODY, times.settle, times.seconds)
+        for number in range(rounds):
+            order = list(zip(onlookers, found, strict=True))
+            for onlooker, pairs in order if number % 2 == 0 else reversed(order):
+                one = await stretch(endpoint, agents, onlooker, times.settle, times.seconds)
+                after = await stretch(endpoint, agents, NOBODY, times.settle, times.seconds)
+                pairs.append((one, (before, after)))
+                before = after
+
+    asyncio.run(all_of_them())
+    return found
+
+
+def _lost(pairs: Pairs, of: Callable[[Stretch], float]) -> Interval:
+    """How many per cent less there was than with nobody."""
+    return interval([100 * (1 - of(one) / statistics.mean(map(of, neighbours))) for one, neighbours in pairs])
+
+
+@contextmanager
+def daemons(mission: str, program: str, *more: str) -> Iterator[tuple[str, Watched]]:
+    """Run a router, agents and more daemons of a mission; yields the endpoint and agentd. Raises BenchmarkFailed."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        file = folder / "looking.yaml"
+        (folder / "looking.asl").write_text(program)
+        file.write_text(f"mission: {FLEET}\n{mission}\nrouter: {{endpoint: {endpoint}}}\n")
+        state = ("--state", str(folder / "state"))
+        stack.enter_context(watched("commd", "-m", "commd", "serve", str(file))).says("commd")
+        for name in more:
+            stack.enter_context(watched(name, "-m", name, "serve", str(file), *state)).says("serving")
+        agentd = stack.enter_context(watched("agentd", "-m", "agentd", "serve", str(file), *state))
+        agentd.says("agents=")
+        yield endpoint, agentd
+
+
+def _ordinary(onlookers: Sequence[Onlooker], times: Times) -> tuple[float, list[Share]]:
+    """Three agents of three vehicles in flight: what their daemon uses with nobody, and with each onlooker."""
+    port, numbers = free_port(), (1, 2, 3)
+    agents = "\n".join(f"  agent{n}: {{program: looking.asl, robot: uav{n}}}" for n in numbers)
+    link = f"link: 'udpin:127.0.0.1:{port}'"
+    robots = "\n".join(f"  uav{n}: {{manifest: arducopter, {link}, sysid: {n}}}" for n in numbers)
+    with daemons(f"agents:\n{agents}\nrobots:\n{robots}", _ORDINARY, "bridged") as (endpoint, _):
+        talkers = [Talker(n, ("127.0.0.1", port)) for n in numbers]
+        lasts = (2 * times.ordinary * len(onlookers) + 1) * (times.seconds + times.settle + 1.0) + 30
+        threading.Thread(target=talk, args=(talkers, lasts, 0.0, lambda: None), daemon=True).start()
+        asyncio.run(stretch(endpoint, ["agent1"], NOBODY, 4 * times.settle, times.seconds))
+        found = _in_turns(endpoint, [f"agent{n}" for n in numbers], onlookers, times.ordinary, times)
+    calm = [_share(one) for pairs in found for _, neighbours in pairs for one in neighbours]
+    shares = [_more(onlooker, pairs) for onlooker, pairs in zip(onlookers, found, strict=True)]
+    return statistics.median(calm), shares
+
+
+def _more(onlooker: Onlooker, pairs: Pairs) -> Share:
+    more = [_share(one) - statistics.mean(map(_share, neighbours)) for one, neighbours in pairs]
+    wall = sum(one.lasted for one, _ in pairs)
+    got = {
+        what: count / wall
+        for what, count in sorted(sum((one.got for one, _ in pairs), start=type(pairs[0][0].got)()).items())
+    }
+    return Share(onlooker.title, got, statistics.median(_share(one) for one, _ in pairs), interval(more))
+
+
+def _share(one: Stretch) -> float:
+    return 100 * one.cpu / one.wall

@@ -1,0 +1,164 @@
+"""What `argosy watch` and `argosy record` take themselves, beside a crowd that tells what flying copters do.
+
+The crowd is `tests/argosy/team/crowd.py`. The terminal of `argosy watch` is a real one, of which nobody reads but this.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import pty
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from benchmarks.held import pss
+from benchmarks.looking.bursts import used
+from benchmarks.parts import Goal, tell
+from benchmarks.processes import BenchmarkFailed
+from benchmarks.results import ROOT, Origin
+from commd.bus import open_bus
+from tests.support.ports import free_port
+from tests.support.processes import running
+
+SECONDS: Final = 10.0
+SETTLE: Final = 6.0
+"""Wall seconds before a stretch: everybody is known, and imports are over."""
+CROWDS: Final = (3, 50)
+
+
+@dataclass
+class Seen:
+    """What a viewer took."""
+
+    what: str
+    """Its command."""
+    crowd: int
+    """Agents and robots."""
+    cpu: float
+    """Per cent of a core."""
+    memory: float
+    """MB (PSS)."""
+    written: float
+    """kB/s on the disk."""
+
+
+@dataclass
+class Figures:
+    """All of them."""
+
+    seconds: float
+    seen: list[Seen]
+
+
+def measure(quick: bool) -> Figures:
+    """Measure everything. Raises BenchmarkFailed."""
+    seconds, crowds = (2.0, CROWDS[:1]) if quick else (SECONDS, CROWDS)
+    return Figures(seconds, [one for crowd in crowds for one in asyncio.run(_beside(crowd, seconds))])
+
+
+async def _beside(crowd: int, seconds: float) -> list[Seen]:
+    endpoint, found = f"tcp/127.0.0.1:{free_port()}", []
+    async with open_bus(endpoint, fleet="crowd", name="board", daemon="commd", stamp=time.time_ns, mode="router"):
+        with running("tests.argosy.team.crowd", endpoint, str(crowd)) as fleet:
+            await asyncio.to_thread(fleet.says, "there")
+            with tempfile.TemporaryDirectory() as folder:
+                file = Path(folder) / "crowd.mcap"
+                for what, more in (("watch", ()), ("record", ("-o", str(file)))):
+                    tell(f"argosy {what}, {crowd} agents")
+                    found.append(
+                        await asyncio.to_thread(_seen, what, ("--router", endpoint, *more), crowd, seconds, file)
+                    )
+    return found
+
+
+def _seen(what: str, options: tuple[str, ...], crowd: int, seconds: float, file: Path) -> Seen:
+    with _in_a_terminal("argosy", what, "--fleet", "crowd", *options) as process:
+        time.sleep(SETTLE)
+        begun, before, size = time.monotonic(), used(process.pid), _size(file)
+        time.sleep(seconds)
+        if process.poll() is not None:
+            raise BenchmarkFailed(f"argosy {what} ended with exit code {process.returncode}")
+        took = time.monotonic() - begun
+        cpu, written = 100 * (used(process.pid) - before) / took, (_size(file) - size) / took / 1000
+        return Seen(what, crowd, cpu, pss([process.pid]), written)
+
+
+def _size(file: Path) -> int:
+    return file.stat().st_size if file.exists() else 0
+
+
+@contextmanager
+def _in_a_terminal(*command: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Run `python -m COMMAND` with a terminal of 100 columns while the block lasts."""
+    ours, theirs = pty.openpty()
+    environment = os.environ | {"TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30"}
+    process = subprocess.Popen(
+        [sys.executable, "-m", *command], stdin=theirs, stdout=theirs, stderr=theirs, cwd=ROOT, env=environment
+    )
+    os.close(theirs)
+
+    def read() -> None:
+        with suppress(OSError):
+            while os.read(ours, 65_536):
+                pass
+
+    reader = threading.Thread(target=read, daemon=True)
+    reader.start()
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        reader.join(5)
+        os.close(ours)
+
+
+def goals(_: Figures) -> list[Goal]:
+    """Return none."""
+    return []
+
+
+def pictures(_: Figures) -> dict[str, str]:
+    """Return none."""
+    return {}
+
+
+def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
+    """Return the figures of docs/watch.md and docs/recording.md."""
+    head = [
+        origin.line(),
+        "",
+        f"Over {figures.seconds:g} s, beside agents and robots that tell what flying copters do:",
+        "",
+    ]
+    watch = [one for one in figures.seen if one.what == "watch"]
+    record = [one for one in figures.seen if one.what == "record"]
+    return {
+        "watch": "\n".join(
+            [
+                *head,
+                "| agents and robots | `argosy watch`, % of a core | memory (PSS) |",
+                "|---|---|---|",
+                *(f"| {one.crowd} | {one.cpu:.1f} % | {one.memory:.0f} MB |" for one in watch),
+            ]
+        ),
+        "recorder": "\n".join(
+            [
+                *head,
+                "| agents and robots | `argosy record`, % of a core | memory (PSS) | on the disk, `lz4` |",
+                "|---|---|---|---|",
+                *(
+                    f"| {one.crowd} | {one.cpu:.1f} % | {one.memory:.0f} MB | {one.written:.1f} kB/s |"
+                    for one in record
+                ),
+            ]
+        ),
+    }

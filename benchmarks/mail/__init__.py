@@ -1,0 +1,1 @@
+"""What mail costs: throughput, latency, backlog, memory."""

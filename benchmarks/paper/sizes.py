@@ -1,0 +1,207 @@
+"""Part `sizes`: how long the programs of the paper's missions are, AgentSpeak beside imperative Python (tables 4, 6).
+
+The paper's measures: bytes of the source files compressed by gzip, lines and words, summed over the files of all
+agents. A file that several agents run counts once. Not counted for either side: the mission file, the manifests, and
+what starts a program and gives it its values.
+"""
+
+from __future__ import annotations
+
+import gzip
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from benchmarks import plots
+from benchmarks.paper.bare import bare_agentspeak, bare_python
+from benchmarks.parts import Goal
+from benchmarks.peers import TABLE_4, TABLE_6, Size
+from benchmarks.processes import BenchmarkFailed
+from benchmarks.results import ROOT, Origin
+
+LEVEL: Final = 6
+"""Of gzip, its default. No name and no time of the file are in what is counted."""
+BARE: Final = {".asl": bare_agentspeak, ".py": bare_python}
+MEASURES: Final = {"bytes": "size (bytes)", "lines": "lines", "words": "words"}
+WAYS: Final = {"whole": "as they are", "bare": "without comments, docstrings and blank lines"}
+AGENTSPEAK, PYTHON = "AgentSpeak", "Python"
+
+
+@dataclass(frozen=True)
+class Mission:
+    """A mission and its programs by approach; an agent's program is the list of its files."""
+
+    title: str
+    table: int
+    """Of the paper."""
+    paper: dict[str, Size]
+    agents: dict[str, dict[str, tuple[str, ...]]]
+
+
+_ASL, _PY = "missions/search_and_rescue/{}.asl", "benchmarks/imperative/{}.py"
+
+
+def _team(pattern: str) -> dict[str, tuple[str, ...]]:
+    flying = pattern.format("flying")
+    rescuer = (pattern.format("rescuer"), flying)
+    return {"scout": (pattern.format("scout"), flying), "rescuer1": rescuer, "rescuer2": rescuer}
+
+
+MISSIONS: Final = {
+    "single_uav": Mission(
+        "the single-UAV mission",
+        4,
+        TABLE_4,
+        {
+            AGENTSPEAK: {"uav": ("missions/single_uav/uav.asl",)},
+            PYTHON: {"uav": ("benchmarks/imperative/single_uav.py",)},
+        },
+    ),
+    "search_and_rescue": Mission("search and rescue", 6, TABLE_6, {AGENTSPEAK: _team(_ASL), PYTHON: _team(_PY)}),
+}
+
+
+@dataclass(frozen=True)
+class Source:
+    """One file of a program, by both ways of counting."""
+
+    file: str
+    whole: Size
+    bare: Size
+    """Without comments, docstrings and blank lines."""
+
+
+@dataclass(frozen=True)
+class Figures:
+    """The sources of each mission and approach, each file once."""
+
+    sources: dict[str, dict[str, list[Source]]]
+
+    def total(self, mission: str, approach: str, way: str) -> Size:
+        """Sum a mission's sources; the way of counting is `whole` or `bare`."""
+        return _sum(getattr(one, way) for one in self.sources[mission][approach])
+
+    def deployed(self, mission: str, approach: str, way: str) -> Size:
+        """Sum what each agent runs: a file that several run counts for each of them."""
+        sizes = {one.file: getattr(one, way) for one in self.sources[mission][approach]}
+        return _sum(sizes[file] for files in MISSIONS[mission].agents[approach].values() for file in files)
+
+
+def measure(quick: bool) -> Figures:
+    """Count; there is nothing to be quick about. Raises BenchmarkFailed."""
+    found: dict[str, dict[str, list[Source]]] = {}
+    for name, mission in MISSIONS.items():
+        found[name] = {}
+        for approach, agents in mission.agents.items():
+            files = dict.fromkeys(file for files in agents.values() for file in files)
+            found[name][approach] = [_source(file) for file in files]
+    return Figures(found)
+
+
+def count(text: str) -> Size:
+    """Count a text as `gzip` and `wc` do."""
+    packed = gzip.compress(text.encode(), LEVEL, mtime=0)
+    return Size(bytes=len(packed), lines=text.count("\n"), words=len(text.split()))
+
+
+def _source(file: str) -> Source:
+    try:
+        text = (ROOT / file).read_text(encoding="utf-8")
+    except OSError as error:
+        raise BenchmarkFailed(f"{file}: {error.strerror}") from None
+    return Source(file, count(text), count(BARE[Path(file).suffix](text)))
+
+
+def _sum(sizes: Iterable[Size]) -> Size:
+    found = list(sizes)
+    return Size(sum(one.bytes for one in found), sum(one.lines for one in found), sum(one.words for one in found))
+
+
+def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
+    """Return the block `paper-sizes`."""
+    lines = [origin.line(), ""]
+    for name, mission in MISSIONS.items():
+        lines += [
+            f"**Table {mission.table}**, programs of {mission.title}:",
+            "",
+            f"| | {' | '.join(MEASURES.values())} |",
+            "|---|---|---|---|",
+            *_rows("paper", mission.paper["Jason"], mission.paper["Python"], "Jason"),
+            *(row for way, words in WAYS.items() for row in _rows(words, *_pair(figures, name, way))),
+        ]
+        if len(mission.agents[PYTHON]) > 1:
+            agents, python = (figures.deployed(name, approach, "whole") for approach in (AGENTSPEAK, PYTHON))
+            lines += _rows("as they are, summed over what each agent runs", agents, python)
+        lines.append("")
+    lines += ["| file | as it is: bytes, lines, words | bare |", "|---|---|---|"]
+    for of_mission in figures.sources.values():
+        for sources in of_mission.values():
+            lines += [f"| `{one.file}` | {_listed(one.whole)} | {_listed(one.bare)} |" for one in sources]
+    return {"paper-sizes": "\n".join(lines)}
+
+
+def _pair(figures: Figures, mission: str, way: str) -> tuple[Size, Size]:
+    return figures.total(mission, AGENTSPEAK, way), figures.total(mission, PYTHON, way)
+
+
+def _rows(title: str, agents: Size, python: Size, first: str = AGENTSPEAK) -> list[str]:
+    shares = (f"{getattr(agents, one) / getattr(python, one):.2f}" for one in MEASURES)
+    return [
+        f"| {title}: {first} | {_cells(agents)} |",
+        f"| {title}: Python | {_cells(python)} |",
+        f"| {title}: {first} / Python | {' | '.join(shares)} |",
+    ]
+
+
+def _cells(size: Size) -> str:
+    return " | ".join(str(getattr(size, one)) for one in MEASURES)
+
+
+def _listed(size: Size) -> str:
+    return ", ".join(str(getattr(size, one)) for one in MEASURES)
+
+
+def pictures(figures: Figures) -> dict[str, str]:
+    """Return the picture `sizes`: the measures of each mission, ours and the paper's."""
+    with plots.figure(columns=len(MEASURES), rows=len(MISSIONS), height=4.6) as (made, axes):
+        for row, (name, mission) in enumerate(MISSIONS.items()):
+            bars = [
+                ("Jason\npaper", mission.paper["Jason"], "paper"),
+                ("Python\npaper", mission.paper["Python"], "paper"),
+                *_bars(figures, name, "whole", ""),
+                *_bars(figures, name, "bare", "\nbare"),
+            ]
+            for column, (measure_, label) in enumerate(MEASURES.items()):
+                axis = axes[row][column]
+                for place, (_, size, colour) in enumerate(bars):
+                    axis.bar(place, getattr(size, measure_), color=plots.COLOURS[colour])
+                axis.set_xticks(range(len(bars)), [bar[0] for bar in bars], fontsize=5.5)
+                axis.grid(axis="x", visible=False)
+                axis.set_title(f"{mission.title}: {label}", fontsize=7)
+        return {"sizes": plots.svg(made)}
+
+
+def _bars(figures: Figures, mission: str, way: str, suffix: str) -> list[tuple[str, Size, str]]:
+    agents, python = _pair(figures, mission, way)
+    return [(f"Agent-\nSpeak{suffix}", agents, "agentd"), (f"Python{suffix}", python, "python")]
+
+
+def goals(figures: Figures) -> list[Goal]:
+    """Return one goal for each mission and way of counting: smaller by all three measures."""
+    found = []
+    for name, mission in MISSIONS.items():
+        for way, words in WAYS.items():
+            agents, python = _pair(figures, name, way)
+            pairs = [(one, getattr(agents, one), getattr(python, one)) for one in MEASURES]
+            larger = [f"{one} are not" for one, ours, theirs in pairs if ours >= theirs]
+            found.append(
+                Goal(
+                    title=f"programs of {mission.title}, {words}",
+                    wanted="AgentSpeak smaller than Python in bytes, lines and words",
+                    found=", ".join(f"{ours} / {theirs} {one}" for one, ours, theirs in pairs),
+                    met=not larger,
+                    why=f"({', '.join(larger)})" if larger else "",
+                )
+            )
+    return found

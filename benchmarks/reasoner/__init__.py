@@ -1,0 +1,1 @@
+"""The reasoner beside its peers: speed, start, memory."""

@@ -1,0 +1,77 @@
+"""How long a reasoner takes to start and to load, and how much memory it holds."""
+
+from __future__ import annotations
+
+import statistics
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from benchmarks.processes import until_line
+from benchmarks.reasoner.rows import PROGRAMS
+from benchmarks.reasoner.subjects import Subject
+
+SETTLE: Final = 0.5
+"""Seconds between the word that an agent is idle and the look at its memory."""
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """A figure about one process. ``limit`` is what is asked of agentd; ``jason`` what Jason was measured at."""
+
+    title: str
+    unit: str
+    limit: float
+    jason: float | None
+    measure: Callable[[Subject, int], float]
+    why: str = ""
+    """For one whose limit is hard to keep: the reason."""
+
+
+def _median_of(times: int, measure: Callable[[], tuple[float, float]], which: int) -> float:
+    return statistics.median(measure()[which] for _ in range(times))
+
+
+def _start(subject: Subject, times: int) -> float:
+    with subject.prepared([("ag", PROGRAMS / "s_first.asl")]) as command:
+        return _median_of(times, lambda: until_line(command, "FIRST"), 0)
+
+
+def _idle(subject: Subject, times: int) -> float:
+    with subject.prepared([("ag", PROGRAMS / "i_idle.asl")]) as command:
+        return _median_of(min(times, 3), lambda: until_line(command, "FIRST", SETTLE), 1)
+
+
+def _beliefs(subject: Subject, times: int) -> float:
+    with subject.prepared([("ag", PROGRAMS / "m_beliefs.asl")]) as command:
+        return _median_of(min(times, 3), lambda: until_line(command, "FIRST", SETTLE), 1)
+
+
+def program_of_plans(count: int) -> str:
+    """A program with so many plans, each with a context and a body of three formulas."""
+    plans = [
+        f"+!goal_{n}(X, Y) : limit_{n % 50}(L) & X < L & not blocked({n}) <-\n"
+        f'    +visited({n}, X);\n    .print("goal {n} at ", X, " of ", Y);\n    !goal_{(n + 1) % count}(X + 1, Y).\n'
+        for n in range(count)
+    ]
+    facts = [f"limit_{n}({n + 10}).\n" for n in range(50)]
+    return "".join([*facts, "!start.\n", '+!start <- .print("FIRST"); .stopMAS.\n', *plans])
+
+
+def _plans(subject: Subject, times: int) -> float:
+    with tempfile.TemporaryDirectory() as folder:
+        program = Path(folder, "plans.asl")
+        program.write_text(program_of_plans(1000), encoding="utf-8")
+        with subject.prepared([("ag", program)]) as command:
+            return _median_of(min(times, 5), lambda: until_line(command, "FIRST"), 0)
+
+
+FOOTPRINTS: Final = (
+    Footprint("start to first print", "s", 0.25, 0.29, _start, "Python itself and the imports take it."),
+    Footprint("resident when idle", "MB", 30, 51, _idle),
+    Footprint("resident with 10,000 beliefs", "MB", 40, None, _beliefs),
+    Footprint("start of a program of 1,000 plans", "s", 1.5, None, _plans),
+)
+"""What is measured besides speed, in the order of the report."""

@@ -1,0 +1,166 @@
+"""Measures the reasoner of agentd beside its peers, interleaved in one run: the part `reasoner` of `make bench`.
+
+    python -m benchmarks.reasoner --rows f,h [--repeat 3]      some rows, for whoever works on them: nothing is written
+
+Each program is run by each reasoner in a fresh process, A B A B ..., so that a machine that is slow for a while is
+slow for all of them. Ratios are medians of the ratios of neighbouring runs. Peers that are not installed are left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from benchmarks.parts import Goal, tell
+from benchmarks.processes import BenchmarkFailed, Speeds, run
+from benchmarks.reasoner import report
+from benchmarks.reasoner.footprint import FOOTPRINTS
+from benchmarks.reasoner.instructions import Counted, counted
+from benchmarks.reasoner.report import Result, warm
+from benchmarks.reasoner.rows import ROWS, Row, row_called
+from benchmarks.reasoner.subjects import JasonCommand, Subject, subjects_here
+from benchmarks.results import Origin
+
+REPEAT: Final = 2
+STARTS: Final = 10
+"""How often a start is timed."""
+QUICK_ROWS: Final = ("g",)
+COUNTED: Final = ("f", "f2", "h")
+"""Rows whose instructions are counted: the slowest beside python-agentspeak."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What was measured for a row: per subject its runs, in the order in which they were interleaved."""
+
+    row: str
+    runs: dict[str, list[Speeds]]
+
+    def result(self) -> Result:
+        """Return it with what the row is."""
+        return Result(row_called(self.row), self.runs)
+
+
+@dataclass(frozen=True)
+class Figures:
+    """All that was measured."""
+
+    repeat: int
+    rows: list[Measured]
+    footprints: dict[str, dict[str, float]]
+    """Start times and memory: by title, then by subject."""
+    instructions: dict[str, Counted] = field(default_factory=dict)
+    """What a cycle takes, of the rows in `COUNTED`."""
+    jason: str = ""
+    """The version of the Jason that was found here; empty = there was none."""
+
+    def results(self) -> list[Result]:
+        """Return the rows."""
+        return [one.result() for one in self.rows]
+
+
+def measure(quick: bool) -> Figures:
+    """Measure all rows, start times and memory. Raises BenchmarkFailed."""
+    subjects = subjects_here()
+    if not any(subject.key == "agentspeak" for subject in subjects):
+        raise BenchmarkFailed("python-agentspeak is not installed: pip install '.[bench]'")
+    rows = [row for row in ROWS if not quick or row.key in QUICK_ROWS]
+    repeat = 1 if quick else REPEAT
+    results = measure_rows(rows, subjects, repeat)
+    found = next((subject.version() for subject in subjects if isinstance(subject, JasonCommand)), "")
+    kept = [Measured(result.row.key, result.runs) for result in results]
+    took = {key: counted(row_called(key)) for key in COUNTED}
+    return Figures(repeat, kept, footprints(subjects, 1 if quick else STARTS), took, found)
+
+
+def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
+    """Return the figures of docs/reasoner.md, of docs/mind.md, and those of docs/comparison.md about speed."""
+    results = figures.results()
+    return {
+        "reasoner": report.page(origin, results, figures.footprints, figures.repeat, figures.jason),
+        "mind-instructions": report.instructions(origin, figures.instructions),
+        "comparison-speed": report.comparison(results, figures.footprints),
+    }
+
+
+def pictures(figures: Figures) -> dict[str, str]:
+    """Return the picture of docs/reasoner.md."""
+    return {"reasoner": report.picture(figures.results())}
+
+
+def goals(figures: Figures) -> list[Goal]:
+    """Return what is asked of each row, and of start and memory."""
+    found = []
+    for result in figures.results():
+        row, ratio = result.row, result.ratio("agentd", warm)
+        if ratio is not None:
+            title = f"{row.operation}: speed beside python-agentspeak, warm"
+            wanted, ours = f"at least {row.target:g} times", f"{ratio:,.1f}" if ratio < 100 else f"{ratio:,.0f}"
+            found.append(Goal(title, wanted, ours, ratio >= row.target, row.why))
+    for one in FOOTPRINTS:
+        value = figures.footprints[one.title]["agentd"]
+        wanted = f"under {one.limit:g} {one.unit}"
+        found.append(Goal(f"reasoner: {one.title}", wanted, f"{value:.2f} {one.unit}", value < one.limit, one.why))
+    return found
+
+
+def in_short(figures: Figures) -> list[str]:
+    """Return the rows of the README's table."""
+    return report.in_short(figures.results(), figures.footprints)
+
+
+def measure_rows(rows: Sequence[Row], subjects: Sequence[Subject], repeat: int) -> list[Result]:
+    """Run the rows' programs ``repeat`` times on each subject. Rows with the same programs share their runs."""
+    groups: dict[tuple[object, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row.agents, row.environment), []).append(row)
+    results = []
+    for group in groups.values():
+        runs: dict[str, list[dict[str, Speeds]]] = {subject.key: [] for subject in subjects}
+        for turn in range(repeat):
+            for subject in subjects:
+                if subject.key == "jason" and group[0].environment:
+                    continue
+                tell(f"{', '.join(r.bench for r in group)}: {subject.title}, {turn + 1} of {repeat}")
+                with subject.prepared(group[0].paths(), group[0].environment) as command:
+                    runs[subject.key].append(run(command, {r.bench for r in group}))
+        results += [
+            Result(row, {key: [found[row.bench] for found in turns] for key, turns in runs.items() if turns})
+            for row in group
+        ]
+    return results
+
+
+def footprints(subjects: Sequence[Subject], times: int) -> dict[str, dict[str, float]]:
+    """Measure start times and memory: by title, then by subject."""
+    found: dict[str, dict[str, float]] = {}
+    for footprint in FOOTPRINTS:
+        found[footprint.title] = {}
+        for subject in subjects:
+            tell(f"{footprint.title}: {subject.title}")
+            found[footprint.title][subject.key] = footprint.measure(subject, times)
+    return found
+
+
+def main() -> int:
+    """The command; exit code 1 when a process did not do what its row needs, 2 for an unknown row."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.reasoner")
+    parser.add_argument("--rows", metavar="a,b,...", required=True, help=f"of {', '.join(row.key for row in ROWS)}")
+    parser.add_argument(
+        "--repeat", type=int, default=REPEAT, metavar="N", help=f"runs of each program (default {REPEAT})"
+    )
+    args = parser.parse_args()
+    keys = args.rows.split(",")
+    if unknown := [key for key in keys if key not in {row.key for row in ROWS}]:
+        print(f"error: no row is called {unknown[0]}; there are {', '.join(row.key for row in ROWS)}", file=sys.stderr)
+        return 2
+    try:
+        results = measure_rows([row for row in ROWS if row.key in keys], subjects_here(), args.repeat)
+    except BenchmarkFailed as failed:
+        print(f"error: {failed}", file=sys.stderr)
+        return 1
+    print("\n\n".join(report.tables(results)))
+    return 0

@@ -1,0 +1,340 @@
+"""What was measured of the reasoner as Markdown and as a picture: the figures of docs/reasoner.md."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from benchmarks import plots
+from benchmarks.processes import Speeds
+from benchmarks.reasoner.footprint import FOOTPRINTS
+from benchmarks.reasoner.instructions import GENERATED, Counted
+from benchmarks.reasoner.rows import Row, row_called
+from benchmarks.results import Origin
+
+Figure = Callable[[Speeds], float]
+
+
+@dataclass(frozen=True)
+class Result:
+    """What was measured for a row: per subject its runs, in the order in which they were interleaved."""
+
+    row: Row
+    runs: dict[str, list[Speeds]]
+
+    def median(self, key: str, figure: Figure) -> float | None:
+        """The median of a figure over the runs of a subject; None if it was not run."""
+        runs = self.runs.get(key)
+        return statistics.median(map(figure, runs)) if runs else None
+
+    def ratio(self, key: str, figure: Figure, base: Figure | None = None, to: str = "agentspeak") -> float | None:
+        """The median over neighbouring runs of what a subject did for each unit that ``to`` did."""
+        ours, theirs = self.runs.get(key), self.runs.get(to)
+        if not ours or not theirs:
+            return None
+        return statistics.median(figure(a) / (base or figure)(b) for a, b in zip(ours, theirs, strict=True))
+
+
+def cold(speeds: Speeds) -> float:
+    return speeds.cold
+
+
+def warm(speeds: Speeds) -> float:
+    return speeds.warm
+
+
+def resident(speeds: Speeds) -> float:
+    return speeds.rss
+
+
+def page(
+    origin: Origin, results: list[Result], footprints: dict[str, dict[str, float]], repeat: int, jason: str
+) -> str:
+    """The block of docs/reasoner.md. `jason` is the version of the Jason that was run as well, if there was one."""
+    here = f" The `jason` command found here was run as well: {jason}." if jason else ""
+    method = (
+        f"Every program (`benchmarks/reasoner/programs`) is run {repeat} times by each reasoner, in turns, in fresh "
+        "processes. *Cold* is the first round of a process, *warm* the median of its last two. Speeds are medians in "
+        f"operations per second, ratios medians of the ratios of neighbouring runs.{here}"
+    )
+    return "\n\n".join([origin.line(), method, *tables(results), footprint_table(footprints)])
+
+
+def tables(results: list[Result]) -> list[str]:
+    """What was found of rows, each table under its heading."""
+    run = {key for result in results for key in result.runs}
+    found = [_speed_table(results), _jason_table(results)]
+    if "jason" in run:
+        found.append(_jason_here(results))
+    if "agentd --decisions" in run:
+        found.append(_records_table(results))
+    return found
+
+
+def ahead(results: list[Result]) -> tuple[int, int]:
+    """Return on how many rows agentd is ahead of Jason's warm JVM, and of how many.
+
+    What is compared are the ratios to python-agentspeak.
+    """
+    known = [(result.ratio("agentd", warm), result.row.jason) for result in results if result.row.jason is not None]
+    return sum(_ahead(ours, jason.warm_ratio) == "ahead" for ours, jason in known if jason), len(known)
+
+
+def _speed_table(results: list[Result]) -> str:
+    lines = [
+        "### Speed and memory beside python-agentspeak",
+        "",
+        "| row | one operation | agentd cold | warm | python-agentspeak cold | warm | ratio cold | ratio warm | target "
+        "| peak RSS MB, agentd | python-agentspeak |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for result in results:
+        row, ratio = result.row, result.ratio("agentd", warm)
+        verdict = "" if ratio is None else " met" if ratio >= row.target else " **missed**"
+        cells = [
+            f"{row.key} {row.bench.split('_', 1)[1].replace('_', ' ')}",
+            row.operation,
+            _speed(result.median("agentd", cold)),
+            _speed(result.median("agentd", warm)),
+            _speed(result.median("agentspeak", cold)),
+            _speed(result.median("agentspeak", warm)),
+            _times(result.ratio("agentd", cold)),
+            _times(ratio),
+            f"{row.target:g}x{verdict}",
+            _megabytes(result.median("agentd", resident)),
+            _megabytes(result.median("agentspeak", resident)),
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _jason_table(results: list[Result]) -> str:
+    lines = [
+        "### Beside Jason",
+        "",
+        "Jason 3.3 was measured elsewhere, on JRE 21, beside python-agentspeak 0.2.2: its column is the ratio found",
+        "there, so that machines cancel out. Cold ratios here are first rounds over python-agentspeak's warm speed,",
+        "which is what is known of Jason.",
+        "",
+        "| row | warm: agentd | Jason | | cold: agentd | Jason | | peak RSS: agentd / Jason | |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    ahead = {"warm": 0, "cold": 0, "memory": 0}
+    for result in results:
+        jason = result.row.jason
+        if jason is None:
+            continue
+        warm_ratio, cold_ratio = result.ratio("agentd", warm), result.ratio("agentd", cold, warm)
+        held = result.median("agentd", resident)
+        share = held / jason.rss if held else None
+        wins = (
+            _ahead(warm_ratio, jason.warm_ratio),
+            _ahead(cold_ratio, jason.cold_ratio),
+            "" if share is None else "under a quarter" if share <= 0.25 else "**over a quarter**",
+        )
+        ahead["warm"] += wins[0] == "ahead"
+        ahead["cold"] += wins[1] == "ahead"
+        ahead["memory"] += wins[2] == "under a quarter"
+        cells = [
+            f"{result.row.key} {result.row.operation}",
+            *(_times(warm_ratio), _times(jason.warm_ratio), wins[0]),
+            *(_times(cold_ratio), _times(jason.cold_ratio), wins[1]),
+            *("-" if share is None else f"{share:.0%}", wins[2]),
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
+    known = sum(r.row.jason is not None for r in results)
+    cold_known = sum(r.row.jason is not None and r.row.jason.cold is not None for r in results)
+    lines += [
+        "",
+        f"Ahead of Jason's warm JVM on {ahead['warm']} of {known} rows, of its first round on {ahead['cold']} of "
+        f"{cold_known}, within a quarter of its memory on {ahead['memory']} of {known}.",
+    ]
+    return "\n".join(lines)
+
+
+def _ahead(ours: float | None, theirs: float | None) -> str:
+    if ours is None or theirs is None:
+        return ""
+    return "ahead" if ours > theirs else "**behind**"
+
+
+def _records_table(results: list[Result]) -> str:
+    lines = [
+        "### What decision records cost",
+        "",
+        "| row | records off, warm | records on, warm | cost | ratio to python-agentspeak with records on |",
+        "|---|---|---|---|---|",
+    ]
+    for result in results:
+        kept = result.ratio("agentd --decisions", warm, to="agentd")
+        cells = [
+            f"{result.row.key} {result.row.operation}",
+            _speed(result.median("agentd", warm)),
+            _speed(result.median("agentd --decisions", warm)),
+            "-" if kept is None else f"{1 - kept:.0%}",
+            _times(result.ratio("agentd --decisions", warm)),
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _jason_here(results: list[Result]) -> str:
+    lines = [
+        "### Jason, run here",
+        "",
+        "Without the percept rows, whose environment would have to be written in Java. The last column is agentd's",
+        "warm speed over Jason's, and its memory over Jason's, of neighbouring runs.",
+        "",
+        "| row | Jason cold | warm | peak RSS MB | agentd / Jason |",
+        "|---|---|---|---|---|",
+    ]
+    for result in results:
+        if "jason" in result.runs:
+            cells = [
+                f"{result.row.key} {result.row.operation}",
+                _speed(result.median("jason", cold)),
+                _speed(result.median("jason", warm)),
+                _megabytes(result.median("jason", resident)),
+                f"{_times(result.ratio('agentd', warm, to='jason'))} the speed, "
+                f"{_share(result.ratio('agentd', resident, to='jason'))} of the memory",
+            ]
+            lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def footprint_table(footprints: dict[str, dict[str, float]]) -> str:
+    """Start times and memory, under a heading."""
+    here = any("jason" in found for found in footprints.values())
+    heads = [
+        "",
+        "agentd",
+        "limit",
+        "records on",
+        "python-agentspeak",
+        "Jason, elsewhere",
+        *(["Jason, here"] if here else []),
+    ]
+    lines = ["### Start and memory", "", f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    for footprint in FOOTPRINTS:
+        if (found := footprints.get(footprint.title)) is None:
+            continue
+        digits = 2 if footprint.unit == "s" else 1
+        ours = found["agentd"]
+        verdict = "met" if ours < footprint.limit else "**missed**"
+        others = [found.get("agentd --decisions"), found.get("agentspeak"), footprint.jason]
+        shown = [f"{ours:.{digits}f} {footprint.unit}", f"{footprint.limit:g} {footprint.unit}, {verdict}"]
+        values = [*others, *([found.get("jason")] if here else [])]
+        shown += ["-" if value is None else f"{value:.{digits}f}" for value in values]
+        lines.append(f"| {footprint.title} | {' | '.join(shown)} |")
+    return "\n".join(lines)
+
+
+def _speed(value: float | None) -> str:
+    return "-" if value is None else f"{value:,.0f}"
+
+
+def _times(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}x" if value < 100 else f"{value:,.0f}x"
+
+
+def _share(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0%}"
+
+
+def _megabytes(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0f}"
+
+
+FEW: Final = 20
+"""Instructions per cycle under which a module is not shown by itself."""
+
+
+def instructions(origin: Origin, counted: Mapping[str, Counted]) -> str:
+    """The block of docs/mind.md: what a cycle of the slowest rows takes, by module."""
+    modules = dict.fromkeys(name for one in counted.values() for name, count in one.modules.items() if count >= FEW)
+    titles = [f"{key}, {row_called(key).operation}" for key in counted]
+    rows = [
+        f"| interpreter's instructions per cycle of a mind | {' | '.join(titles)} |",
+        "|---" * (len(titles) + 1) + "|",
+    ]
+    for name in sorted(modules, key=lambda name: -sum(one.modules.get(name, 0.0) for one in counted.values())):
+        cells = [f"{one.modules[name]:,.0f}" if name in one.modules else "" for one in counted.values()]
+        rows.append(f"| {name if name == GENERATED else f'`{name}`'} | {' | '.join(cells)} |")
+    rest = [one.whole - sum(one.modules.get(name, 0.0) for name in modules) for one in counted.values()]
+    rows.append(f"| others | {' | '.join(f'{value:,.0f}' for value in rest)} |")
+    rows.append(f"| in all | {' | '.join(f'{one.whole:,.0f}' for one in counted.values())} |")
+    return f"{origin.line()} Counts do not depend on the load.\n\n" + "\n".join(rows)
+
+
+COMPARED: Final = ("a", "b", "c", "d", "e", "f", "f2", "g", "h")
+"""The rows that docs/comparison.md shows."""
+
+
+def comparison(results: list[Result], footprints: dict[str, dict[str, float]]) -> str:
+    """The block of docs/comparison.md about speed: some rows, how many there are, start and memory."""
+    lines = [
+        "| one operation | Argosy / python-agentspeak, warm | Jason / python-agentspeak, warm | |",
+        "|---|---|---|---|",
+    ]
+    for result in results:
+        row, ours = result.row, result.ratio("agentd", warm)
+        if row.key in COMPARED and row.jason is not None and ours is not None:
+            remark = "Jason is faster" if ours < row.jason.warm_ratio else ""
+            if row.key == "c":
+                remark = remark or "Argosy indexes arguments, the others walk through"
+            lines.append(f"| {row.operation} | {_bare(ours)} | {_bare(row.jason.warm_ratio)} | {remark} |")
+    won, known = ahead(results)
+    shown = len(lines) - 2
+    lines += [
+        "",
+        f"These are {shown} of {known} rows. Argosy is ahead of Jason's warmed-up JVM in {won} of the {known}, by the "
+        "ratio to python-agentspeak, and behind in the others.",
+        "",
+        footprint_table(footprints).partition("\n\n")[2],
+    ]
+    return "\n".join(lines)
+
+
+def in_short(results: list[Result], footprints: dict[str, dict[str, float]]) -> list[str]:
+    """The rows of the README's table about the reasoner."""
+    by_key = {result.row.key: ratio for result in results if (ratio := result.ratio("agentd", warm)) is not None}
+    indexed = [by_key[key] for key in ("c", "c2") if key in by_key]
+    others = [ratio for key, ratio in by_key.items() if key not in {"c", "c2"}]
+    if not indexed or not others:
+        return []
+    won, known = ahead(results)
+    idle = next(one for one in FOOTPRINTS if one.title == "resident when idle")
+    memory = footprints[idle.title]
+    return [
+        f"| thinking, warm | {min(others):.0f} to {max(others):.0f} times python-agentspeak, look-ups and joins at "
+        f"least {min(indexed):,.0f} times; ahead of Jason 3.3's warm JVM on {won} of {known} rows, behind on "
+        f"{known - won} | [measured](docs/reasoner.md) |",
+        f"| memory, idle reasoner | {memory['agentd']:.0f} MB | python-agentspeak {memory['agentspeak']:.0f} MB, "
+        f"Jason {idle.jason:g} MB ([measured](docs/reasoner.md)) |",
+    ]
+
+
+def picture(results: list[Result]) -> str:
+    """How many times python-agentspeak's warm speed agentd reaches on each row, and Jason elsewhere."""
+    shown = [(result.row, ratio) for result in results if (ratio := result.ratio("agentd", warm)) is not None]
+    with plots.figure(height=0.7 + 0.33 * len(shown)) as (made, axes):
+        places = range(len(shown))
+        axes.barh(
+            [-place for place in places], [ratio for _, ratio in shown], color=plots.COLOURS["agentd"], height=0.6
+        )
+        known = [(place, row.jason.warm_ratio) for place, (row, _) in enumerate(shown) if row.jason is not None]
+        axes.plot([x for _, x in known], [-place for place, _ in known], "D", color=plots.COLOURS["paper"], ms=5)
+        for place, (row, _) in enumerate(shown):
+            axes.plot([row.target] * 2, [-place - 0.4, -place + 0.4], color="black", lw=1)
+        axes.set_xscale("log")
+        axes.axvline(1, color="black", lw=0.5)
+        axes.set_yticks([-place for place in places], [f"{row.key} {row.operation}" for row, _ in shown])
+        axes.set_xlabel("times python-agentspeak's speed, warm; diamond: Jason 3.3 elsewhere; line: what is asked for")
+        axes.grid(visible=False, axis="y")
+        return plots.svg(made)
+
+
+def _bare(value: float) -> str:
+    return f"{value:.1f}" if value < 100 else f"{value:,.0f}"

@@ -1,0 +1,1 @@
+"""The paper's first mission within the limits of small boards."""

@@ -1,0 +1,169 @@
+"""The figures of small boards as Markdown and as a picture (`benchmarks.small_boards.part`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Final
+
+from benchmarks import peers, plots
+from benchmarks.parts import Goal
+from benchmarks.results import Origin
+
+if TYPE_CHECKING:
+    from benchmarks.small_boards.part import Board, Figures, Flown
+
+COLOURS: Final = (plots.COLOURS["agentd"], plots.COLOURS["bridged"])
+
+
+def block(origin: Origin, figures: Figures, boards: Sequence[Board], system: float, dmips: float) -> str:
+    """Return the block of docs/benchmarks.md."""
+    parts = [
+        origin.line(),
+        "The paper's first mission (section 5.1) at speed 1 with all daemons of its board held within the limits of a "
+        f"small one by {figures.free[0].kept_by}; the simulator, on another computer in the paper, is outside. **No "
+        "such board was at hand**: memory is the board's own, and what share of a core here stands for one of its "
+        "cores is derived from published figures (DMIPS per MHz of its core) and an assumption: that a core here does "
+        f"{dmips:,.0f} DMIPS, 10 per MHz at 4 GHz. On a slower machine than that a board is given less than it has.",
+        "\n".join(_given(boards, system)),
+        "\n".join(_flights([*figures.free, *figures.boards])),
+        "*Ready*: seconds from the start until all daemons were there. *Held*: at most, and each page once, as if "
+        "nobody else on the machine had read the same libraries. *Held back*: seconds for which processes that had "
+        "work to do had used up their share. *Late*: by how much a daemon's loop was behind at worst in flight. In the "
+        f"paper, on a BeagleBone Black, the agents in Jason were {peers.BEAGLEBONE}; all of their nodes together hold "
+        f"{peers.JASON_BOARD[0]:.0f} to {peers.JASON_BOARD[1]:.0f} MiB.",
+        "![what a board holds, and how long it takes with less of a core](figures/small-boards.svg)",
+        f"**The least that is enough**, without any assumption about boards: {least(figures)}. What was tried, each "
+        "with the other left free:",
+        "\n".join(_tried(figures)),
+    ]
+    return "\n\n".join(parts)
+
+
+def _given(boards: Sequence[Board], system: float) -> Iterator[str]:
+    yield "| board | memory | left to its system | left to the daemons | cores | a core of it, of one here |"
+    yield "|---|---|---|---|---|---|"
+    for board in boards:
+        yield (
+            f"| {board.title} | {board.memory:.0f} MB | {system:.0f} MB | {board.memory - system:.0f} MB "
+            f"| {board.cores} x {board.clock:.0f} MHz {board.core}, {board.dmips_per_mhz:g} DMIPS per MHz "
+            f"| {board.share:.1%} |"
+        )
+
+
+def _flights(flights: Sequence[Flown]) -> Iterator[str]:
+    yield (
+        "| limits of | | mission | ready, s | mission, s | held, MB | processor, % of a core | held back, s | late, s "
+        "| actions timed out |"
+    )
+    yield "|---|---|---|---|---|---|---|---|---|---|"
+    for one in flights:
+        if one.completed:
+            yield (
+                f"| {one.board} | {one.form} | completed | {one.ready:.1f} | {one.mission:.1f} | {one.held:.0f} "
+                f"| {one.cpu:.1f} | {one.throttled:.1f} | {one.lag:.2f} | {one.timed_out} |"
+            )
+        else:
+            yield f"| {one.board} | {one.form} | **{one.why}** | | | | | | | |"
+
+
+def _tried(figures: Figures) -> Iterator[str]:
+    yield "| | given | mission | ready, s | mission, s | late, s |"
+    yield "|---|---|---|---|---|---|"
+    for one in [*figures.shares, *figures.memory]:
+        given = f"{one.share:.1%} of a core" if one.share is not None else f"{given_memory(figures, one):.0f} MB"
+        if one.completed:
+            yield f"| {one.form} | {given} | completed | {one.ready:.1f} | {one.mission:.1f} | {one.lag:.2f} |"
+        else:
+            yield f"| {one.form} | {given} | {one.why} | {f'{one.ready:.1f}' if one.ready else ''} | | |"
+
+
+def given_memory(figures: Figures, one: Flown) -> float:
+    """Return the MB that a flight was given, with the pages that were not charged to it."""
+    free = next(flown for flown in figures.free if flown.form == one.form)
+    return (one.memory or 0.0) + free.elsewhere
+
+
+def smallest_share(figures: Figures, form: str) -> float | None:
+    """Return the smallest share down to which every flight of a form was completed."""
+    found = None
+    for one in sorted((f for f in figures.shares if f.form == form), key=lambda f: -(f.share or 0.0)):
+        if not one.completed:
+            break
+        found = one.share
+    return found
+
+
+def smallest_memory(figures: Figures, form: str) -> float | None:
+    """Return the smallest memory in MB down to which every flight of a form was completed."""
+    found = None
+    for one in sorted((f for f in figures.memory if f.form == form), key=lambda f: -(f.memory or 0.0)):
+        if not one.completed:
+            break
+        found = given_memory(figures, one)
+    return found
+
+
+def least(figures: Figures) -> str:
+    """Return with how little each form still completes the mission, in words."""
+    parts = []
+    for form in dict.fromkeys(one.form for one in figures.free):
+        share, memory = smallest_share(figures, form), smallest_memory(figures, form)
+        parts.append(
+            f"{form} with {'none of the tried shares' if share is None else f'{share:.1%}'} of one core of this "
+            f"machine, and {'no memory that was tried' if memory is None else f'{memory:.0f} MB'}"
+        )
+    return "; ".join(parts)
+
+
+def goals(figures: Figures) -> list[Goal]:
+    """Return the goals: the mission is completed on each board, in both forms."""
+    found = []
+    for board in dict.fromkeys(one.board for one in figures.boards):
+        flights = [one for one in figures.boards if one.board == board]
+        words = [f"{one.form}: {f'completed, {one.held:.0f} MB' if one.completed else one.why}" for one in flights]
+        met = all(one.completed for one in flights)
+        found.append(Goal(f"single-UAV mission within the limits of a {board}", "completed", "; ".join(words), met))
+    return found
+
+
+def in_short(figures: Figures, title: str) -> list[str]:
+    """Return the row of the README's table: what became of the mission within the limits of the board of that title."""
+    flights = [one for one in figures.boards if one.board == title]
+    completed = all(one.completed for one in flights)
+    memory = max(given_memory(figures, one) for one in flights)
+    share = flights[0].share
+    given = f"{memory:.0f} MB" + ("" if share is None else f" and {share:.0%} of a core here")
+    return [
+        f"| the paper's first mission within the limits of a {title} ({given}; no such board was at hand) | "
+        f"{'completed' if completed else 'not completed'} | in the paper {peers.BEAGLEBONE} "
+        "([measured](docs/benchmarks.md#small-boards)) |"
+    ]
+
+
+def picture(figures: Figures, limits: dict[str, float]) -> str:
+    """Draw what a board holds beside its limits and the paper, and how long it takes with less of a core."""
+    forms = list(dict.fromkeys(one.form for one in figures.free))
+    with plots.figure(columns=2, width=9.0) as (made, (left, right)):
+        held = [one.held for one in figures.free]
+        left.bar([form.strip("`") for form in forms], held, color=COLOURS, width=0.5)
+        left.bar(["the paper's,\nin Jason"], [peers.JASON_BOARD[0] * 1.048576], color=plots.COLOURS["paper"], width=0.5)
+        for title, limit in limits.items():
+            left.axhline(limit, color="black", lw=0.8, ls="--")
+            where = left.get_yaxis_transform()
+            left.text(0.02, limit, f"left by a {title}: {limit:.0f}", va="bottom", fontsize=8, transform=where)
+        left.set_ylabel("MB held by the board")
+        left.set_ylim(0, max(limits.values()) * 1.1)
+        for form, colour in zip(forms, COLOURS, strict=True):
+            tried = [*figures.shares, *(one for one in figures.boards if one.cores == 1)]
+            flown = sorted((f for f in tried if f.form == form and f.completed), key=lambda f: f.share or 0.0)
+            name = form.strip("`")
+            shares = [100 * (one.share or 0.0) for one in flown]
+            right.plot(shares, [one.ready for one in flown], "o--", color=colour, label=f"{name}: ready")
+            right.plot(shares, [one.mission for one in flown], "o-", color=colour, label=f"{name}: mission")
+            lost = [100 * (f.share or 0.0) for f in tried if f.form == form and not f.completed]
+            right.plot(lost, [0.0] * len(lost), "x", color=colour, label=f"{name}: not completed" if lost else None)
+        right.set_xlabel("% of one core here for the whole board")
+        right.set_ylabel("s")
+        right.set_ylim(bottom=-5)
+        right.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
+        return plots.svg(made)

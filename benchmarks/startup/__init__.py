@@ -1,0 +1,1 @@
+"""How daemons start, and what they hold at rest."""
