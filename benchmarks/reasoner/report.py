@@ -49,6 +49,9 @@ def resident(speeds: Speeds) -> float:
     return speeds.rss
 
 
+PICTURE: Final = "![how many times the speed of python-agentspeak each row reaches](figures/reasoner.svg)"
+
+
 def page(
     origin: Origin, results: list[Result], footprints: dict[str, dict[str, float]], repeat: int, jason: str
 ) -> str:
@@ -59,7 +62,7 @@ def page(
         "processes. *Cold* is the first round of a process, *warm* the median of its last two. Speeds are medians in "
         f"operations per second, ratios medians of the ratios of neighbouring runs.{here}"
     )
-    return "\n\n".join([origin.line(), method, *tables(results), footprint_table(footprints)])
+    return "\n\n".join([origin.line(), method, PICTURE, *tables(results), footprint_table(footprints)])
 
 
 def tables(results: list[Result]) -> list[str]:

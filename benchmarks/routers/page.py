@@ -33,8 +33,8 @@ def _links(figures: Figures) -> list[str]:
         *(f"| {one.what} | {' | '.join(f'{one.links[link]:,.0f}' for link in TITLES)} |" for one in figures.stretches),
         "",
         f"While all bridges and agents started, {figures.starting['n1-s1'] / 1000:,.1f} kB crossed the link between "
-        f"the sites, {figures.starting['n1-s1'] / (4 * figures.each):,.0f} bytes for each UAV with its agent: what they "
-        "serve, what they hear and that they are there is declared to every router.",
+        f"the sites, {figures.starting['n1-s1'] / (4 * figures.each):,.0f} bytes for each UAV with its agent: what "
+        "they serve, what they hear and that they are there is declared to every router.",
         f"Each agent that asks waits {figures.ask_every:g} s between an answer and its next question.",
     ]
 
