@@ -51,6 +51,7 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("sizes", "benchmarks.paper.sizes", 0.1),
     Part("usage", "benchmarks.paper.usage", 21.5),
     Part("scale", "benchmarks.scale.part", 9),
+    Part("crowd", "benchmarks.crowd.part", 5),
     Part("routers", "benchmarks.routers.part", 3),
     Part("loop", "benchmarks.loop.part", 4),
     Part("startup", "benchmarks.startup.part", 2),
