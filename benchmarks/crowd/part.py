@@ -24,7 +24,7 @@ __all__ = ["Figures", "blocks", "goals", "measure", "pictures"]
 
 SIZES: Final = (1, 10, 100, 300, 1000)
 QUICK: Final = (1, 10)
-QUESTIONS: Final = 2_000
+QUESTIONS: Final = 1_000
 """That all agents together ask as fast as they can."""
 EACH_MOST: Final = 100
 PACE: Final = 20.0
