@@ -1,1 +1,1 @@
-"""Benchmarks: the reasoner of agentd beside its peers."""
+"""What `make bench` measures, each part in a folder of its own, and how its pages are written."""

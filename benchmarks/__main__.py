@@ -18,7 +18,7 @@ from types import FrameType
 import msgspec
 
 from benchmarks import apart, pages, results, summary
-from benchmarks.parts import PARTS, Goal, Part, line_of_goals, table_of_goals
+from benchmarks.parts import PARTS, Goal, Part, Told, line_of_goals, table_of_goals
 
 BUSY = 0.5
 """Cores that others may keep busy before it is told that figures will be worse for it."""
@@ -92,7 +92,7 @@ def _all_shown(table: Sequence[Part]) -> None:
 
 def all_goals(table: Sequence[Part] = PARTS) -> str:
     """Return the table of all goals of all parts that have results: the block `goals` of docs/benchmarks.md."""
-    return "\n".join(table_of_goals([(one.name, section_of(one), goals_of(one)) for one in table]))
+    return "\n".join(table_of_goals([Told(one.name, section_of(one), goals_of(one), busy(one)) for one in table]))
 
 
 def goals_of(one: Part) -> list[Goal]:
@@ -108,6 +108,14 @@ def section_of(one: Part) -> str:
         blocks = one.module().blocks(*results.load(one.name, one.module().Figures))
         return pages.section(next(iter(blocks)))
     return ""
+
+
+def busy(one: Part) -> bool:
+    """Return whether others were at work on the machine while the results of a part were measured."""
+    with contextlib.suppress(FileNotFoundError, msgspec.DecodeError, ImportError):
+        origin, _ = results.load(one.name, one.module().Figures)
+        return max(origin.load, origin.others) > BUSY
+    return False
 
 
 def _told(changed: list[Path]) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 MEGABYTE: Final = 1_000_000
+"""Bytes: MB is 10^6 of them in all results and on all pages."""
 _PAGE: Final = 4096
 _PRESENT: Final = 1 << 63
 _FRAME: Final = (1 << 55) - 1

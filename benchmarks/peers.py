@@ -10,9 +10,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from benchmarks.held import MEGABYTE
+
 PAPER: Final = "Embedded Architecture Composed of Cognitive Agents and ROS for Programming Intelligent Robots"
 PI_MEMORY: Final = 975.7
 """MiB that the Raspberry Pi 3 of the paper's own data has; its per cents of memory are of this."""
+
+
+def mb(mib: float) -> float:
+    """Return MiB in the MB (10^6 bytes) of our own results."""
+    return mib * 1024**2 / MEGABYTE
+
+
+PI_MB: Final = mb(PI_MEMORY)
+"""MB of a Raspberry Pi 3, as its kernel tells them."""
+BEAGLEBONE_MB: Final = 512.0
+"""MB that a BeagleBone Black is taken to have: less than its chips' 512 MiB, as its kernel keeps some for itself."""
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from benchmarks.held import MEGABYTE
+
 PATIENCE: Final = 600.0
 """Seconds after which a process that has not ended is killed and the run is called failed."""
 
@@ -38,8 +40,8 @@ class Speeds:
 
     @property
     def warm(self) -> float:
-        """The median of the last two rounds."""
-        return statistics.median(self.rounds[-2:])
+        """The mean of the last two rounds."""
+        return statistics.fmean(self.rounds[-2:])
 
 
 @contextmanager
@@ -97,7 +99,7 @@ def descendants(pid: int) -> list[int]:
 
 
 def memory(pid: int, field: str) -> float:
-    """``VmHWM`` (peak) or ``VmRSS`` (now) of a process in MB; 0 when it has ended or the system does not tell.
+    """``VmHWM`` (peak) or ``VmRSS`` (now) of a process in MB (10^6 bytes); 0 when it has ended or is not told.
 
     Not `os.wait4`: its figure includes what the parent held when it forked. A command may be a script that starts the
     real process: what it has started counts.
@@ -111,7 +113,7 @@ def _memory(pid: int, field: str) -> float:
     except OSError:
         return 0.0
     found = re.search(rf"^{field}:\s+(\d+) kB$", status, re.MULTILINE)
-    return int(found[1]) / 1024 if found else 0.0
+    return int(found[1]) * 1024 / MEGABYTE if found else 0.0
 
 
 def run(command: list[str], benches: set[str]) -> dict[str, Speeds]:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 from argosy.processes import python_command
 from benchmarks.results import ROOT
@@ -27,17 +27,18 @@ _PROGRAM: Final = f"""
 +!begun <- .print("{FIRST}").
 +bridge(up) <- .print("{HEARD}").
 """
-BARE: Final = """
+_BARE: Final = """
 import sys, time, zenoh
+for module in sys.argv[3:]:
+    __import__(module, fromlist=["*"])
 config = zenoh.Config()
-config.insert_json5("mode", '"client"')
-config.insert_json5("connect/endpoints", '["%s"]' % sys.argv[1])
+config.insert_json5("mode", '"%s"' % sys.argv[1])
+config.insert_json5({"client": "connect", "router": "listen"}[sys.argv[1]] + "/endpoints", '["%s"]' % sys.argv[2])
 config.insert_json5("scouting/multicast/enabled", "false")
 session = zenoh.open(config)
 print("open", flush=True)
 time.sleep(3600)
 """
-"""A process that has a session with a router, and nothing besides."""
 CLIENT: Final = """
 import asyncio, sys
 from commd.client import join
@@ -49,6 +50,15 @@ async def main():
 asyncio.run(main())
 """
 """A program of the team that perceives what the agent perceives."""
+
+
+def bare(endpoint: str, *modules: str, mode: Literal["client", "router"] = "client") -> tuple[str, ...]:
+    """Return the arguments of a Python that has a session with a router and nothing besides; it prints `open`.
+
+    The modules are imported as well: a daemon that is held against it may be excused for them. As `router` it is one
+    itself, and listens at the endpoint.
+    """
+    return ("-c", _BARE, mode, endpoint, *modules)
 
 
 @dataclass(frozen=True)
@@ -111,7 +121,7 @@ class Site:
         mission, where, state = str(self.mission), ("--router", self.router), ("--state", str(self.state / name))
         match name:
             case "bare":
-                return ("-c", BARE, self.router)
+                return bare(self.router)
             case "client":
                 return ("-c", CLIENT, self.router, mission)
             case "board":

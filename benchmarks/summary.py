@@ -30,14 +30,16 @@ def in_short(table: Sequence[Part] = PARTS) -> str:
 
 def comparison_board(table: Sequence[Part] = PARTS) -> str:
     """Return the table of docs/comparison.md about the memory of a board, beside what the paper's authors published."""
-    low, high = peers.JASON_BOARD
-    agent = peers.PROCESSES["Jason agent"].memory
+    low, high, python_low, python_high, agent_low, agent_high = (
+        f"{peers.mb(value):.0f}"
+        for value in (*peers.JASON_BOARD, *peers.PYTHON_BOARD, *peers.PROCESSES["Jason agent"].memory)
+    )
     jason, python = peers.TABLE_3["Jason"], peers.TABLE_3["Python"]
     rows = [
-        f"| the paper's nodes in all: agent, HwBridge, Comm, mavros, roscore | {low:.0f} to {high:.0f} MiB, of it the "
-        f"agent {agent[0]:.0f} to {agent[1]:.0f} | Raspberry Pi 3 | measurements published with the paper |",
-        f"| the same with a Python program in the agent's place | {peers.PYTHON_BOARD[0]:.0f} to "
-        f"{peers.PYTHON_BOARD[1]:.0f} MiB | Raspberry Pi 3 | the same |",
+        f"| the paper's nodes in all: agent, HwBridge, Comm, mavros, roscore | {low} to {high} MB, of it the "
+        f"agent {agent_low} to {agent_high} | Raspberry Pi 3 | measurements published with the paper |",
+        f"| the same with a Python program in the agent's place | {python_low} to "
+        f"{python_high} MB | Raspberry Pi 3 | the same |",
         f"| the paper's board with its agent; with a Python program | {jason.memory.mean:.2f} % of the memory, "
         f"{jason.cpu.mean:.2f} % CPU; {python.memory.mean:.2f} %, {python.cpu.mean:.2f} % | Raspberry Pi 3 "
         "| the paper, table 3 |",

@@ -6,15 +6,8 @@ The crowd is `tests/argosy/team/crowd.py`. The terminal of `argosy watch` is a r
 from __future__ import annotations
 
 import asyncio
-import os
-import pty
-import subprocess
-import sys
 import tempfile
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -23,7 +16,8 @@ from benchmarks.held import pss
 from benchmarks.looking.bursts import used
 from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed
-from benchmarks.results import ROOT, Origin
+from benchmarks.results import Origin
+from benchmarks.terminal import in_a_terminal
 from commd.bus import open_bus
 from tests.support.ports import free_port
 from tests.support.processes import running
@@ -80,7 +74,7 @@ async def _beside(crowd: int, seconds: float) -> list[Seen]:
 
 
 def _seen(what: str, options: tuple[str, ...], crowd: int, seconds: float, file: Path) -> Seen:
-    with _in_a_terminal("argosy", what, "--fleet", "crowd", *options) as process:
+    with in_a_terminal("argosy", what, "--fleet", "crowd", *options) as process:
         time.sleep(SETTLE)
         begun, before, size = time.monotonic(), used(process.pid), _size(file)
         time.sleep(seconds)
@@ -93,32 +87,6 @@ def _seen(what: str, options: tuple[str, ...], crowd: int, seconds: float, file:
 
 def _size(file: Path) -> int:
     return file.stat().st_size if file.exists() else 0
-
-
-@contextmanager
-def _in_a_terminal(*command: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Run `python -m COMMAND` with a terminal of 100 columns while the block lasts."""
-    ours, theirs = pty.openpty()
-    environment = os.environ | {"TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30"}
-    process = subprocess.Popen(
-        [sys.executable, "-m", *command], stdin=theirs, stdout=theirs, stderr=theirs, cwd=ROOT, env=environment
-    )
-    os.close(theirs)
-
-    def read() -> None:
-        with suppress(OSError):
-            while os.read(ours, 65_536):
-                pass
-
-    reader = threading.Thread(target=read, daemon=True)
-    reader.start()
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.wait()
-        reader.join(5)
-        os.close(ours)
 
 
 def goals(_: Figures) -> list[Goal]:

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from benchmarks.looking.viewers import _in_a_terminal as in_a_terminal
 from benchmarks.mail.boards import until
 from benchmarks.parts import Goal, tell
 from benchmarks.routers import load as router_load
@@ -22,6 +21,7 @@ from benchmarks.routers import sites
 from benchmarks.routers.load import Load
 from benchmarks.routers.page import blocks, pictures
 from benchmarks.routers.sites import BETWEEN_SITES, FLEET, Links, Site
+from benchmarks.terminal import in_a_terminal
 from commd.bus import Bus, Query, open_bus
 from schemas import keys
 from schemas.records import Action, ActionStatus, Health, Perception, State

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from benchmarks.held import MEGABYTE, alone, pss
+from benchmarks.held import alone, pss
 from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed, memory
 from benchmarks.results import Origin
@@ -99,7 +99,7 @@ def look(figures: Figures, names: tuple[str, ...], folder: Path, code: Path, set
 
 def _note(held: Held, process: Watched, cpu: float) -> None:
     pid = process.process.pid
-    rss = memory(pid, "VmRSS") * 1024 * 1024 / MEGABYTE
+    rss = memory(pid, "VmRSS")
     if not rss:
         raise BenchmarkFailed(f"{process.name} has ended: {process.said[-1:]}")
     held.rss.append(rss)

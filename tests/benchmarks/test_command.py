@@ -12,7 +12,7 @@ import pytest
 
 from benchmarks import __main__ as command
 from benchmarks import apart, results
-from benchmarks.parts import PARTS, Goal, Part, table_of_goals
+from benchmarks.parts import PARTS, Goal, Part, Told, line_of_goals, table_of_goals
 from tests.support.processes import Daemon
 
 GOOD = """
@@ -206,8 +206,18 @@ def test_results_of_another_shape_are_told(
 
 
 def test_goals_stand_with_the_part_whose_they_are() -> None:
-    rows = table_of_goals([("loop", "#the-decision-loop", [Goal("p50", "4x", "3x", True)])])
-    assert rows[-1] == "| [loop](#the-decision-loop) | p50 | 4x | 3x | met |"
+    goals = [Goal("p50", "4x", "3x", True), Goal("p99", "4x", "5x", False, "the disk; tried: nothing")]
+    rows = table_of_goals([Told("loop", "#the-decision-loop", goals), Told("mail", "", goals[:1], busy=True)])
+    assert rows[-3] == "| [loop](#the-decision-loop) | p50 | 4x | 3x | met |"
+    assert rows[-2] == "| [loop](#the-decision-loop) | p99 | 4x | 5x | **missed** the disk; tried: nothing |"
+    assert rows[-1] == "| mail | p50 | 4x | 3x | met (busy machine) |"
+
+
+def test_a_goal_that_cannot_be_decided_is_not_told_as_met_and_one_without_a_reason_is_told_so() -> None:
+    assert line_of_goals([Goal("a", "1", "2", False, "both sides", decided=False)])[-1].endswith(
+        "| **not decided** both sides |"
+    )
+    assert line_of_goals([Goal("a", "1", "2", False)])[-1].endswith("| **missed** (no reason is given) |")
 
 
 def test_the_cheapest_part_can_be_tried(capfd: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import pages, peers, results, summary
+from benchmarks import pages, results, summary
 from benchmarks.board import Figures, Flown, Row, blocks, goals, pictures
 from benchmarks.looking import webpage as page
 from benchmarks.parts import Part
@@ -16,7 +16,9 @@ from benchmarks.spread import Spread, spread
 
 
 def test_a_spread_tells_where_values_lie() -> None:
-    assert spread([float(value) for value in range(200, 0, -1)]) == Spread(200, 100.5, 101, 181, 199, 200)
+    assert spread([float(value) for value in range(200, 0, -1)]) == Spread(
+        200, 100.5, 101, 181, 199, 200, pytest.approx(57.73, abs=0.01)
+    )
     assert spread([3.0]) == Spread(1, 3, 3, 3, 3, 3)
     with pytest.raises(ValueError, match="no values"):
         spread([])
@@ -60,7 +62,7 @@ def test_what_is_told_of_boards_beside_the_papers_comes_from_results(
     monkeypatch.setattr(results.load, "__defaults__", (tmp_path,))
     table = [Part("board", "benchmarks.board", 1)]
     paper = summary.comparison_board(table)
-    assert f"{peers.JASON_BOARD[0]:.0f} to {peers.JASON_BOARD[1]:.0f} MiB" in paper
+    assert "412 to 451 MB" in paper, "the paper's 393 to 430 MiB"
     assert "Argosy" not in paper, "nothing was measured yet"
     figures = Figures([Row("a board", _flown([87.4]), _flown([51.0]))])
     results.save("board", results.here("make bench", 0.0), figures, tmp_path)
