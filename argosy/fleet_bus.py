@@ -126,7 +126,7 @@ class FleetBus(Bus):
         limit: int = BACKLOG,
         ready: Callable[[], Awaitable[bool]] | None = None,
     ) -> AsyncGenerator[Reply[R], None]:
-        """As `Bus.query`; of a board that is not reached the reply says why."""
+        """As `Bus.query`; of a board that is not reached the reply says why. `ready` is waited for once per board."""
         name = key.split("/")[2]
         homes = [self.boards.homes[name]] if name in self.boards.homes else list(self.boards.opening)
         replies: asyncio.Queue[Reply[R] | None] = asyncio.Queue(AT_ONCE)

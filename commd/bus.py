@@ -185,8 +185,9 @@ class Bus:
         self._on_router.append(handler)
 
     def afterwards(self, handler: Callable[[], None]) -> bool:
-        """Call `handler()` in this pass of the loop, when all that has come is told; False if nothing is being told.
+        """Call `handler()` in this pass of the loop, behind what is told in it; False if nothing is being told.
 
+        Of a flood a pass tells what fits into 20 ms, and at least 64 things; the rest comes in the next ones.
         For those who are told of several things and want to act on them together.
         """
         return self._handover.afterwards(handler)
@@ -383,7 +384,7 @@ class Bus:
         The key may have parameters, `key?a=b;c=d`, for those who serve it to read.
         Ends when all have answered or after `timeout` wall seconds; a final reply that did not come is for the caller
         to notice. At most `limit` replies wait to be taken; further ones are dropped and counted. `ready` is waited for
-        when all is prepared; if it says no, nothing is asked.
+        when all is prepared, for as long as it takes: `timeout` begins behind it. If it says no, nothing is asked.
         """
         replies: asyncio.Queue[zenoh.Reply | float | None] = asyncio.Queue()
         token = zenoh.CancellationToken()
@@ -662,7 +663,8 @@ class Bus:
 
         def close() -> None:
             _leave(self._session)
-            self._soon(lambda _: closed.set())(None)
+            with suppress(RuntimeError):  # the loop has ended
+                self._loop.call_soon_threadsafe(closed.set)  # not behind all that waits to be handed over
 
         Thread(target=close, name=LEAVING, daemon=True).start()
         try:

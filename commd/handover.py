@@ -9,10 +9,14 @@ from __future__ import annotations
 import asyncio
 from collections import Counter, deque
 from collections.abc import Callable
+from itertools import count
+from time import monotonic
 from typing import Any, Final
 
 AT_ONCE: Final = 64
-"""So much is handed over before others on the loop have their turn."""
+"""So much is handed over, however long it takes, before others on the loop have their turn."""
+TURN: Final = 0.02
+"""Wall seconds for which more is handed over: a pass of the loop may be long, and what waits must not pile up."""
 
 
 class Handover:
@@ -29,7 +33,7 @@ class Handover:
     def put(self, function: Callable[[Any], None], item: Any) -> None:
         """Have `function(item)` called on the loop; from any thread."""
         self._waiting.append((function, item))
-        if self._called:
+        if self._called and not self._loop.is_closed():
             return
         self._called = True
         try:
@@ -40,7 +44,7 @@ class Handover:
             self._waiting.clear()
 
     def afterwards(self, handler: Callable[[], None]) -> bool:
-        """Have `handler()` called once what has come by now is handed over; False if that is not under way."""
+        """Have `handler()` called behind what is handed over now, in the same pass; False if nothing is."""
         if self._at_work:
             self._later.append(handler)
         return self._at_work
@@ -48,9 +52,10 @@ class Handover:
     def _hand_over(self) -> None:
         self._called = False  # before the last look: who puts something now calls again
         self._at_work = True
+        until = monotonic() + TURN
         try:
-            for _ in range(AT_ONCE):
-                if not self._waiting:
+            for number in count():
+                if not self._waiting or (number >= AT_ONCE and monotonic() >= until):
                     break
                 function, item = self._waiting.popleft()
                 self._guarded(function, item)

@@ -8,9 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 
-_OURS = str(Path(__file__).resolve().parents[1])
+_OURS = str(Path(__file__).parents[1])
 _PACKAGES = ("schemas", "commd", "bridged", "agentd", "argosy")
-_LIBRARY = str(Path(os.__file__).resolve().parent)
+_LIBRARY = str(Path(os.__file__).parent)
+"""Both as frames have them, which know nothing of what a symbolic link leads to."""
 
 
 def tell_when_aborted(tell: Callable[[str], None]) -> None:

@@ -12,7 +12,7 @@ from typing import Final
 import zenoh
 
 MOST: Final = 10_000
-"""Keys that a session declares; further ones cost what they cost."""
+"""Keys that a session declares, and keys used once that it remembers; further ones cost what they cost."""
 log = logging.getLogger("bus")
 
 
@@ -22,9 +22,13 @@ class KnownKeys:
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._declared: dict[str, zenoh.KeyExpr] = {}
-        self._once: set[str] = set()
-        self.open = True
+        self._once: dict[str, None] = {}
+        """The last ones that were used once, the oldest first."""
+
+    @property
+    def open(self) -> bool:
         """Whether further keys are declared."""
+        return len(self._declared) < MOST
 
     def of(self, key: str) -> zenoh.KeyExpr | str:
         """Return what to put on for a key."""
@@ -35,13 +39,17 @@ class KnownKeys:
         if key in self._declared or not self.open:
             return self._declared.get(key)
         if key not in self._once:
-            self._once.add(key)
-            self.open = len(self._once) < MOST
+            if len(self._once) >= MOST:
+                del self._once[next(iter(self._once))]
+            self._once[key] = None
             return None
+        del self._once[key]
         try:
             declared: zenoh.KeyExpr = self._session.declare_keyexpr(key)
         except zenoh.ZError as error:  # the session is closed, or this is no key
             log.debug("not_declared key=%s why=%s", key, error)
             return None
         self._declared[key] = declared
+        if not self.open:
+            log.warning("keys_declared count=%d: records on further keys cost more processor time", MOST)
         return declared

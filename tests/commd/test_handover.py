@@ -7,7 +7,10 @@ import threading
 from collections import Counter
 from typing import Any
 
-from commd.handover import AT_ONCE, Handover
+import pytest
+
+from commd import handover as module
+from commd.handover import AT_ONCE, TURN, Handover
 
 
 def test_things_from_several_threads_come_in_their_order_and_all_of_them() -> None:
@@ -33,20 +36,31 @@ def test_things_from_several_threads_come_in_their_order_and_all_of_them() -> No
     assert asyncio.run(main()) == {who: list(range(1000)) for who in range(4)}
 
 
-def test_the_loop_is_called_once_for_all_that_waits_and_others_have_their_turn_in_between() -> None:
+@pytest.mark.parametrize(("each", "at_once"), [(TURN, AT_ONCE), (TURN / 500, 500), (0.0, 1000)])
+def test_what_fits_into_a_turn_is_handed_over_and_others_have_theirs_in_between(
+    each: float, at_once: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    passed = [0.0]
+    monkeypatch.setattr(module, "monotonic", lambda: passed[0])
+
     async def main() -> list[Any]:
         loop, heard = asyncio.get_running_loop(), list[Any]()
         handover = Handover(loop, Counter())
-        for number in range(2 * AT_ONCE):
-            handover.put(heard.append, number)
+
+        def hear(item: int) -> None:
+            heard.append(item)
+            passed[0] += each
+
+        for number in range(1000):
+            handover.put(hear, number)
         loop.call_soon(heard.append, "another")
-        while len(heard) < 2 * AT_ONCE + 1:
+        while len(heard) < 1001:
             await asyncio.sleep(0)
         return heard
 
     heard = asyncio.run(main())
-    assert heard.index("another") == AT_ONCE
-    assert [one for one in heard if one != "another"] == list(range(2 * AT_ONCE))
+    assert heard.index("another") == pytest.approx(at_once, abs=1), "a turn takes a fiftieth of a second"
+    assert [one for one in heard if one != "another"] == list(range(1000))
 
 
 def test_who_is_told_of_something_has_a_turn_behind_the_rest_in_the_same_pass() -> None:
@@ -100,3 +114,18 @@ def test_what_comes_when_the_loop_has_ended_is_counted() -> None:
     handover.put(print, "lost")
     handover.put(print, "lost")
     assert counters == {"dropped": 2}
+
+
+def test_what_comes_after_a_loop_that_was_called_and_has_ended_is_counted() -> None:
+    counters = Counter[str]()
+
+    async def main() -> Handover:
+        handover = Handover(asyncio.get_running_loop(), counters)
+        handover.put(print, "too late")
+        return handover
+
+    handover = asyncio.run(main())
+    for _ in range(10):
+        handover.put(print, "lost")
+    assert counters["dropped"] >= 10
+    assert not handover._waiting

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -36,23 +37,30 @@ def forever():
 
 
 @pytest.mark.parametrize(
-    ("how", "said"),
+    ("how", "python", "said"),
     [
-        (
-            "hangs",
-            "error: agentd: ended by SIGABRT, as by a watchdog, in forever (FOLDER/slow.py:",
-        ),
-        ("waits", "error: agentd: ended by SIGABRT, as by a watchdog, in "),
+        ("hangs", "", "in forever (FOLDER/slow.py:"),
+        ("waits", "", "in select ("),
+        ("waits", "behind a link", "in select (FOLDER/python/lib/"),
     ],
 )
-def test_an_aborted_daemon_names_the_function_that_does_not_return(how: str, said: str, tmp_path: Path) -> None:
+def test_an_aborted_daemon_names_the_function_that_does_not_return(
+    how: str, python: str, said: str, tmp_path: Path
+) -> None:
     (tmp_path / "slow.py").write_text(_SLOW)
     command = [sys.executable, "-c", _PROCESS, str(tmp_path / "slow.py"), how]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    variables = dict(os.environ)
+    if python:
+        (tmp_path / "python").symlink_to(sys.base_prefix)
+        variables["PYTHONHOME"] = str(tmp_path / "python")
+    with subprocess.Popen(
+        command, cwd=ROOT, env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "runs\n"
         process.send_signal(signal.SIGABRT)
         _, told = process.communicate(timeout=30)
     assert process.returncode == -signal.SIGABRT
-    assert said.replace("FOLDER", str(tmp_path)) in told
+    assert f"error: agentd: ended by SIGABRT, as by a watchdog, {said}".replace("FOLDER", str(tmp_path)) in told
+    assert ("which has not returned" in told) == (how == "hangs")
     assert "Traceback" not in told
