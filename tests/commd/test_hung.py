@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -58,9 +59,16 @@ def test_an_aborted_daemon_names_the_function_that_does_not_return(
     ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "runs\n"
+        while how == "waits" and _state(process.pid) != "S":
+            time.sleep(0.01)
         process.send_signal(signal.SIGABRT)
         _, told = process.communicate(timeout=30)
     assert process.returncode == -signal.SIGABRT
     assert f"error: agentd: ended by SIGABRT, as by a watchdog, {said}".replace("FOLDER", str(tmp_path)) in told
     assert ("which has not returned" in told) == (how == "hangs")
     assert "Traceback" not in told
+
+
+def _state(pid: int) -> str:
+    """The state of a process as the kernel has it: S = it waits."""
+    return Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2][0]
