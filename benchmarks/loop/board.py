@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import json
 import queue
+import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -124,6 +125,7 @@ class Board:
 
     endpoint: str
     session: zenoh.Session
+    router: Watched
     bridge: Watched
     agent: Watched
     folder: Path
@@ -167,14 +169,14 @@ def board(
             return one
 
         state = ("--state", str(folder / "state"))
-        daemon("commd", "router")
+        router = daemon("commd", "router")
         bridge = daemon("bridged", "serving bot", *state)
         agent = daemon("agentd", "bridge_up", *state)
         session = stack.enter_context(zenoh.open(session_config("client", endpoint, "robot")))
         pong, seen = Ears(session, "robot/pong"), Ears(session, "robot/seen")
         stack.callback(pong.close)
         stack.callback(seen.close)
-        made = Board(endpoint, session, bridge, agent, folder, pong, seen)
+        made = Board(endpoint, session, router, bridge, agent, folder, pong, seen)
         _until_it_answers(made)
         yield made
 
@@ -188,9 +190,7 @@ def _until_it_answers(board: Board) -> None:
 
 
 def _ended(one: Watched) -> None:
-    """Let a daemon end by itself: what was stamped is written then."""
+    """Let a daemon end by itself: what was stamped is written then. One that does not is killed with its block."""
     one.process.terminate()
-    try:
+    with suppress(subprocess.TimeoutExpired):
         one.process.wait(PATIENCE)
-    except TimeoutError:
-        return

@@ -15,6 +15,7 @@ from typing import Final
 import zenoh
 
 from benchmarks.loop.board import Board, board
+from benchmarks.processes import BenchmarkFailed
 from schemas import keys
 from schemas.codec import BadRecord, codec
 from schemas.records import Health
@@ -23,6 +24,10 @@ SECONDS: Final = 4.0
 """For which a rate is kept up."""
 KEEPS_UP: Final = 1.0
 """Seconds after the last change within which the last event has to be there."""
+UNDER_WAY: Final = 0.3
+"""Seconds that a daemon's figures may be old when they come."""
+IN_TIME: Final = 0.98
+"""Of the changes a second that are wanted so many have to be made: by less the rate was not tried."""
 PATIENCE: Final = 8.0
 """Seconds after which events do not come any more."""
 _LOST: Final = ("drops", "bad_input", "percepts_missed", "samples_dropped", "percepts_unreadable", "percepts_stale")
@@ -47,7 +52,17 @@ class Flood:
     disorder: list[str] = field(default_factory=list)
     """What the program said came instead of what; the first lines."""
     cpu: dict[str, float] = field(default_factory=dict)
-    """Per cent of a core, of each daemon."""
+    """Per cent of a core, of each daemon, up to the last event."""
+
+    @property
+    def made(self) -> float:
+        """Changes a second that count: those that were made, and no more than were wanted."""
+        return min(self.rate, self.reached)
+
+    @property
+    def in_time(self) -> bool:
+        """Whether the sender made the rate that was wanted."""
+        return self.reached >= IN_TIME * self.rate
 
     @property
     def complete(self) -> bool:
@@ -56,8 +71,8 @@ class Flood:
 
     @property
     def kept_up(self) -> bool:
-        """Whether the agent was not left behind either."""
-        return self.complete and 0 <= self.behind <= KEEPS_UP
+        """Whether that was at the rate that was wanted, and the agent was not left behind either."""
+        return self.in_time and self.complete and 0 <= self.behind <= KEEPS_UP
 
 
 class _Counters:
@@ -65,6 +80,7 @@ class _Counters:
 
     def __init__(self, session: zenoh.Session) -> None:
         self._of: dict[str, dict[str, float]] = {}
+        self._at: dict[str, float] = {}
         key = keys.health("*", "*", "*")
         self._subscriber = session.declare_subscriber(key, self._heard)
 
@@ -74,7 +90,13 @@ class _Counters:
         except BadRecord:
             return
         figures = {"drops": health.drops, "bad_input": health.bad_input, **health.counters}
-        self._of[f"{health.daemon} {health.header.source}"] = {name: figures.get(name, 0) for name in _LOST}
+        who = f"{health.daemon} {health.header.source}"
+        self._of[who], self._at[who] = {name: figures.get(name, 0) for name in _LOST}, time.monotonic()
+
+    def told_anew(self, since: float) -> bool:
+        """Whether all daemons have told their figures so much later that what was until then is in them."""
+        at = dict(self._at)
+        return len(at) > 1 and all(moment > since + UNDER_WAY for moment in at.values())
 
     def now(self) -> dict[str, float]:
         """Return the figures, by daemon and name."""
@@ -96,10 +118,10 @@ def measure(rates: list[float], source: str = "tick", seconds: float = SECONDS, 
 
 
 def _flood(ours: Board, counters: _Counters, source: str, rate: float, seconds: float, number: int) -> Flood:
-    _until(lambda: len(counters.now()) > 0, PATIENCE)
-    time.sleep(1.5)  # for the figures of the run before
+    _rest(counters)
     before, count, lines = counters.now(), round(rate * seconds), len(ours.agent.said)
-    used = {one.name: one.cpu() for one in (ours.bridge, ours.agent)}
+    daemons = (ours.router, ours.bridge, ours.agent)
+    used = {one.name: one.cpu() for one in daemons}
     begun = time.monotonic()
     for index in range(1, count + 1):
         if (wait := begun + index / rate - time.monotonic()) > 0:
@@ -110,12 +132,13 @@ def _flood(ours: Board, counters: _Counters, source: str, rate: float, seconds: 
     def done() -> list[float]:
         return [at for at, line in ours.agent.said[lines:] if f"all up to {count}" in line]
 
-    cpu = {one.name: 100 * (one.cpu() - used[one.name]) / (ended - begun) for one in (ours.bridge, ours.agent)}
     _until(lambda: bool(done()), PATIENCE)
+    spent = time.monotonic() - begun
+    cpu = {one.name: 100 * (one.cpu() - used[one.name]) / spent for one in daemons}
     ours.put("run", number)
     stood = f"run {number} stands at "
     _until(lambda: any(stood in line for _, line in ours.agent.said[lines:]), PATIENCE)
-    time.sleep(1.5)  # until both have told their health
+    _rest(counters)
     after = counters.now()
     said = [line for _, line in ours.agent.said[lines:]]
     came = done()
@@ -130,6 +153,13 @@ def _flood(ours: Board, counters: _Counters, source: str, rate: float, seconds: 
         disorder=[line for line in said if " instead of " in line][:5],
         cpu=cpu,
     )
+
+
+def _rest(counters: _Counters) -> None:
+    """Wait until what was lost so far has been told."""
+    now = time.monotonic()
+    if not _until(lambda: counters.told_anew(now), PATIENCE):
+        raise BenchmarkFailed(f"no figures of bridge and agent within {PATIENCE:g} s")
 
 
 def _until(condition: Callable[[], bool], patience: float) -> bool:
