@@ -13,7 +13,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, aclosing, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal
@@ -21,19 +21,16 @@ from typing import Final, Literal
 from argosy.boards import places
 from argosy.processes import Kind, Process, Setup, plan, python_command
 from argosy.referee import judge_run
+from benchmarks.minds import done
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.watched import Watched, watched_command
-from commd.bus import Bus, open_bus
-from schemas import keys
-from schemas.minds import MindView
+from commd.bus import open_bus
 from schemas.mission import Mission, load_mission
 from tests.support.ports import free_port
 
 MISSIONS: Final = Path(__file__).parent.parent / "missions"
 LOOK_EVERY: Final = 1.0
 """Wall seconds between two looks at the minds, once the last words were printed."""
-ANSWER: Final = 2.0
-"""Wall seconds for an answer of a mind."""
 SLACK: Final = 30.0
 """Wall seconds beside the mission's own timeout: for the start."""
 
@@ -177,7 +174,7 @@ class Flight:
         async with open_bus(
             self.setup.router, fleet=mission.fleet, name="bench", daemon="bench", stamp=time.time_ns, wire=mission.wire
         ) as bus:
-            while not all([await _done(bus, agent) for agent in dict.fromkeys(one.agent for one in mission.done)]):
+            while not all([await done(bus, agent) for agent in dict.fromkeys(one.agent for one in mission.done)]):
                 self._look_after(until)
                 await asyncio.sleep(LOOK_EVERY)
 
@@ -210,16 +207,6 @@ class Flight:
         return BenchmarkFailed(
             f"{self.course.title}, {self.approach}, speed {self.setup.speed:g}: {why}; last:\n{last}"
         )
-
-
-async def _done(bus: Bus, agent: str) -> bool:
-    """Whether the `done` formulas of an agent hold; a look that shows next to nothing else, to cost little."""
-    key = f"{keys.mind(bus.fleet, agent)}?last=0;beliefs=0;about=nothing"
-    async with aclosing(bus.query(key, None, MindView, ANSWER)) as replies:
-        async for reply in replies:
-            if reply.record is not None:
-                return bool(reply.record.done) and all(reply.record.done.values())
-    return False
 
 
 @contextmanager

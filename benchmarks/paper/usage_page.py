@@ -6,43 +6,17 @@ from typing import Final
 
 from benchmarks import peers
 from benchmarks.flights import RESCUE, SINGLE
-from benchmarks.paper.usage import ALL, BOARD, Figures, Row, Spread, Usage
-from benchmarks.parts import Goal
+from benchmarks.paper.usage_figures import ALL, BDI, BOARD, IMPERATIVE, Figures, Measured, Usage
+from benchmarks.paper.usage_goals import TITLES, alone
 from benchmarks.results import Origin
 from benchmarks.sampling import AGENT, ROLES
 
-TITLES: Final = {SINGLE.mission: "single UAV", RESCUE.mission: "search and rescue"}
-APPROACHES: Final = {"agentspeak": "AgentSpeak", "python": "Python"}
-THEIRS: Final = {"agentspeak": "Jason", "python": "Python"}
+APPROACHES: Final = {BDI: "AgentSpeak", IMPERATIVE: "Python"}
+THEIRS: Final = {BDI: "Jason", IMPERATIVE: "Python"}
 BOARDS: Final = {"pi1": "Scout", "pi2": "Rescuer 1", "pi3": "Rescuer 2", ALL: ALL}
 """The paper's names of the boards of search and rescue."""
 PI_CORES: Final = 4
 """The paper's per cents of processor are of all cores of its board."""
-PI_MB: Final = peers.PI_MEMORY * 1024**2 / 1e6
-BOARD_GOAL: Final = 1.1
-AGENT_MEMORY, AGENT_CPU = 1.3, 1.5
-
-
-def goals(figures: Figures) -> list[Goal]:
-    """Return what is asked of each mission at each speed."""
-    found = []
-    for mission, speed in figures.flown():
-        bdi, other = figures.of(mission, speed, "agentspeak"), figures.of(mission, speed, "python")
-        for who, title, memory, cpu in (
-            (BOARD, "a board", BOARD_GOAL, BOARD_GOAL),
-            (AGENT, "the agent's process", AGENT_MEMORY, AGENT_CPU),
-        ):
-            mine, its = bdi.row(who), other.row(who)
-            name = f"{TITLES[mission]}, speed {speed:g}: {title} in AgentSpeak beside Python"
-            held = {"RSS": mine.rss.mean / its.rss.mean}
-            if who == BOARD and (alone := _alone(bdi, other)) is not None:
-                held["alone on its machine"] = alone
-            used = mine.cpu.mean / its.cpu.mean
-            wanted = f"memory ≤ {memory:g}x, CPU ≤ {cpu:g}x"
-            told = "".join(f"{what} {value:.2f}x, " for what, value in held.items()) + f"CPU {used:.2f}x"
-            met = max(held.values()) <= memory and used <= cpu
-            found.append(Goal(name, wanted, told, met, _why(mine, its)))
-    return found
 
 
 def in_short(figures: Figures) -> list[str]:
@@ -64,7 +38,9 @@ def in_short(figures: Figures) -> list[str]:
 
 def in_comparison(figures: Figures) -> list[str]:
     """Return the row of boards' memory in docs/comparison.md: what, memory, of which machine, source."""
-    flown = [one for one in figures.usages if (one.mission, one.speed, one.approach) == (SINGLE.mission, 1.0, "python")]
+    flown = [
+        one for one in figures.usages if (one.mission, one.speed, one.approach) == (SINGLE.mission, 1.0, IMPERATIVE)
+    ]
     return [
         f"| Argosy with an imperative program in agentd's place, in flight | {one.row(BOARD).pss.mean:.0f} MB (PSS)"
         + (
@@ -75,17 +51,6 @@ def in_comparison(figures: Figures) -> list[str]:
         + " | a computer | [benchmarks.md](benchmarks.md#processor-and-memory) |"
         for one in flown
     ]
-
-
-def _alone(bdi: Usage, other: Usage) -> float | None:
-    """Return the ratio of what the boards would hold alone; None where the kernel does not tell."""
-    return sum(bdi.alone.values()) / sum(other.alone.values()) if bdi.alone and other.alone else None
-
-
-def _why(mine: Row, its: Row) -> str:
-    """What a missed ratio is in absolute figures."""
-    cpu = f"{mine.cpu.mean:.2f} beside {its.cpu.mean:.2f} % of a core"
-    return f"{cpu}, {mine.rss.mean:.1f} beside {its.rss.mean:.1f} MB (RSS)"
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
@@ -116,7 +81,8 @@ def _paper_table(figures: Figures, mission: str) -> list[str]:
             row = peers.TABLE_3[theirs] if mission == SINGLE.mission else peers.TABLE_5[theirs][BOARDS[board]]
             cpu = peers.Usage(*(PI_CORES * one for one in (row.cpu.mean, row.cpu.std, row.cpu.max)))
             lines.append(
-                f"| {_name(mission, board)} | the paper's {theirs} | 1 | {_told(cpu)} | {_told(row.memory)} | | | |"
+                f"| {_name(mission, board)} | the paper's {theirs} | not told | {_told(cpu)} "
+                f"| {_told(row.memory)} | | | |"
             )
             for one in _usages(figures, mission, approach):
                 lines.append(_our_row(one, board))
@@ -125,12 +91,12 @@ def _paper_table(figures: Figures, mission: str) -> list[str]:
 
 def _our_row(one: Usage, board: str) -> str:
     row = one.row(BOARD, board)
-    percent = Spread(*(100 * value / PI_MB for value in (row.rss.mean, row.rss.std, row.rss.max)))
+    percent = Measured(*(100 * value / peers.PI_MB for value in (row.rss.mean, row.rss.std, row.rss.max)))
     told = [value for where, value in one.alone.items() if board in (ALL, where)]
-    alone = f"{sum(told) / len(told):.1f}" if told else "not told here"
+    held = f"{sum(told) / len(told):.1f}" if told else "not told here"
     return (
         f"| {_name(one.mission, board)} | **{APPROACHES[one.approach]}** | {one.speed:g} | {_told(row.cpu)} "
-        f"| {_told(percent)} | {row.rss.mean:.1f} | {row.pss.mean:.1f} | {alone} |"
+        f"| {_told(percent)} | {row.rss.mean:.1f} | {row.pss.mean:.1f} | {held} |"
     )
 
 
@@ -150,12 +116,31 @@ def _daemons(figures: Figures, mission: str) -> list[str]:
 
 
 def _flights(figures: Figures, mission: str) -> list[str]:
-    told = []
-    for one in (usage for usage in figures.usages if usage.mission == mission):
-        each = ", ".join(f"{cpu:.2f} % in {taken:.0f} s" for cpu, taken in zip(one.by_flight, one.seconds, strict=True))
-        again = "".join(f" (not done and flown again: {why})" for why in one.again)
-        told.append(f"{APPROACHES[one.approach]} at speed {one.speed:g}: {each}{again}")
-    return [f"A board's CPU in the mean of each flight, and how long it took: {'; '.join(told)}."]
+    """The pairs of flights, and what was lost."""
+    lines = [
+        "| speed, pair | AgentSpeak: s | samples | board, CPU % | RSS, MB | Python: s | samples | board, CPU % "
+        "| RSS, MB | board: CPU | RSS | agent's process: CPU | RSS |",
+        "|---|" + "---|" * 12,
+    ]
+    lost = []
+    for speed in (speed for flown, speed in figures.flown() if flown == mission):
+        for number, pair in enumerate(figures.pairs(mission, speed), 1):
+            each = " | ".join(
+                f"{one.seconds:.0f} | {one.samples} | {one.cpu[BOARD]:.2f} | {one.rss[BOARD]:.1f}" for one in pair
+            )
+            mine, its = pair
+            ratios = " | ".join(
+                f"{used[who] / by[who]:.2f}x"
+                for who in (BOARD, AGENT)
+                for used, by in ((mine.cpu, its.cpu), (mine.rss, its.rss))
+            )
+            lines.append(f"| {speed:g}, {number} | {each} | {ratios} |")
+        for approach, title in APPROACHES.items():
+            one = figures.of(mission, speed, approach)
+            whys = f" ({'; '.join(one.again)})" if one.again else ""
+            lost.append(f"{title} at speed {speed:g} {len(one.again)} of {len(one.again) + len(one.flights)}{whys}")
+    told = "Flights one by one, means of the boards; every second pair was flown in the opposite order."
+    return [told, "", *lines, "", f"Flights that were not done and were flown again: {', '.join(lost)}."]
 
 
 def _ratios(figures: Figures) -> list[str]:
@@ -166,14 +151,14 @@ def _ratios(figures: Figures) -> list[str]:
     for title, board, agent in paper_ratios():
         lines.append(f"| {title} | {board[0]:.2f}x | {board[1]:.2f}x | | | {agent} |")
     for mission, speed in figures.flown():
-        bdi, other = figures.of(mission, speed, "agentspeak"), figures.of(mission, speed, "python")
+        bdi, other = figures.of(mission, speed, BDI), figures.of(mission, speed, IMPERATIVE)
         told = []
         for who in (BOARD, AGENT):
             mine, its = bdi.row(who), other.row(who)
             told += [f"{getattr(mine, what).mean / getattr(its, what).mean:.2f}x" for what in ("cpu", "rss", "pss")]
             if who == BOARD:
-                alone = _alone(bdi, other)
-                told.append("not told" if alone is None else f"{alone:.2f}x")
+                held = alone(bdi, other)
+                told.append("not told" if held is None else f"{held:.2f}x")
         lines.append(f"| {TITLES[mission]}, speed {speed:g} | {' | '.join(told)} |")
     return lines
 
@@ -212,7 +197,7 @@ def _name(mission: str, board: str) -> str:
     return "the only one" if mission == SINGLE.mission else BOARDS[board]
 
 
-def _told(spread: Spread | peers.Usage) -> str:
+def _told(spread: Measured | peers.Usage) -> str:
     return f"{spread.mean:.2f} | {spread.std:.2f} | {spread.max:.2f}"
 
 

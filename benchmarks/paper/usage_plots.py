@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any, Final
 
 from benchmarks.flights import RESCUE
-from benchmarks.paper.usage import BOARD, Figures
-from benchmarks.paper.usage_page import APPROACHES, BOARD_GOAL, TITLES, paper_ratios, picture_of
+from benchmarks.paper.usage_figures import BDI, BOARD, Figures
+from benchmarks.paper.usage_goals import BOARD_GOAL, TITLES
+from benchmarks.paper.usage_page import APPROACHES, paper_ratios, picture_of
 from benchmarks.plots import COLOURS, figure, svg
 from benchmarks.sampling import AGENT
 
@@ -25,7 +26,7 @@ def pictures(figures: Figures) -> dict[str, str]:
 def _flight(figures: Figures, mission: str) -> str:
     with figure(columns=2) as (made, (cpu, memory)):
         for one in (drawn for drawn in figures.drawn if drawn.mission == mission):
-            colour = COLOURS["agentd" if one.approach == "agentspeak" else "python"]
+            colour = COLOURS["agentd" if one.approach == BDI else "python"]
             title = APPROACHES[one.approach]
             for who, style in ((BOARD, "-"), (AGENT, ":")):
                 label = f"{title}, {'board' if who == BOARD else 'agent'}"
