@@ -7,7 +7,6 @@ without minds. All of them share this machine.
 from __future__ import annotations
 
 import asyncio
-import os
 import tempfile
 import time
 from collections.abc import Awaitable, Callable
@@ -15,11 +14,13 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Final, Literal, TypeVar
 
+from benchmarks.disk import fsync
 from benchmarks.mail.boards import Member, boards, member, until
 from benchmarks.mail.crowd import crowd, talk
 from benchmarks.mail.page import BATCH, FLYING, TRICKLE, Caught, Figures, Resident, blocks, goals, pictures
 from benchmarks.parts import tell
 from benchmarks.processes import BenchmarkFailed, memory
+from benchmarks.serving import bare as bare_process
 from benchmarks.spread import Spread, spread
 from benchmarks.watched import watched
 from schemas.records import Message
@@ -38,21 +39,8 @@ BACKLOG: Final = 36_000
 QUEUED: Final = 100_000
 AGENTS: Final = 200
 TOKENS: Final = 1_000
-_BARE: Final = """\
-import asyncio, sqlite3, sys, msgspec, zenoh
-from commd.session import session_config
-class Message(msgspec.Struct):
-    name: str
-msgspec.json.Decoder(Message), msgspec.json.Encoder()
-database = sqlite3.connect(sys.argv[2])
-database.execute("PRAGMA journal_mode=WAL")
-database.execute("CREATE TABLE letters (id INTEGER PRIMARY KEY, body BLOB)")
-async def main():
-    with zenoh.open(session_config("router", sys.argv[1], "bare")) as session:
-        print("ready", flush=True)
-        await asyncio.sleep(600)
-asyncio.run(main())
-"""
+_HAS: Final = ("asyncio", "msgspec", "sqlite3")
+"""What commd has imported, and the bare process as well."""
 
 
 async def throughput(folder: Path, synchronous: Synchronous, seconds: float) -> float:
@@ -158,9 +146,9 @@ async def caught_up(folder: Path, synchronous: Synchronous, messages: int, *, bo
 async def resident(folder: Path, queued: int) -> Resident:
     """MB of a commd beside those of a bare process that has what it is made of."""
     with boards(folder, {"ann": "b1", "bob": "b1"}, "full") as made:
-        arguments = ("-c", _BARE, f"tcp/127.0.0.1:{free_port()}", str(folder / "bare.db"))
+        arguments = bare_process(f"tcp/127.0.0.1:{free_port()}", *_HAS, mode="router")
         with watched("bare", *arguments) as bare:
-            bare.says("ready")
+            bare.says("open")
             async with member(made.endpoints["b1"], "ann") as ann:
                 await asyncio.sleep(3.0)
                 pid = made.daemons["b1"].process.pid
@@ -212,17 +200,5 @@ def measure(quick: bool) -> Figures:
         memory=held,
         talk=in_folder(lambda at: talk(at, backlog // 12)),
         crowd=in_folder(lambda at: crowd(at, agents, tokens)),
-        fsync=_fsync(),
+        fsync=fsync(),
     )
-
-
-def _fsync() -> float:
-    """Milliseconds that a commit costs here at least: the median of writing a page and fsync."""
-    with tempfile.NamedTemporaryFile() as file:
-        values = []
-        for _ in range(50):
-            begun = time.perf_counter()
-            os.pwrite(file.fileno(), b"\0" * 4096, 0)
-            os.fsync(file.fileno())
-            values.append(time.perf_counter() - begun)
-    return 1000 * spread(values).p50
