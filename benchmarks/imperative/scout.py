@@ -115,12 +115,13 @@ class Scout(Flyer):
     async def expire(self, victim, promise):
         """A victim is stranded by nobody: a promise ends with its time, or when the rescuer is away for too long."""
         held = away = 0
+        pause = self.patience / 4
         while held < self.lease and away < self.patience:
-            await self.me.sleep(5)
+            await self.me.sleep(pause)
             if self.book.get(victim) is not promise:
                 return
-            held += 5
-            away = 0 if await self.me.there(promise.rescuer) else away + 5
+            held += pause
+            away = 0 if await self.me.there(promise.rescuer) else away + pause
         if promise.cleared:  # whether it dropped its buoy nobody will ever know: two buoys are better than none
             await self.me.sleep(self.lost)
         if self.book.get(victim) is promise:
