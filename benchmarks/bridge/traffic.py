@@ -1,7 +1,14 @@
-"""Vehicles that only talk: the traffic of copters in flight, at a steady rate, each position with its own altitude."""
+"""Vehicles that only talk: the traffic of copters in flight, at a steady rate, each position with its own altitude.
+
+They fly a circle: place, velocity and heading change from one position to the next as in a flight that was recorded
+(`tests/data`), so that a bridge has as much to tell of them. They also climb a metre with each position, which copters
+do not: by its altitude a position is known again. Percepts of the height so come at the most that the manifest lets
+through, where a copter on its way has fewer.
+"""
 
 from __future__ import annotations
 
+import math
 import select
 import socket
 import time
@@ -16,6 +23,11 @@ HOME: Final = (-276040330, -485183630, 21_000)
 """degE7, degE7, mm above mean sea level."""
 POSITIONS: Final = 10
 """Hz of GLOBAL_POSITION_INT, in which the altitude that is told apart travels."""
+RADIUS, SPEED = 60.0, 5.0
+"""Metres and metres a second of the circle: a round takes 75 s, in half a second heading and velocity change by more
+than the deadbands of the manifest."""
+_DEGREE: Final = 111_319.5
+"""Metres of a degree of latitude."""
 _ARMED_GUIDED: Final = dialect.MAV_MODE_FLAG_SAFETY_ARMED | dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 _GUIDED: Final = 4
 _HEALTHY: Final = dialect.MAV_SYS_STATUS_PREARM_CHECK
@@ -58,12 +70,11 @@ class Talker:
         return now
 
     def tell(self, kind: str) -> None:
-        """Send a message of a kind, with the values of a copter that hovers."""
+        """Send a message of a kind, with the values of a copter that flies its circle."""
         if kind == "GLOBAL_POSITION_INT":
             self._altitude += 1
             height = self._altitude * 1000
-            lat, lon, home = HOME
-            position = (0, lat, lon, home + height, height, 0, 0, 0, 0)
+            position = (0, *_place(self._altitude / POSITIONS), HOME[2] + height, height, *_course(self._altitude))
             self.sent[self._altitude] = self.send(dialect.MAVLink_global_position_int_message(*position))
         else:
             self.send(self._made(kind))
@@ -107,6 +118,22 @@ class Talker:
             ),
         }
         return make[kind]()
+
+
+def _place(seconds: float) -> tuple[int, int]:
+    """Return latitude and longitude (degE7) after so many seconds on the circle, whose middle is home."""
+    angle = SPEED / RADIUS * seconds
+    north, east = RADIUS * math.cos(angle), RADIUS * math.sin(angle)
+    wide = math.cos(math.radians(HOME[0] / 1e7))
+    return HOME[0] + round(1e7 * north / _DEGREE), HOME[1] + round(1e7 * east / _DEGREE / wide)
+
+
+def _course(positions: int) -> tuple[int, int, int, int]:
+    """Return the velocity north, east and down (cm/s) and the heading (cdeg) at that position."""
+    angle = SPEED / RADIUS * positions / POSITIONS
+    north, east = -SPEED * math.sin(angle), SPEED * math.cos(angle)
+    heading = math.degrees(math.atan2(east, north)) % 360
+    return round(100 * north), round(100 * east), 0, round(100 * heading) % 36_000
 
 
 RATES: Final = {

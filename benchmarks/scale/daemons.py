@@ -23,7 +23,7 @@ class Use:
     waited: float = 0.0
     """Per cent of the time that their threads were ready and no core was free, all together."""
     rss: float = 0.0
-    """MB (2^20) resident, all together; what they share counts for each."""
+    """MB resident, all together; what they share counts for each."""
     pss: float = 0.0
     """MB (10^6), all together; what they share counts once."""
 
@@ -64,8 +64,12 @@ def _of(pid: int) -> tuple[float, float]:
 
 
 def _idle() -> float:
-    """Seconds for which the cores had nothing to do, since the machine started."""
-    return int(Path("/proc/stat").read_text().split(maxsplit=5)[4]) / os.sysconf("SC_CLK_TCK")
+    """Seconds for which the cores had nothing to do, since the machine started.
+
+    A core that waits for a disk is free for who is ready; one that the host of a virtual machine has taken away is not.
+    """
+    fields = Path("/proc/stat").read_text().split(maxsplit=6)
+    return (int(fields[4]) + int(fields[5])) / os.sysconf("SC_CLK_TCK")
 
 
 def used(pids: dict[str, list[int]], before: Sample, after: Sample, seconds: float) -> dict[str, Use]:

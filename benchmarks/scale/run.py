@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import os
-import re
 import tempfile
 import time
-from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections import defaultdict
 from contextlib import ExitStack
-from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -20,7 +16,9 @@ from argosy.boards import places
 from argosy.processes import Setup, plan
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.scale import health as scale_health
-from benchmarks.scale.daemons import Use, lost_datagrams, sample, used
+from benchmarks.scale import reading
+from benchmarks.scale.daemons import lost_datagrams, sample, used
+from benchmarks.scale.found import Run
 from benchmarks.scale.mission import FLEET, Field, Vehicles, write_mission
 from benchmarks.scale.talkers import Told
 from benchmarks.watched import Watched, watched
@@ -34,79 +32,6 @@ SETTLE: Final = 4.0
 """Seconds from then on before anything counts."""
 TALKER: Final = 250
 """System id of the one vehicle that only talks among copters that fly: by it the latency is measured."""
-BEAT_LATE: Final = 1.5
-"""Seconds between two heartbeats of the bridge after which the second one is late: one is due each second."""
-
-
-@dataclass
-class Spread:
-    """How long something took, in milliseconds."""
-
-    count: int = 0
-    p50: float = 0.0
-    p99: float = 0.0
-    worst: float = 0.0
-
-    @classmethod
-    def of(cls, values: Iterable[float]) -> Spread:
-        """Sum up values."""
-        ordered = sorted(values)
-        if not ordered:
-            return cls()
-        last = len(ordered) - 1
-        return cls(len(ordered), ordered[round(0.5 * last)], ordered[round(0.99 * last)], ordered[-1])
-
-
-@dataclass
-class Run:
-    """What was found at one size."""
-
-    vehicles: Vehicles
-    size: int
-    own_links: bool
-    """Each vehicle has a link, and so a bridge, of its own; otherwise all share one."""
-    seconds: float
-    serving: int = 0
-    """Agents that served their vehicle within `PATIENCE`."""
-    ready: float = 0.0
-    """Seconds from the start of the first bridge until the last of these agents did."""
-    busy: float = 0.0
-    """Per cent of all cores of the machine."""
-    use: dict[str, Use] = field(default_factory=dict)
-    """By kind: commd, bridged, agentd, simulator, talkers."""
-    messages: float = 0.0
-    """MAVLink messages a second that bridges took in."""
-    percept: Spread = field(default_factory=Spread)
-    """From the moment before a position is sent to the line that a plan prints for its belief."""
-    unseen: int = 0
-    """Positions that became no belief."""
-    asked: Spread = field(default_factory=Spread)
-    """From an action to its success: the vehicle is asked for a parameter."""
-    actions: dict[str, int] = field(default_factory=dict)
-    """How actions ended."""
-    missed: dict[str, int] = field(default_factory=dict)
-    """Deadlines that were missed, and what was lost."""
-    lag: dict[str, float] = field(default_factory=dict)
-    """Milliseconds by which daemons of a kind were behind at worst."""
-    late_rounds: int = 0
-    """Rounds of simulators more than 0.1 s late."""
-    never_happened: float = 0.0
-    """Seconds that simulators stood still and did not make up for, all together."""
-    talkers_late: float = 0.0
-    """Milliseconds by which talkers were late at worst."""
-
-    @property
-    def daemons(self) -> list[str]:
-        """The kinds that are the product's."""
-        return [kind for kind in ("commd", "bridged", "agentd") if kind in self.use]
-
-    def cpu(self) -> float:
-        """Per cent of a core, of all daemons."""
-        return sum(self.use[kind].cpu for kind in self.daemons)
-
-    def pss(self) -> float:
-        """MB, of all daemons."""
-        return sum(self.use[kind].pss for kind in self.daemons)
 
 
 def run(vehicles: Vehicles, size: int, *, seconds: float, own_links: bool = False, settle: float = SETTLE) -> Run:
@@ -131,9 +56,9 @@ def run(vehicles: Vehicles, size: int, *, seconds: float, own_links: bool = Fals
         time.sleep(1.0)  # what was sent last becomes a belief
         told = _told(talkers)
         _ended(parts)
-        _latencies(found, parts["agentd"], told, begun, ended)
-        _missed(found, records, told, begun, ended, lost)
-        _simulators(found, parts.get("simulator", []), begun, ended)
+        reading.latencies(found, parts["agentd"], told, begun, ended)
+        reading.missed(found, records, told, begun, ended, lost)
+        reading.simulators(found, parts.get("simulator", []), begun, ended)
         return found
 
 
@@ -199,73 +124,6 @@ def _ended(parts: dict[str, list[Watched]]) -> None:
         one.process.terminate()
     for one in parts.get("simulator", []):
         one.process.wait(30)
-
-
-_AT: Final = re.compile(r"\[agent(\d+)\] at (\d+)$")
-_ASKED: Final = re.compile(r"\[agent\d+\] asked ([\d.eE+-]+)$")
-_STATE: Final = re.compile(r" action=(\w+) .*\bstate=(\w+)")
-
-
-def _latencies(found: Run, agents: list[Watched], told: Told, begun: float, ended: float) -> None:
-    came: dict[tuple[int, int], float] = {}
-    asked: list[float] = []
-    actions: Counter[str] = Counter()
-    for at, line in (one for daemon in agents for one in daemon.said):
-        if position := _AT.search(line):
-            came[int(position[1]), int(position[2])] = at
-        elif begun <= at <= ended and (answer := _ASKED.search(line)):
-            asked.append(float(answer[1]) / 1000)
-        elif begun <= at <= ended and (status := _STATE.search(line)):
-            actions[status[2]] += 1
-    sent = {
-        (system, metres): at
-        for system, those in told.sent.items()
-        for metres, at in those.items()
-        if begun <= at <= ended
-    }
-    found.percept = Spread.of(1000 * (came[one] - sent[one]) for one in sent.keys() & came.keys())
-    found.unseen = len(sent.keys() - came.keys())
-    found.asked = Spread.of(asked)
-    found.actions = dict(actions)
-    found.talkers_late = 1000 * max(
-        (late for at, late in zip(told.late[::2], told.late[1::2], strict=True) if begun <= at <= ended), default=0.0
-    )
-
-
-def _missed(found: Run, records: scale_health.Records, told: Told, begun: float, ended: float, datagrams: int) -> None:
-    of_all = records.between(begun, ended)
-    bridges, agents, boards = (scale_health.grown(of_all, kind) for kind in ("bridged", "agentd", "commd"))
-    beats = [[at for at in times if begun <= at <= ended] for times in told.beats.values()]
-    found.messages = bridges["messages"] / max(1.0, found.seconds - 1.0)  # of records a second apart
-    found.lag = {kind: 1000 * scale_health.worst_lag(of_all, kind) for kind in ("commd", "bridged", "agentd")}
-    found.missed = {
-        "actions timed out": found.actions.get("timed_out", 0),
-        "actions failed or refused": sum(found.actions.get(one, 0) for one in ("failed", "refused")),
-        "percepts that grew stale": bridges["percepts_expired"],
-        "percepts that did not come": agents["percepts_missed"],
-        "percepts that came after the status that refers to them": agents["percepts_late"],
-        "heartbeats of a bridge late": sum(
-            after - before > BEAT_LATE for one in beats for before, after in pairwise(one)
-        ),
-        "health records late": scale_health.late(of_all),
-        "datagrams lost before the bridge": datagrams,
-        "dropped by queues": bridges["drops"] + agents["drops"] + boards["drops"],
-        "not readable": bridges["bad_input"] + agents["bad_input"] + boards["bad_input"],
-        "lines logged as errors": max((told[-1][1].errors for told in of_all.values()), default=0),
-    }
-
-
-_LATE: Final = re.compile(r"late: (\d+) of \d+ rounds .*; ([\d.]+) s never happened")
-
-
-def _simulators(found: Run, simulators: list[Watched], begun: float, ended: float) -> None:
-    """Read what the simulators have said of their pace: what they said last less what they had said before."""
-    for one in simulators:
-        said = [(at, int(m[1]), float(m[2])) for at, line in one.said if (m := _LATE.search(line))]
-        before = [told for told in said if told[0] < begun]
-        late, never = (said[-1][1:] if said else (0, 0.0)), (before[-1][1:] if before else (0, 0.0))
-        found.late_rounds += late[0] - never[0]
-        found.never_happened += late[1] - never[1]
 
 
 def _cores() -> int:
