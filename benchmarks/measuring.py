@@ -35,9 +35,9 @@ def measured_here(part: Part, quick: bool) -> int:
     try:
         module = part.module()
         load = results.load_before(0.1 if quick else 2.0)
-        before = results.moment()
+        before, revision = results.moment(), results.revision()
         figures = module.measure(quick)
-        origin = results.here(f"make bench ARGS={part.name}", load, results.others(before))
+        origin = results.here(f"make bench ARGS={part.name}", load, results.others(before), revision)
     except (BenchmarkFailed, ImportError) as error:
         print(f"error: {part.name}: {error}", file=sys.stderr)
         return 1

@@ -22,7 +22,16 @@ T = TypeVar("T")
 
 ROOT: Final = Path(__file__).parent.parent
 RESULTS: Final = Path(__file__).parent / "results"
-PACKAGES: Final = ("argosy", "eclipse-zenoh", "msgspec", "pymavlink", "psutil", "aiohttp", "agentspeak")
+PACKAGES: Final = (
+    "argosy",
+    "eclipse-zenoh",
+    "msgspec",
+    "pymavlink",
+    "psutil",
+    "aiohttp",
+    "agentspeak",
+    "matplotlib",
+)
 """Whose versions are told."""
 
 
@@ -41,7 +50,7 @@ class Origin:
     python: str
     versions: dict[str, str]
     revision: str
-    """Of the code that was measured; with a `+` behind it files had been changed."""
+    """Of the code that was measured; with a `+` behind it files had been changed, before or meanwhile."""
     load: float
     """Cores that were busy in the seconds before the measurement: somebody else was at work."""
     others: float
@@ -76,7 +85,10 @@ def moment() -> Moment:
 
 
 def others(since: Moment) -> float:
-    """Return the cores that others have kept busy since then; of what this process started all must have ended."""
+    """Return the cores that others have kept busy since then; of what this process started all must have ended.
+
+    What was started by a process that did not wait for it counts as others'.
+    """
     now = moment()
     cores = (now.busy - since.busy - (now.own - since.own)) / (now.at - since.at)
     return round(max(0.0, cores), 2)
@@ -99,8 +111,12 @@ def load_before(seconds: float = 2.0) -> float:
     return others(begun)
 
 
-def here(command: str, load: float, others: float = 0.0) -> Origin:
-    """Return the origin of what is measured on this machine now."""
+def here(command: str, load: float, others: float = 0.0, before: str | None = None) -> Origin:
+    """Return the origin of what has been measured on this machine now.
+
+    `before` is the revision that was there when the measurement began: a program that is started later runs what it
+    finds then, so that figures of code that has changed meanwhile belong to no revision.
+    """
     versions = {}
     for name in PACKAGES:
         try:
@@ -115,7 +131,7 @@ def here(command: str, load: float, others: float = 0.0) -> Origin:
         system=f"{platform.system()} {platform.release().partition('-')[0]}",
         python=platform.python_version(),
         versions=versions,
-        revision=_revision(),
+        revision=told_revision(before or revision(), revision()),
         load=round(load, 2),
         others=others,
         command=command,
@@ -149,15 +165,34 @@ def processor() -> str:
     return names[0] if names else platform.processor() or "unknown processor"
 
 
-def _revision() -> str:
-    def git(*arguments: str) -> str:
-        return subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-
+def revision(root: Path = ROOT) -> str:
+    """Return the commit that is there; with a `+` behind it if code that can be measured differs from it, or is new."""
     try:
-        changed = git("status", "--porcelain", "--untracked-files=no", "--", *_CODE)
-        return git("rev-parse", "--short=7", "HEAD") + ("+" if changed else "")
+        changed = _git(root, "status", "--porcelain", "--untracked-files=all", "--", *_CODE)
+        return _git(root, "rev-parse", "--short=7", "HEAD") + ("+" if changed else "")
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
 
 
-_CODE: Final = ("schemas", "commd", "bridged", "agentd", "argosy", "benchmarks/*.py", "missions", "manifests")
+def told_revision(before: str, after: str, root: Path = ROOT) -> str:
+    """Return what is told of code: the revision of the begin, with a `+` if the code was another at the end.
+
+    A commit of pages or results is no other code.
+    """
+    if before == after:
+        return before
+    try:
+        same = "+" not in before + after and not _git(root, "diff", "--name-only", before, after, "--", *_CODE)
+    except (OSError, subprocess.CalledProcessError):
+        same = False
+    return before if same else f"{before.removesuffix('+')}+"
+
+
+def _git(root: Path, *arguments: str) -> str:
+    return subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True, check=True).stdout.strip()
+
+
+_CODE: Final = (
+    *("schemas", "commd", "bridged", "agentd", "argosy", "benchmarks", "missions", "manifests"),
+    *("tests/support", "pyproject.toml", ":(exclude)benchmarks/results"),
+)

@@ -159,7 +159,7 @@ def goals(figures: Figures) -> list[Goal]:
             "none",
             f"{lost:,} of {of:,}",
             not lost,
-            "where they were lost (kernel, bridge, bus or mind), or whether they came after the last look, is not known; "
+            "where they were lost (kernel, bridge, bus or mind), or whether they came after the count, is not known; "
             "tried: a second of rest before the count, and nothing else yet",
         ),
     ]

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from benchmarks.looking.bursts import Cost, used
-from benchmarks.looking.page import Figures, Share
+from benchmarks.looking.page import UNDECIDED, Figures, Share
 from benchmarks.looking.part import blocks, goals, measure
 from benchmarks.paired import Interval, interval
 from benchmarks.results import here
@@ -46,10 +46,11 @@ def test_a_loss_is_that_of_so_many_looks_and_its_whole_interval_is_held_against_
     assert run.found == watch.found == "0.80 % (0.60 to 1.98)"
     assert (run.met, watch.met) == (True, True)
     assert ui.found == "1.00 % (0.70 to 2.28)"  # a record for each half of what is put four times a second
-    assert not ui.met
-    assert ui.why == "(not decided: the interval holds the goal)"
+    assert (ui.met, ui.decided) == (False, False)
+    assert ui.why == UNDECIDED
     missed = goals(_figures(Interval(11, 12, 13, 50), Interval(0, 0, 0, 50)))[0]
-    assert (missed.met, missed.why) == (False, "")
+    assert (missed.met, missed.decided) == (False, True)
+    assert "tried: `argosy run` asks for no more than it shows" in missed.why
 
 
 def test_what_hears_decisions_grows_with_the_work() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -43,6 +45,37 @@ def test_where_there_is_no_browser_the_page_says_so_in_a_line(monkeypatch: pytes
         page.measure(True)
 
 
+def _git(root: Path, *arguments: str) -> None:
+    who = ("-c", "user.name=a", "-c", "user.email=a@b.c", "-c", "commit.gpgsign=false")
+    subprocess.run(["git", *who, *arguments], cwd=root, check=True, capture_output=True)
+
+
+def _commit(root: Path, file: str) -> str:
+    (root / file).parent.mkdir(parents=True, exist_ok=True)
+    (root / file).write_text(file)
+    _git(root, "add", ".")
+    _git(root, "commit", "-qm", file)
+    return results.revision(root)
+
+
+def test_code_that_is_new_or_changes_while_it_is_measured_belongs_to_no_revision(tmp_path: Path) -> None:
+    assert results.revision(tmp_path) == "unknown"
+    _git(tmp_path, "init", "-q")
+    first = _commit(tmp_path, "agentd/a.py")
+    assert re.fullmatch("[0-9a-f]{7}", first)
+    assert results.told_revision(first, first, tmp_path) == first
+    page = _commit(tmp_path, "docs/page.md")
+    assert results.told_revision(first, page, tmp_path) == first, "a page is no code"
+    (tmp_path / "benchmarks" / "results").mkdir(parents=True)
+    (tmp_path / "benchmarks" / "results" / "mail.json").write_text("{}")
+    assert results.revision(tmp_path) == page, "nor are results"
+    (tmp_path / "benchmarks" / "new.asl").write_text("!a.")
+    assert results.revision(tmp_path) == f"{page}+", "a file that git does not know can be measured, too"
+    assert results.told_revision(page, f"{page}+", tmp_path) == f"{page}+"
+    code = _commit(tmp_path, "benchmarks/new.asl")
+    assert results.told_revision(page, code, tmp_path) == f"{page}+"
+
+
 def _flown(pss: list[float]) -> Flown:
     return Flown(1, 16, pss, [65.5], 6.0)
 
@@ -51,6 +84,7 @@ def test_a_board_is_held_against_its_goal_at_its_highest() -> None:
     figures = Figures([Row("a board", _flown([87.0]), _flown([50.0, 61.0]))])
     (goal,) = goals(figures)
     assert (goal.found, goal.met) == ("61.0 MB", False)
+    assert goal.why.startswith("three daemons hold 87.0 MB; ")
     block = blocks(results.here("make bench", 0.0), figures)["board"]
     assert "| `argosy board` | 1 | 16 | 55.5 (61.0) | 65.5 (65.5) | 6 % | **missed** |" in block
     assert pictures(figures)["board"].startswith("<?xml")
