@@ -14,6 +14,8 @@ from msgspec.structs import replace
 from bridged.arguments import signature
 from bridged.board import PerceptBoard
 from bridged.desk import ActionDesk
+from bridged.drivers.robot import Order
+from bridged.drivers.robot import Outcome as OfOrder
 from bridged.live import RunningManifest
 from bridged.orders import Orders
 from commd.bus import Bus, Query
@@ -47,6 +49,8 @@ class Service:
         """`inject`: the mission allows actions by hand."""
         self._bus, self._robot = bus, robot
         self._agents, self._inject = tuple(agents), inject
+        self._stops = 0
+        """Orders to stop that have come and are not begun."""
 
     def publish_percept(self, agent: str, perception: Perception) -> None:
         """Put one change of what an agent perceives."""
@@ -60,7 +64,8 @@ class Service:
         asyncio.get_running_loop().call_soon(self._bus.put, key, status)
 
     def open(self, board: PerceptBoard, desk: ActionDesk, orders: Orders, live: RunningManifest) -> None:
-        """Begin to serve."""
+        """Begin to serve. What changes what an action meets is served `at_once` as actions are: in the order in which
+        it comes, an action behind a stop is refused."""
         bus, fleet = self._bus, self._bus.fleet
         for agent in self._agents:
             bus.serve(keys.percept(fleet, agent, "**"), Perception, partial(self._repair, agent, board.sets[agent]))
@@ -71,9 +76,12 @@ class Service:
                 at_most=ACTION_BYTES,
                 at_once=True,
             )
-            bus.serve(keys.cancel(fleet, agent), Cancel, partial(self._cancel, agent, desk), urgent=True)
-        bus.serve(keys.manifest(fleet, self._robot), ManifestChange, partial(self._read_or_change, live))
-        bus.serve(keys.stop(fleet, self._robot), StopOrder, partial(self._stop, orders), urgent=True)
+            cancel = partial(self._cancel, agent, desk)
+            bus.serve(keys.cancel(fleet, agent), Cancel, cancel, urgent=True, at_once=True)
+        change = partial(self._read_or_change, live)
+        bus.serve(keys.manifest(fleet, self._robot), ManifestChange, change, at_once=True)
+        stop = partial(self._stop, desk, orders)
+        bus.serve(keys.stop(fleet, self._robot), StopOrder, stop, urgent=True, at_once=True)
 
     async def _repair(self, agent: str, present: PerceptSet, query: Query[Perception]) -> None:
         """Answer with every present belief of an agent that the query asks for, each on its own key."""
@@ -110,7 +118,7 @@ class Service:
                 )
                 query.reply(description, key)
 
-    async def _cancel(self, agent: str, desk: ActionDesk, query: Query[Cancel]) -> None:
+    def _cancel(self, agent: str, desk: ActionDesk, query: Query[Cancel]) -> None:
         if query.record is None or not query.concrete:
             query.reply_error(query.error or 'expected the id of an action: {"id": "..."}')
             return
@@ -120,7 +128,7 @@ class Service:
         else:
             query.reply(desk.leave(agent, query.record.id, BY_HAND))
 
-    async def _read_or_change(self, live: RunningManifest, query: Query[ManifestChange]) -> None:
+    def _read_or_change(self, live: RunningManifest, query: Query[ManifestChange]) -> None:
         """Answer with the running manifest, after the change that the query carries, if it carries one."""
         key = keys.manifest(self._bus.fleet, self._robot)
         if query.error or (query.record is not None and not query.concrete):
@@ -137,15 +145,31 @@ class Service:
     def _told(self, live: RunningManifest, problems: Iterable[str] = ()) -> LiveManifest:
         return replace(live.told(self._robot, problems), header=self._bus.header("manifest", self._robot))
 
-    async def _stop(self, orders: Orders, query: Query[StopOrder]) -> None:
+    def _stop(self, desk: ActionDesk, orders: Orders, query: Query[StopOrder]) -> Awaitable[None] | None:
+        """Let no action begin from now on, and carry the order out; or let them begin again."""
         if query.record is None or not query.concrete:
             query.reply_error(query.error or 'expected an order: {"order": "hold"}, land, rtl or release')
-            return
-        if query.record.order == "release":
-            outcome = orders.release()
-        else:
-            outcome = await orders.operator(query.record.order)
-        query.reply(Outcome(ok=outcome.state == "succeeded", reason=outcome.reason))
+            return None
+        order = query.record.order
+        if order == "release":
+            if self._stops:  # one that came before it: it has its turn first
+                return self._release(orders, query)
+            _tell_outcome(query, orders.release())
+            return None
+        desk.blocked = f"operator: {order}"
+        self._stops += 1
+        return self._carry_out(orders, order, query)
+
+    async def _release(self, orders: Orders, query: Query[StopOrder]) -> None:
+        _tell_outcome(query, orders.release())
+
+    async def _carry_out(self, orders: Orders, order: Order, query: Query[StopOrder]) -> None:
+        self._stops -= 1
+        _tell_outcome(query, await orders.operator(order))
+
+
+def _tell_outcome(query: Query[StopOrder], outcome: OfOrder) -> None:
+    query.reply(Outcome(ok=outcome.state == "succeeded", reason=outcome.reason))
 
 
 class _Following:
