@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from benchmarks.mail.crowd import Crowd, Talk
+from benchmarks.mail.agents import Talk
 from benchmarks.parts import Goal, line_of_goals
 from benchmarks.results import Origin
 from benchmarks.spread import Spread
@@ -53,7 +53,6 @@ class Figures:
     """For which the throughput was measured."""
     backlog: int
     queued: int
-    agents: int
     tokens: int
     rate_full: float
     rate_normal: float
@@ -65,7 +64,8 @@ class Figures:
     board_away: Caught
     memory: Resident
     talk: Talk
-    crowd: Crowd
+    presence: float
+    """Seconds until an agent of another board believed all tokens that were declared at once."""
     fsync: float
     """Milliseconds of this machine's disk."""
 
@@ -112,7 +112,6 @@ def pictures(_: Figures) -> dict[str, str]:
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
     """Return the figures of docs/mail-figures.md."""
-    many, alone = figures.crowd, figures.crowd.alone
     rows = (
         ("latency across two commd, FULL (p50 / p99)", f"{figures.latency_full} ms"),
         ("latency across two commd, NORMAL", f"{figures.latency_normal} ms"),
@@ -122,13 +121,10 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
             f"{figures.agent_away.seconds:.1f} s",
         ),
         (f"{figures.backlog:,} messages for one whose whole board was away", f"{figures.board_away.seconds:.1f} s"),
-        (f"{figures.agents} agents in one agentd: started in", f"{many.start:.1f} s (1 agent: {alone.start:.1f} s)"),
-        ("- memory per agent", f"{many.per_agent:.2f} MB ({many.rss:.0f} MB in all)"),
         (
-            f"- a question and its answer, with {figures.tokens:,} presence tokens on the bus (p50 / p99)",
-            f"{many.round_trips} ms; 1 agent: {alone.round_trips} ms",
+            f"{figures.tokens:,} tokens declared at once: told to an agent of another board that asks for presence in",
+            f"{figures.presence:.1f} s",
         ),
-        (f"- {figures.tokens:,} tokens told to an agent that asks for presence in", f"{many.presence:.1f} s"),
     )
     lines = [
         origin.line() + f" A write and fsync of its disk takes {figures.fsync:.2f} ms.",

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Final, Literal, TypeVar
 
 from benchmarks.disk import fsync
+from benchmarks.mail.agents import presence, talk
 from benchmarks.mail.boards import Member, boards, member, until
-from benchmarks.mail.crowd import crowd, talk
 from benchmarks.mail.page import BATCH, FLYING, TRICKLE, Caught, Figures, Resident, blocks, goals, pictures
 from benchmarks.parts import tell
 from benchmarks.processes import BenchmarkFailed, memory
@@ -37,7 +37,6 @@ LETTERS: Final = 400
 BACKLOG: Final = 36_000
 """An hour at 10 messages a second."""
 QUEUED: Final = 100_000
-AGENTS: Final = 200
 TOKENS: Final = 1_000
 _HAS: Final = ("asyncio", "msgspec", "sqlite3")
 """What commd has imported, and the bare process as well."""
@@ -172,7 +171,7 @@ def in_folder(measure: Callable[[Path], Awaitable[T]]) -> T:
 def measure(quick: bool) -> Figures:
     """Run everything once. Raises BenchmarkFailed."""
     seconds, letters, backlog, queued = (1.0, 20, 2_400, 2_000) if quick else (SECONDS, LETTERS, BACKLOG, QUEUED)
-    agents, tokens = (5, 600) if quick else (AGENTS, TOKENS)
+    tokens = 600 if quick else TOKENS
     tell("throughput")
     full = in_folder(lambda at: throughput(at, "full", seconds))
     normal = in_folder(lambda at: throughput(at, "normal", seconds))
@@ -184,12 +183,11 @@ def measure(quick: bool) -> Figures:
     board_away = in_folder(lambda at: caught_up(at, "full", backlog, board_away=True))
     tell("memory")
     held = in_folder(lambda at: resident(at, queued))
-    tell("agents that write to one another, and many in one agentd")
+    tell("agents that write to one another, and one that asks who is there")
     return Figures(
         seconds=seconds,
         backlog=backlog // BATCH * BATCH,
         queued=queued,
-        agents=agents,
         tokens=tokens,
         rate_full=full,
         rate_normal=normal,
@@ -199,6 +197,6 @@ def measure(quick: bool) -> Figures:
         board_away=board_away,
         memory=held,
         talk=in_folder(lambda at: talk(at, backlog // 12)),
-        crowd=in_folder(lambda at: crowd(at, agents, tokens)),
+        presence=in_folder(lambda at: presence(at, tokens)),
         fsync=fsync(),
     )
