@@ -83,7 +83,7 @@ class Keeper:
     def resume(self, own: bool) -> int:
         """Give the restored mind again what was pending: of others, and its own if ``own``. Returns how much."""
         mind, count = self._mind, 0
-        self._waiting = set()
+        self._waiting, self._seen = set(), ()
         for item in sorted((*self.pending_own, *self.pending_others), key=lambda item: item.place):
             if item.origin is Origin.OWN and not own:
                 continue
@@ -108,13 +108,21 @@ class Keeper:
 
     @property
     def dirty(self) -> bool:
-        """Whether anything may have changed since `changes` was asked last; it costs nothing to ask."""
-        return self._seen != self._state() or self._beliefs.dirty
+        """Whether anything may have changed since `changes` was asked last; it costs nothing to ask.
+
+        Properties of namespaces change without a word, as maps in beliefs do: a mind with any is always looked at.
+        """
+        return self._seen != self._state() or self._beliefs.dirty or bool(self._mind.namespaces)
 
     def _state(self) -> tuple[int, ...]:
-        """What differs when anything but beliefs has changed; percepts that come and go alone are no change."""
+        """What differs when anything but beliefs has changed; percepts that come and go alone are no change.
+
+        They may end what waits for them, though, and with it an intention. None begins to wait in such a cycle, so how
+        many wait tells that.
+        """
         mind = self._mind
-        return mind.cycle - mind.still, len(mind.events), mind.plans.version, mind.message_count
+        waiting, suspended = len(mind.waiting), len(mind.suspended)
+        return mind.cycle - mind.still, len(mind.events), waiting, suspended, mind.plans.version, mind.message_count
 
     def changes(self) -> MindChanges:
         """What has changed since this was asked last. To be asked between two calls of `Mind.run` only.

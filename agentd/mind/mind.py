@@ -118,9 +118,9 @@ class Mind:
         self.now = self.start = start
         self._clock, self.on_input = clock, on_input
         self.cycle = 0
-        self.still = 0
-        """Cycles so far in which percepts came and nothing else happened."""
         """How many cycles have been run."""
+        self.still = 0
+        """Those of them in which percepts came and no intention ran, no event was queued and nothing came out."""
         self.open_beliefs = OpenBeliefs(self)
         opened = self.open_beliefs.install
         self.beliefs = BeliefBase(opened) if keeper is None else keeper.belief_base(opened)
