@@ -371,7 +371,8 @@ def _parting(
     while life.mind.cycle < limit and (len(mine) < NEXT or len(theirs) < NEXT):
         if life.mind.cycle >= here.last:
             following = next(rest, None)
-            if following is None:
+            if following is None:  # nothing more came in: what the edited program has begun it may end
+                theirs += [_act(other, one) for one in other.go_on(AHEAD)]
                 break
             here = following
             life.take(here)
