@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from benchmarks import peers, plots
 from benchmarks.parts import Goal
 from benchmarks.results import Origin
-
-if TYPE_CHECKING:
-    from benchmarks.small_boards.part import Board, Figures, Flown
+from benchmarks.small_boards.boards import Board
+from benchmarks.small_boards.figures import Figures, Flown
 
 COLOURS: Final = (plots.COLOURS["agentd"], plots.COLOURS["bridged"])
 
@@ -25,12 +24,17 @@ def block(origin: Origin, figures: Figures, boards: Sequence[Board], system: flo
         "cores is derived from published figures (DMIPS per MHz of its core) and an assumption: that a core here does "
         f"{dmips:,.0f} DMIPS, 10 per MHz at 4 GHz. On a slower machine than that a board is given less than it has.",
         "\n".join(_given(boards, system)),
+        f"At most {figures.side_by_side} flights were flown side by side, and their simulators; {figures.busy:.1f} "
+        "cores of the machine were busy meanwhile. Those without limits were flown among them: what they are late by "
+        f"is the neighbours', at worst {max(one.lag for one in figures.free):.2f} s. Only memory and the share of a "
+        "core are limited. **Not modelled**: a small board's caches and memory bandwidth, its SD card, a processor of "
+        "32 bits with a build of Python and libraries of its own.",
         "\n".join(_flights([*figures.free, *figures.boards])),
         "*Ready*: seconds from the start until all daemons were there. *Held*: at most, and each page once, as if "
         "nobody else on the machine had read the same libraries. *Held back*: seconds for which processes that had "
         "work to do had used up their share. *Late*: by how much a daemon's loop was behind at worst in flight. In the "
         f"paper, on a BeagleBone Black, the agents in Jason were {peers.BEAGLEBONE}; all of their nodes together hold "
-        f"{peers.JASON_BOARD[0]:.0f} to {peers.JASON_BOARD[1]:.0f} MiB.",
+        f"{peers.mb(peers.JASON_BOARD[0]):.0f} to {peers.mb(peers.JASON_BOARD[1]):.0f} MB.",
         "![what a board holds, and how long it takes with less of a core](figures/small-boards.svg)",
         f"**The least that is enough**, without any assumption about boards: {least(figures)}. What was tried, each "
         "with the other left free:",
@@ -122,8 +126,19 @@ def goals(figures: Figures) -> list[Goal]:
         flights = [one for one in figures.boards if one.board == board]
         words = [f"{one.form}: {f'completed, {one.held:.0f} MB' if one.completed else one.why}" for one in flights]
         met = all(one.completed for one in flights)
-        found.append(Goal(f"single-UAV mission within the limits of a {board}", "completed", "; ".join(words), met))
+        why = "" if met else _why(figures, flights)
+        title = f"single-UAV mission within the limits of a {board}"
+        found.append(Goal(title, "completed", "; ".join(words), met, why))
     return found
+
+
+def _why(figures: Figures, flights: Sequence[Flown]) -> str:
+    """Return why a mission was not completed, as far as it is known, and what was tried."""
+    lost = [one for one in flights if not one.completed]
+    told = "; ".join(
+        f"{one.form} held {one.held:.0f} MB at most and was held back for {one.throttled:.1f} s" for one in lost
+    )
+    return f"{told}; tried, to see which of the limits it is: {least(figures)}"
 
 
 def in_short(figures: Figures, title: str) -> list[str]:
@@ -146,7 +161,7 @@ def picture(figures: Figures, limits: dict[str, float]) -> str:
     with plots.figure(columns=2, width=9.0) as (made, (left, right)):
         held = [one.held for one in figures.free]
         left.bar([form.strip("`") for form in forms], held, color=COLOURS, width=0.5)
-        left.bar(["the paper's,\nin Jason"], [peers.JASON_BOARD[0] * 1.048576], color=plots.COLOURS["paper"], width=0.5)
+        left.bar(["the paper's,\nin Jason"], [peers.mb(peers.JASON_BOARD[0])], color=plots.COLOURS["paper"], width=0.5)
         for title, limit in limits.items():
             left.axhline(limit, color="black", lw=0.8, ls="--")
             where = left.get_yaxis_transform()

@@ -9,17 +9,22 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from benchmarks import results
+from benchmarks.peers import PI_MB
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.small_boards import control_groups
 from benchmarks.small_boards import page as small_boards_page
 from benchmarks.small_boards import part as small_boards
+from benchmarks.small_boards.boards import BEAGLEBONE, BOARDS, PI_3
 from benchmarks.small_boards.cages import caged
 from benchmarks.small_boards.control_groups import ControlGroup
+from benchmarks.small_boards.figures import FORMS, ONE, THREE, Figures, Flown, Wanted
+from benchmarks.small_boards.flight import fly
 from benchmarks.small_boards.limits import Cage, Limits, Usage
-from benchmarks.small_boards.part import FORMS, ONE, THREE, Figures, Flown, Wanted
 
 BURN = "import time; e = time.monotonic() + 1\nwhile time.monotonic() < e: pass\nprint(time.process_time())"
 EAT = "found = [bytearray(1_000_000) for _ in range(60)]; import time; time.sleep(0.6); print('eaten')"
@@ -41,7 +46,7 @@ def by(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
 def _run(cage: Cage, program: str, times: int = 1) -> list[tuple[int, str]]:
     command = cage.command
     running = [
-        subprocess.Popen(command([sys.executable, "-c", program]), stdout=subprocess.PIPE, text=True)
+        subprocess.Popen(command([sys.executable, "-I", "-S", "-c", program]), stdout=subprocess.PIPE, text=True)
         for _ in range(times)
     ]
     return [(process.wait(60), process.communicate(timeout=60)[0].strip()) for process in running]
@@ -121,7 +126,7 @@ def test_nothing_is_left_of_a_cage(by: str) -> None:
 
 
 def test_the_mission_is_flown_within_limits_that_it_does_not_reach() -> None:
-    flown = small_boards.fly(Wanted(ONE, Limits(memory=500), 8.0))
+    flown = fly(Wanted(ONE, Limits(memory=500), 8.0))
     assert (flown.completed, flown.why) == (True, "")
     assert 30 < flown.held < 500
     assert flown.ready > 0
@@ -130,14 +135,14 @@ def test_the_mission_is_flown_within_limits_that_it_does_not_reach() -> None:
 
 
 def test_a_board_without_enough_memory_is_said_to_be_out_of_it() -> None:
-    flown = small_boards.fly(Wanted(THREE, Limits(memory=20), 8.0))
+    flown = fly(Wanted(THREE, Limits(memory=20), 8.0))
     assert (flown.completed, flown.why) == (False, "out of memory")
     assert flown.charged == pytest.approx(20, rel=0.2)
 
 
 def test_a_board_is_given_its_share_of_a_core_and_what_its_system_leaves() -> None:
-    assert small_boards.BEAGLEBONE.limits == Limits(384, 0.05, 1)
-    assert small_boards.PI_3.limits == Limits(896, 0.069, 4)
+    assert BEAGLEBONE.limits == Limits(384, 0.05, 1)
+    assert PI_3.limits == Limits(PI_MB - 128, 0.069, 4)
 
 
 def _figures() -> Figures:
@@ -148,8 +153,8 @@ def _figures() -> Figures:
     memory = [flown("", form, part) for form in FORMS for part in (100.0, 90.0)]
     shares[1] = replace(shares[1], completed=False, why="it fell down")
     memory[3] = replace(memory[3], completed=False, why="out of memory")
-    boards = [flown(board.title, form, 359.0, board.share) for board in small_boards.BOARDS for form in FORMS]
-    return Figures(shares, boards, memory, [flown("no limits", form) for form in FORMS])
+    boards = [flown(board.title, form, 359.0, board.share) for board in BOARDS for form in FORMS]
+    return Figures(shares, boards, memory, [flown("no limits", form) for form in FORMS], 6, 1.5)
 
 
 def test_the_least_is_that_above_which_nothing_failed() -> None:
@@ -168,6 +173,7 @@ def test_a_flight_that_failed_on_a_board_is_a_goal_that_is_missed() -> None:
     first, second = small_boards.goals(figures)
     assert (first.met, second.met) == (False, True)
     assert first.found == "three daemons: completed, 95 MB; `argosy board`: out of memory"
+    assert first.why.startswith("`argosy board` held 95 MB at most and was held back for 1.0 s; tried")
     assert (
         "(384 MB and 5% of a core here; no such board was at hand) | not completed |"
         in small_boards.in_short(figures)[0]
@@ -180,14 +186,28 @@ def test_the_picture_shows_both_boards() -> None:
     assert "Raspberry Pi 3" in svg
 
 
-def test_without_limits_the_mission_has_to_be_flown(monkeypatch: pytest.MonkeyPatch) -> None:
-    def lost(flights: Sequence[Wanted]) -> list[Flown]:
-        return [Flown(one.board, one.form, None, None, 1, "a test", why="no router") for one in flights]
+def test_the_page_says_how_many_were_flown_at_once_and_what_is_not_modelled() -> None:
+    text = small_boards.blocks(results.here("a test", 0.0), _figures())["small-boards"]
+    assert "At most 6 flights were flown side by side, and their simulators; 1.5 cores" in text
+    assert "at worst 0.10 s" in text
+    assert "Not modelled" in text
+
+
+@pytest.mark.parametrize(
+    ("found", "why"),
+    [({"completed": False, "why": "no router"}, "without limits: no router"), ({"lag": 0.4}, "late by 0.40 s")],
+)
+def test_without_limits_the_mission_has_to_be_flown_and_in_time(
+    monkeypatch: pytest.MonkeyPatch, found: dict[str, Any], why: str
+) -> None:
+    def flown(flights: Sequence[Wanted]) -> list[Flown]:
+        good = Flown("", ONE, None, None, 1, "a test", True)
+        return [replace(good, **found) if one.limits == Limits() else good for one in flights]
 
     def on_the_ground(form: str) -> Flown:
         return Flown("", form, None, None, 1, "a test", charged=70.0, elsewhere=25.0)
 
-    monkeypatch.setattr(small_boards, "_side_by_side", lost)
+    monkeypatch.setattr(small_boards, "_side_by_side", flown)
     monkeypatch.setattr(small_boards, "stood", on_the_ground)
-    with pytest.raises(BenchmarkFailed, match="without limits: no router"):
-        small_boards.measure(True)
+    with pytest.raises(BenchmarkFailed, match=why):
+        small_boards.measure(False)
