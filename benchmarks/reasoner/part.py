@@ -19,9 +19,10 @@ from benchmarks.processes import BenchmarkFailed, Speeds, run
 from benchmarks.reasoner import report
 from benchmarks.reasoner.footprint import FOOTPRINTS
 from benchmarks.reasoner.instructions import Counted, counted
-from benchmarks.reasoner.report import Result, warm
+from benchmarks.reasoner.result import Result, warm
 from benchmarks.reasoner.rows import ROWS, Row, row_called
 from benchmarks.reasoner.subjects import JasonCommand, Subject, subjects_here
+from benchmarks.reasoner.tables import tables
 from benchmarks.results import Origin
 
 REPEAT: Final = 2
@@ -162,5 +163,5 @@ def main() -> int:
     except BenchmarkFailed as failed:
         print(f"error: {failed}", file=sys.stderr)
         return 1
-    print("\n\n".join(report.tables(results)))
+    print("\n\n".join(tables(results)))
     return 0

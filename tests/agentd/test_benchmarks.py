@@ -13,11 +13,14 @@ from subprocess import Popen
 import pytest
 
 from benchmarks.processes import BenchmarkFailed, Speeds, descendants, lines, memory, run, started, until_line
+from benchmarks.reasoner.elsewhere import ELSEWHERE, Jason
 from benchmarks.reasoner.footprint import FOOTPRINTS, program_of_plans
 from benchmarks.reasoner.part import Figures, Measured, goals, measure_rows
-from benchmarks.reasoner.report import Result, ahead, cold, comparison, in_short, picture, tables, warm
-from benchmarks.reasoner.rows import PROGRAMS, ROWS, Jason, Row, row_called
+from benchmarks.reasoner.report import comparison, in_short, picture
+from benchmarks.reasoner.result import Result, cold, warm
+from benchmarks.reasoner.rows import PROGRAMS, ROWS, Row, row_called
 from benchmarks.reasoner.subjects import Agentd, AgentSpeak, JasonCommand, Subject, subjects_here
+from benchmarks.reasoner.tables import ahead, tables
 
 TINY = """
 !round(1).
@@ -59,7 +62,7 @@ def test_ratios_are_taken_between_neighbours_and_verdicts_follow_them() -> None:
     theirs = [Speeds((100.0, 100.0), 40.0), Speeds((200.0, 200.0), 40.0), Speeds((100.0, 100.0), 40.0)]
     result = Result(row, {"agentd": ours, "agentspeak": theirs})
     assert result.ratio("agentd", cold) == 3.0
-    assert result.ratio("agentd", warm) == 8.0  # the median of two rounds is their mean
+    assert result.ratio("agentd", warm) == 8.0
     text = "\n".join(tables([result]))
     assert "| 3.0x | 8.0x | 12x **missed** | 20 | 40 |" in text
     assert "| 8.0x | 20.0x | **behind** | 3.0x | 5.0x | **behind** | 7% | under a quarter |" in text
@@ -155,7 +158,17 @@ def test_targets_and_limits_are_goals_and_a_missed_one_is_told_as_missed() -> No
     assert [goal.title for goal in goals(_figures(110.0)) if not goal.met] == [
         "sub-goal: speed beside python-agentspeak, warm"
     ]
+    assert all("tried" in goal.why for goal in goals(_figures(1.0))), "each could be missed"
     assert len(goals(_figures(1.0))) == len(ROWS) + len(FOOTPRINTS)
+
+
+def test_what_jason_did_elsewhere_comes_from_a_file_with_its_origin() -> None:
+    assert ELSEWHERE.rows.keys() == {row.key for row in ROWS} - {"h'"}
+    assert row_called("a").jason == ELSEWHERE.rows["a"]
+    line = ELSEWHERE.origin.line()
+    assert "Jason 3.3, JRE 21, python-agentspeak 0.2.2" in line
+    assert "`benchmarks/results/jason-elsewhere.json`" in line
+    assert line in "\n".join(tables(_figures(200.0).results()))
 
 
 def test_other_pages_get_their_rows_from_the_same_figures() -> None:
