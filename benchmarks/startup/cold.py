@@ -34,11 +34,15 @@ print(json.dumps(sorted(found)))
 
 
 def copied(folder: Path, *, compiled: bool) -> Path:
-    """Copy the code into a folder, with its byte code or without any. Returns where it is."""
+    """Copy the code into a folder, with its byte code or without any. Returns where it is.
+
+    What byte code there is already is copied with the times of its files, by which Python knows whether it is right.
+    """
+    left = ("*.pyc.*",) if compiled else ("__pycache__",)  # somebody may be writing the former
     for name in CODE:
         source = ROOT / name
         if source.is_dir():
-            shutil.copytree(source, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(source, folder / name, ignore=shutil.ignore_patterns(*left))
     if compiled:
         subprocess.run([sys.executable, "-m", "compileall", "-q", str(folder)], check=True)
     return folder

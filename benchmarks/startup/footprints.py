@@ -141,6 +141,13 @@ def pictures(figures: Figures) -> dict[str, str]:
     return {}
 
 
+_WHY: Final = (
+    "reason not known: a bound is a little more than what was found when it was set, so something grew since that is "
+    "imported (tests/test_imports.py names it) or held; tried when the bounds were set: no modules that nobody needs "
+    "(4bd9879)"
+)
+
+
 def goals(figures: Figures) -> list[Goal]:
     """Each daemon is to stay within the bound that CI holds it against."""
     return [
@@ -149,6 +156,7 @@ def goals(figures: Figures) -> list[Goal]:
             f"<= {bound:g} bare processes",
             f"{figures.ratio(name):.2f}",
             figures.ratio(name) <= bound,
+            _WHY,
         )
         for name, bound in BOUNDS.items()
     ]

@@ -27,11 +27,12 @@ from benchmarks.startup.phases import PREFIX
 from benchmarks.watched import Watched, watched_command
 
 REPEATS: Final = 5
-WARM, CACHE, COMPILED = "warm", "after boot", "first start"
+WARM, CACHE, COMPILED = "warm", "page cache dropped", "first start"
 STATES: Final = {
     WARM: "byte code and libraries are in the page cache",
-    CACHE: "the page cache was dropped, as far as the kernel lets go of it",
-    COMPILED: "there is no byte code: a clone's first start where Python keeps none",
+    CACHE: "the files of Python, libraries and Argosy were dropped from the page cache, as far as the kernel lets go "
+    "of them; no boot: folders are still known, and a router and what measures run",
+    COMPILED: "Argosy has no byte code, as in a clone's first start where Python keeps none; libraries have theirs",
 }
 STRETCHES: Final = {
     "interpreter": "the interpreter itself",
@@ -90,8 +91,8 @@ def measured(states: Sequence[str], repeats: int) -> Figures:
     figures = Figures()
     with tempfile.TemporaryDirectory() as folder:
         compiled = copied(Path(folder) / "compiled", compiled=True)
-        plain = copied(Path(folder) / "plain", compiled=False)
-        paths = cold.files(compiled)
+        plain = copied(Path(folder) / "plain", compiled=False) if COMPILED in states else compiled
+        paths = cold.files(compiled) if CACHE in states else []
         for state in states:
             _measure_state(figures, state, plain if state == COMPILED else compiled, paths, repeats)
             tell(f"{state}: {figures.of('agentd', state).median:.2f} s until the first plan")
