@@ -6,13 +6,14 @@ import asyncio
 import re
 import statistics
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from benchmarks.mail.boards import FLEET, Member, member, until
 from benchmarks.processes import BenchmarkFailed, memory
+from benchmarks.spread import NOTHING, Spread, spread
 from benchmarks.watched import Watched, watched
 from tests.support.ports import free_port
 
@@ -41,11 +42,13 @@ _TOOK: Final = re.compile(r"\[(\w+)\] took \[(.*)\]")
 class Loaded:
     """A crowd under a load."""
 
+    asked: int
+    """Questions of all agents together."""
+    answered: int
+    """Those of agents that had all their answers within `ANSWERING`."""
     rate: float
-    """Messages a second, from the first question to the last answer."""
-    p50: float
-    p99: float
-    worst: float
+    """Messages a second, from the first word to an agent that it may ask to the last answer."""
+    took: Spread
     """Milliseconds from a question to its answer."""
     median_agent: float
     slowest_agent: float
@@ -57,7 +60,12 @@ class Loaded:
     @property
     def fairness(self) -> float:
         """The slowest agent against the median one."""
-        return self.slowest_agent / self.median_agent
+        return self.slowest_agent / self.median_agent if self.median_agent else 0.0
+
+    @property
+    def all_answered(self) -> bool:
+        """Whether no question was left."""
+        return self.answered == self.asked
 
 
 @dataclass
@@ -79,6 +87,7 @@ class Crowd:
     """Seconds from SIGTERM to the end of the process."""
     hurried: Loaded | None = None
     eased: Loaded | None = None
+    """Not measured of a crowd that was still at its questions of before."""
 
 
 async def crowd(folder: Path, agents: int, idle: float, each: int, pace: float) -> Crowd:
@@ -105,6 +114,7 @@ async def crowd(folder: Path, agents: int, idle: float, each: int, pace: float) 
         async with member(router, "probe") as probe:
             if agents > 1:
                 found.hurried = await _loaded(probe, commd, agentd, agents, each, 0)
+            if found.hurried is not None and found.hurried.all_answered:
                 found.eased = await _loaded(probe, commd, agentd, agents, 1, pace)
         begun = time.monotonic()
         agentd.process.terminate()
@@ -150,20 +160,20 @@ async def _loaded(probe: Member, commd: Watched, agentd: Watched, agents: int, e
             seen += 1
         return len(took) == agents
 
-    try:
+    with suppress(BenchmarkFailed):  # what came until then is told
         await until(all_answered, f"all {agents} agents have their answers", ANSWERING)
-    except BenchmarkFailed as late:
-        raise BenchmarkFailed(f"{late}: {len(took)} have") from None
+    if agentd.process.poll() is not None or commd.process.poll() is not None:
+        raise BenchmarkFailed("agentd or commd ended while agents asked")
     seconds = time.monotonic() - begun
-    values = sorted(one for values in took.values() for one in values)
-    means = sorted(statistics.fmean(one) for one in took.values())
+    values = [one for those in took.values() for one in those]
+    means = [statistics.fmean(one) for one in took.values()] or [0.0]
     return Loaded(
+        agents * each,
+        len(values),
         2 * len(values) / seconds,
-        values[len(values) // 2],
-        values[min(len(values) - 1, round(0.99 * len(values)))],
-        values[-1],
+        spread(values) if values else NOTHING,
         statistics.median(means),
-        means[-1],
+        max(means),
         100 * (agentd.cpu() - used[0]) / seconds,
         100 * (commd.cpu() - used[1]) / seconds,
     )

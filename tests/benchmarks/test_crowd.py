@@ -11,6 +11,7 @@ from benchmarks.results import Origin
 from benchmarks.routers import part as routers
 from benchmarks.routers.load import Load, payload
 from benchmarks.routers.part import Stretch
+from benchmarks.spread import Spread
 
 ORIGIN = Origin("2026-01-01", "a machine", 2, 8.0, "Linux", "3.11", {}, "abc", 0.0, 0.0, "make bench")
 
@@ -20,26 +21,53 @@ def test_a_small_crowd_answers_all_its_questions(tmp_path: Path) -> None:
     assert found.hurried is not None
     assert found.eased is not None
     assert found.rss > 0
-    assert 0 < found.hurried.p50 <= found.hurried.p99 <= found.hurried.worst
+    assert (found.hurried.asked, found.hurried.answered) == (12, 12)
+    assert (found.eased.asked, found.eased.answered) == (4, 4)
+    assert 0 < found.hurried.took.p50 <= found.hurried.took.p99 <= found.hurried.took.max
     assert found.hurried.fairness >= 1
 
 
-def _crowd(agents: int, rate: float, eased: float) -> Crowd:
-    loads = [Loaded(one, 10, 20, 30, 12, 18, 50, 40) for one in (rate, eased)]
-    return Crowd(agents, 1, 0.01 * agents, 40 + 0.2 * agents, 40, 1 + 0.01 * agents, 1, 1, *loads)
+def _crowd(agents: int, rate: float, eased: float, *, p99: float = 20.0, answered: int | None = None) -> Crowd:
+    took = Spread(2 * agents, 12.0, 10.0, 15.0, p99, 30.0)
+    loads = [Loaded(2 * agents, 2 * agents, one, took, 12, 18, 50, 40) for one in (rate, eased)]
+    made = Crowd(agents, 1, 0.01 * agents, 40 + 0.2 * agents, 40, 1 + 0.01 * agents, 1, 1, *loads)
+    if answered is not None:
+        assert made.hurried is not None
+        made.hurried.answered, made.eased = answered, None
+    return made
+
+
+def _crowds(*largest: Crowd) -> crowds.Figures:
+    alone = Crowd(1, 1, 0.01, 40.2, 40, 1.01, 1, 1)
+    return crowds.Figures([alone, _crowd(10, 300, 1), _crowd(100, 300, 9), *largest], 0.1, 20.0)
 
 
 def test_a_crowd_that_does_not_keep_up_is_outgrown_and_its_goal_missed() -> None:
-    alone = Crowd(1, 1, 0.01, 40.2, 40, 1.01, 1, 1)
-    figures = crowds.Figures([alone, _crowd(10, 300, 1), _crowd(1000, 290, 90)], 0.1, 20.0)
-    text = crowds.blocks(ORIGIN, figures)["crowd"]
-    assert "every one keeps up" in text
+    figures = _crowds(_crowd(1000, 290, 90))
+    assert "every one keeps up" in crowds.blocks(ORIGIN, figures)["crowd"]
     assert all(goal.met for goal in crowds.goals(figures)), crowds.goals(figures)
-    figures.crowds[-1] = _crowd(1000, 100, 40)
-    assert "1,000 agents do not keep up" in crowds.blocks(ORIGIN, figures)["crowd"]
-    (missed,) = [goal for goal in crowds.goals(figures) if not goal.met]
+    for slow, why in (
+        (_crowd(1000, 290, 79), "There 79 messages/s, 100 are asked"),
+        (_crowd(1000, 290, 90, p99=2100), "There p99 of an answer is 2.1 s"),
+    ):
+        text = crowds.blocks(ORIGIN, _crowds(slow))["crowd"]
+        assert "1,000 agents are the smallest that do not keep up" in text
+        assert why in text
+    (missed,) = [goal for goal in crowds.goals(_crowds(_crowd(1000, 100, 90))) if not goal.met]
     assert missed.found == "33%"
+    assert "Tried: " in missed.why
     assert crowds.pictures(figures).keys() == {"crowd-cost", "crowd-mail"}
+
+
+def test_questions_that_were_not_answered_are_told_and_miss_the_goal() -> None:
+    figures = _crowds(_crowd(1000, 200, 90, answered=987))
+    first = crowds.goals(figures)[0]
+    assert (first.met, first.wanted, first.found) == (False, "all 2,000", "987")
+    assert "Tried: " in first.why
+    text = crowds.blocks(ORIGIN, figures)["crowd"]
+    assert "| 1,000 | 2,000 | 987 |" in text
+    assert "questions asked at once were still not answered" in text
+    assert crowds.pictures(figures)
 
 
 def _routers(silent: float) -> routers.Figures:
