@@ -70,8 +70,8 @@ def _plans(subject: Subject, times: int) -> float:
 
 
 _START: Final = (
-    "Python itself and the imports take most of it; tried: no import but those that tests/test_imports.py names; `make` "
-    "compiles byte code before."
+    "Python itself and the imports take most of it; tried: no import but those that tests/test_imports.py names, byte "
+    "code that is compiled before."
 )
 _HELD: Final = "What of it is held by whom is not known; tried: no import but those that tests/test_imports.py names."
 FOOTPRINTS: Final = (
