@@ -54,8 +54,8 @@ class _Left:
         self.action = action
         self.answered = asyncio.Event()
         """The bridge has said whether it runs."""
-        self.joined = self.claimed = False
-        """A plan waits for its end; one is about to."""
+        self.joined = False
+        """A plan waits for its end, or is about to."""
         self.status: asyncio.Task[ActionStatus] | None = None
 
     def running(self, status: ActionStatus) -> None:
@@ -107,27 +107,26 @@ class Performing:
         holds it.
         """
         self._identities[effect.id] = ""
-        self._spawn(self._perform(effect, self._noted(effect)))
+        try:
+            noted = self._noted(effect)
+        except BadTerm as bad:
+            noted = _Noted(refused=f"{effect.name}: {bad}")
+        except Exception as error:  # it fails this plan, not the daemon with all its agents
+            noted = _Noted(error=error)
+        self._spawn(self._perform(effect, noted))
 
     def _noted(self, effect: PerformAction) -> _Noted:
+        """What is to be known of an action before it is asked for. Raises BadTerm, and whatever a defect may raise."""
         if self._acting is None:
             return _Noted(refused=f"agent {self._agent} has no robot to do {effect.name}")
-        try:
-            noted = _Noted(parameters=tuple(map(to_wire, effect.parameters)))
-        except BadTerm as bad:
-            return _Noted(refused=f"{effect.name}: {bad}")
+        noted = _Noted(parameters=tuple(map(to_wire, effect.parameters)))
         if left := self._same(effect.name, noted.parameters):
-            noted.left, left.claimed = left, True
+            noted.left, left.joined = left, True
             return noted
-        try:
-            noted.kept = self._journal.begun(self._action(effect, noted))
-        except Exception as error:
-            noted.error = error
-        return noted
-
-    def _action(self, effect: PerformAction, noted: _Noted) -> Action:
         identity = f"{self._agent}:{self._life}:{effect.id}"
-        return Action(id=identity, agent=self._agent, name=effect.name, parameters=noted.parameters)
+        action = Action(id=identity, agent=self._agent, name=effect.name, parameters=noted.parameters)
+        noted.kept = self._journal.begun(action)
+        return noted
 
     def cancel(self, number: int) -> None:
         """The intention that waited for an action is gone."""
@@ -161,20 +160,17 @@ class Performing:
         if self._acting is None or noted.refused:
             return ActionDone(effect.id, False, noted.refused, "refused"), None
         dropped = ActionDone(effect.id, False, "the agent has dropped it", "cancelled"), None
-        kept = noted.kept
         if (left := noted.left) is not None:
-            left.claimed = False
             if effect.id in self._dropped:
+                self._let_go(left)
                 return dropped
-            if left.action.id in self._left:
-                status = await self._join(effect.id, left)
-                return ActionDone(effect.id, status.state == "succeeded", status.reason, status.state), status
-            kept = self._journal.begun(self._action(effect, noted))  # it has ended meanwhile
+            status = await self._join(effect.id, left)
+            return ActionDone(effect.id, status.state == "succeeded", status.reason, status.state), status
         identity = f"{self._agent}:{self._life}:{effect.id}"
         self._identities[effect.id] = identity
         if effect.id in self._dropped:
             return dropped
-        status = await self._acting.perform(identity, effect.name, noted.parameters, kept=kept)
+        status = await self._acting.perform(identity, effect.name, noted.parameters, kept=noted.kept)
         return ActionDone(effect.id, status.state == "succeeded", status.reason, status.state), status
 
     # --- what a former life has left ---
@@ -204,12 +200,10 @@ class Performing:
             self._left.pop(one.action.id, None)
             if one.joined:
                 return
-            self._journal.ended(one.action.id)
-            told = _interrupted(one.action, status.state, status.reason)
             if early:
-                gone.append(told)
+                gone.append(self._ended(one, status))
             else:
-                self._on_interrupted(told)
+                self._on_interrupted(self._ended(one, status))
 
         for one in left:
             asked = self._acting.perform(
@@ -228,9 +222,21 @@ class Performing:
     def _same(self, name: str, parameters: tuple[Term, ...]) -> _Left | None:
         """The action of a former life that is the one which a plan performs now."""
         for one in self._left.values():
-            if not (one.joined or one.claimed) and (one.action.name, one.action.parameters) == (name, parameters):
+            if not one.joined and (one.action.name, one.action.parameters) == (name, parameters):
                 return one
         return None
+
+    def _ended(self, left: _Left, status: ActionStatus) -> Literal:
+        """It has ended and no plan has waited for it. Returns what the mind is told of that."""
+        self._journal.ended(left.action.id)
+        return _interrupted(left.action, status.state, status.reason)
+
+    def _let_go(self, left: _Left) -> None:
+        """The plan that was about to wait for its end is gone."""
+        left.joined = False
+        if left.action.id not in self._left:  # it has ended meanwhile
+            assert left.status is not None
+            self._on_interrupted(self._ended(left, left.status.result()))
 
     async def _join(self, number: int, left: _Left) -> ActionStatus:
         assert left.status is not None

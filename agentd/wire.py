@@ -49,6 +49,8 @@ def to_wire(term: Any) -> wire.Term:
         return _ToWire().term(term, 0)
     except NoSyntax as bad:
         raise BadTerm(str(bad)) from None
+    except RecursionError:  # code that holds code that holds code ...
+        raise BadTerm("nested too deeply") from None
 
 
 def from_wire(term: wire.Term) -> Any:

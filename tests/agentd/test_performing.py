@@ -12,11 +12,13 @@ from agentd.language.terms import Literal, atom
 from agentd.mind.effects import PerformAction
 from agentd.mind.inputs import ActionDone, Mail
 from agentd.performing import NoJournal, Performing
+from agentd.wire import BadTerm, to_wire
 from commd.acting import Acting
 from commd.bus import Bus, Query
 from schemas import keys
 from schemas.records import FINAL_STATES, Action, ActionStatus, Cancel, State
 from tests.agentd.hosts import Hosted, host_on
+from tests.agentd.minds import run
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
 
 
@@ -279,31 +281,110 @@ def test_an_agent_that_has_lost_its_robot_is_told_once_what_was_interrupted(endp
     on_a_bus(endpoint, body)
 
 
-def test_a_plan_that_is_dropped_at_once_does_not_join_what_still_runs() -> None:
-    over = asyncio.Event()
-    told: list[object] = []
+class Hands:
+    """Does one action, which succeeds when it is told to, and notes what it was asked for."""
 
-    class Hands:
-        async def perform(self, identity: str, name: str, *_: object, **asked: Any) -> ActionStatus:
-            status = ActionStatus(id=identity, state="running", name=name)
-            asked["on_status"](status)
-            await over.wait()
-            return ActionStatus(id=identity, state="succeeded", name=name)
+    def __init__(self) -> None:
+        self.over = asyncio.Event()
+        self.asked: list[str] = []
+
+    async def perform(self, identity: str, name: str, *_: object, **asked: Any) -> ActionStatus:
+        self.asked.append(identity)
+        if "on_status" in asked:
+            asked["on_status"](ActionStatus(id=identity, state="running", name=name))
+        await self.over.wait()
+        return ActionStatus(id=identity, state="succeeded", name=name)
+
+
+class Alone:
+    """The actions of an agent without mind or bus; `told` is what the mind hears."""
+
+    def __init__(self, hands: Hands) -> None:
+        self.told: list[object] = []
+        self.tasks: list[asyncio.Task[None]] = []
+        acting, tell = cast(Acting, hands), self.told.append
+        self.performing = Performing("a", "2", acting, NoJournal(), tell, self._spawn, tell)
+
+    def _spawn(self, work: Any) -> None:
+        self.tasks.append(asyncio.get_running_loop().create_task(work))
+
+    async def ended(self) -> list[object]:
+        """Everything that is under way has ended; returns what the mind was told, of a literal its name."""
+        await asyncio.gather(*self.tasks, return_exceptions=True)
+        return [one.sig.functor if isinstance(one, Literal) else one for one in self.told]
+
+
+LEFT = Action(id="a:1:1", agent="a", name="goto", parameters=(1,))
+DONE = ActionDone(7, True, "", "succeeded")
+DROPPED = ActionDone(7, False, "the agent has dropped it", "cancelled")
+
+
+def test_a_plan_that_is_dropped_at_once_does_not_join_what_still_runs() -> None:
+    async def body() -> None:
+        hands = Hands()
+        alone = Alone(hands)
+        assert await alone.performing.take_up([LEFT]) == []
+        alone.performing.begin(PerformAction(7, "goto", (1.0,)))
+        alone.performing.cancel(7)
+        await asyncio.sleep(0)
+        hands.over.set()
+        assert await alone.ended() == [DROPPED, "interrupted"]
+
+    asyncio.run(body())
+
+
+@pytest.mark.parametrize("dropped", [False, True])
+def test_an_action_that_ends_as_a_plan_is_about_to_join_it_is_told_once_and_not_done_again(dropped: bool) -> None:
+    async def body() -> None:
+        hands = Hands()
+        alone = Alone(hands)
+        assert await alone.performing.take_up([LEFT]) == []
+        hands.over.set()
+        waits: list[Any] = []
+        alone.performing._spawn = waits.append
+        alone.performing.begin(PerformAction(7, "goto", (1.0,)))
+        if dropped:
+            alone.performing.cancel(7)
+        await asyncio.gather(*alone.tasks)  # it has ended, before the plan's own task has begun
+        await waits[0]
+        assert await alone.ended() == (["interrupted", DROPPED] if dropped else [DONE])
+        assert hands.asked == ["a:1:1"]
+
+    asyncio.run(body())
+
+
+def nested(times: int) -> object:
+    """Code that holds code that holds code: `{ !q({ !q(...) }) }`."""
+    program = f"!b(x, {times}). +!b(X, 0) <- act(X). +!b(X, N) <- !b({{ !q(X) }}, N-1)."
+    (performed,) = run(program).of(PerformAction)
+    return performed.parameters[0]
+
+
+def test_a_term_that_is_nested_too_deeply_is_refused_whatever_it_is_made_of() -> None:
+    assert to_wire(nested(5))
+    with pytest.raises(BadTerm, match="nested too deeply"):
+        to_wire(nested(150))
+
+
+@pytest.mark.parametrize("defect", [False, True])
+def test_an_action_that_cannot_be_asked_for_fails_its_plan_and_not_the_daemon(
+    defect: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deep = nested(150)
+
+    def broken(_: object) -> None:
+        raise LookupError("no such thing")
 
     async def body() -> None:
-        tasks: list[asyncio.Task[None]] = []
+        alone = Alone(Hands())
+        alone.performing.begin(PerformAction(7, "goto", (deep,)))
+        if defect:
+            assert await alone.ended() == [
+                ActionDone(7, False, "defect in agentd: LookupError: no such thing", "failed")
+            ]
+        else:
+            assert await alone.ended() == [ActionDone(7, False, "goto: nested too deeply", "refused")]
 
-        def spawn(work: Any) -> None:
-            tasks.append(asyncio.get_running_loop().create_task(work))
-
-        performing = Performing("a", "2", cast(Acting, Hands()), NoJournal(), told.append, spawn, told.append)
-        assert await performing.take_up([Action(id="a:1:1", agent="a", name="goto", parameters=(1,))]) == []
-        performing.begin(PerformAction(7, "goto", (1.0,)))
-        performing.cancel(7)
-        await asyncio.sleep(0)
-        over.set()
-        await asyncio.gather(*tasks)
-        assert told[0] == ActionDone(7, False, "the agent has dropped it", "cancelled")
-        assert [one.sig.functor for one in told[1:] if isinstance(one, Literal)] == ["interrupted"]
-
+    if defect:
+        monkeypatch.setattr("agentd.performing.to_wire", broken)
     asyncio.run(body())
