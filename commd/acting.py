@@ -142,6 +142,8 @@ class Acting:
                             timer.reschedule(until)
                         reason = "bridge_lost: its answers ended without an outcome"
                     attempt += taken  # what nobody has answered has reached nobody
+                    if not taken and not self._wanted[identity]:
+                        return ended("cancelled", "the agent has dropped it")
             except BadRecord as bad:
                 return failed(f"cannot be sent: {bad}")
             except BusClosed as closed:

@@ -125,20 +125,27 @@ class Client:
         """Ask somebody something, as `.send(Receiver, askOne, Content, Answer)` does, and return the answer.
 
         No loop of `messages` is handed the answer. Of an agent it is what it believes or what a plan of it finds, and
-        False if that is nothing. Raises Unanswered after `patience` wall seconds, and what `send` raises.
+        False if that is nothing. Raises Unanswered after `patience` wall seconds, and what `send` raises. An answer
+        that comes later is dropped.
         """
         waits = self._patience if patience is None else patience
+        until = asyncio.get_running_loop().time() + waits
         self._questions += 1
         question = f"{QUESTION}{self._questions}.{self.name}.{self._bus.boot}"
-        try:
-            with self._inbox.answer_to(question) as answer:
-                async with asyncio.timeout(waits):
-                    await self._sending.send(receiver, "askOne", term_of(content), None, "", waits, question)
+        with self._inbox.answer_to(question) as answer:
+            try:
+                await self._sending.send(receiver, "askOne", term_of(content), None, "", waits, question, until)
+            except NoAnswer:
+                if not answer.done():  # else it was taken
+                    raise
+            try:
+                async with asyncio.timeout_at(until):
                     return (await answer).content
-        except NotSent:
-            raise
-        except TimeoutError:
-            raise Unanswered(f"{write(term_of(content))} to {receiver}: no answer within {waits:g} s") from None
+            except TimeoutError:
+                undone = self._inbox.undone
+                behind = f"; it may stand behind {undone} messages that are not done with" if undone else ""
+                asked = f"{write(term_of(content))} to {receiver}"
+                raise Unanswered(f"{asked}: no answer within {waits:g} s{behind}") from None
 
     def messages(self) -> Messages:
         """The messages that the program is not done with, oldest first, then those that come: for `async for`.
@@ -183,7 +190,11 @@ class Client:
             raise
 
     async def there(self, name: str) -> bool:
-        """Return whether an agent, a program or a daemon of that name is running now and within reach."""
+        """Return whether an agent, a program or a daemon of that name is running now and within reach.
+
+        False also while the own router is not. Raises ValueError for what is no name.
+        """
+        check_name(name)
         return bool(await self._bus.tokens(keys.alive(self._bus.fleet, name, "*", "*")))
 
     async def register(self, service: str) -> None:
@@ -251,10 +262,12 @@ async def join(
 
     A name that the mission does not know joins for as long as the block runs; with `stays`, or if the block fails, its
     mailbox remains, and mail waits for its return. `numbers` is a file in which the numbers of the messages that are
-    done with are kept across lives. `speed` is that of the run, if it is not the mission's. Raises NotJoined,
+    done with are kept across lives. `speed` is that of the run (to 100), if it is not the mission's. Raises NotJoined,
     AlreadyRunning if somebody has the name, and Findings for a bad mission.
     """
     check_name(name)
+    if speed is not None and not 0 < speed <= 100:
+        raise NotJoined(f"speed: expected more than 0 and at most 100, got {speed:g}")
     declared = load_mission(mission) if isinstance(mission, str | Path) else mission
     robots, known = dict[str, str](), False
     if declared is not None:
@@ -262,7 +275,7 @@ async def join(
             raise NotJoined(f"`{name}` is an agent of the mission: a client needs a name of its own")
         known = name in declared.clients
         robots = {agent: robot for robot in declared.robots for agent in declared.agents_of(robot)}
-        fleet, wire, speed = fleet or declared.fleet, declared.wire, speed or declared.speed
+        fleet, wire, speed = fleet or declared.fleet, declared.wire, declared.speed if speed is None else speed
         board = board or declared.mailboxes.get(name) or next(iter(declared.boards), THIS_MACHINE)
         router = router or declared.router.endpoint
         if board not in (declared.boards or {THIS_MACHINE}):
@@ -270,7 +283,7 @@ async def join(
     if robot is not None:
         robots[name] = robot
     check_name(fleet)
-    clock = Clock(speed or 1.0)
+    clock = Clock(1.0 if speed is None else speed)
     seen = Seen(None if numbers is None else Path(numbers))
     async with _bus(router or DEFAULT_ROUTER, fleet, name, clock, wire, patience) as bus:
         try:

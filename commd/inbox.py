@@ -23,6 +23,8 @@ log = logging.getLogger("inbox")
 
 ANSWER_WITHIN = 2.0
 """Wall seconds after which `commd` is told how far the program has come; what it is not done with is offered again."""
+ASKING = 0.05
+"""The same while it waits for an answer: that may stand behind what `commd` is told of."""
 ROOM = 10_000
 """Messages that wait here for the program at most; the others wait at `commd`."""
 NUMBERINGS = 1_000
@@ -83,6 +85,8 @@ class Inbox:
         """The last ones whose time was over before the program came to them."""
         self._asked: dict[str, asyncio.Future[Message]] = {}
         """The questions whose answers are waited for."""
+        self._held: set[asyncio.Timeout] = set()
+        """Until when `commd` is told at the latest, of each batch."""
         self._changed = asyncio.Event()
         """Set and replaced whenever something came or is done."""
         self._answering = 0
@@ -106,11 +110,20 @@ class Inbox:
     @contextmanager
     def answer_to(self, question: str) -> Iterator[asyncio.Future[Message]]:
         """Wait for the answer to a question while the block runs."""
-        self._asked[question] = answer = asyncio.get_running_loop().create_future()
+        loop = asyncio.get_running_loop()
+        self._asked[question] = answer = loop.create_future()
+        for held in self._held:
+            if not held.expired():
+                held.reschedule(min(held.when() or 0, loop.time() + ASKING))
         try:
             yield answer
         finally:
             del self._asked[question]
+
+    @property
+    def undone(self) -> int:
+        """Messages that have come and that the program is not done with."""
+        return len(self._waiting)
 
     async def first(self, reader: Messages) -> Message:
         """Wait for the first message that is not done with; it stays the first until it is."""
@@ -183,9 +196,13 @@ class Inbox:
             self._pass_answers()
             self._notify()
             with suppress(TimeoutError):
-                async with asyncio.timeout(ANSWER_WITHIN):
-                    while not self._leaving and self._not_done(batch, refused):
-                        await self._changed.wait()
+                async with asyncio.timeout(ASKING if self._asked else ANSWER_WITHIN) as held_until:
+                    self._held.add(held_until)
+                    try:
+                        while not self._leaving and self._not_done(batch, refused):
+                            await self._changed.wait()
+                    finally:
+                        self._held.discard(held_until)
             later = dict.fromkeys(self._not_done(batch, refused), "the program is not done with it")
             query.reply(Receipt(taken=len(batch) - len(refused) - len(later), refused=refused, later=later))
         finally:

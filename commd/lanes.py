@@ -259,7 +259,7 @@ class Lanes:
             self._back(self._peer_of(lane.line))
         if answer.later:
             lane.after, lane.hung, lane.state = 0, False, next(iter(answer.later.values()))
-            if answer.taken:
+            if answer.taken or (last > known and ">" not in lane.line):  # it was offered something new
                 lane.pause = RETRY_FIRST
             self._pause(lane, LATER_MOST)
             return

@@ -5,6 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections import defaultdict
 from contextlib import aclosing
+from math import inf
+
+from msgspec.structs import replace
 
 from commd.bus import Bus, BusClosed
 from commd.letters import LARGEST
@@ -60,26 +63,37 @@ class Sending:
         in_reply_to: str,
         patience: float,
         identity: str = "",
+        until: float = inf,
     ) -> Message:
         """Send a message and return it once it is on disk. Raises NotSent, and which one says why.
 
-        `identity` is its id; none = one that is made of its number.
+        `identity` is its id; none = one that is made of its number. It is given up `until` a time of the loop's clock,
+        also when its turn has not come: then it has not left.
         """
-        async with self._turn[receiver]:
+        message = Message(
+            id=identity,
+            sender=self._name,
+            performative=performative,
+            receiver=receiver,
+            content=content,
+            in_reply_to=in_reply_to,
+            ttl=ttl,
+        )
+        turn = self._turn[receiver]
+        try:
+            async with asyncio.timeout_at(None if until == inf else until):
+                await turn.acquire()
+        except TimeoutError:
+            raise NotSent(message, f"commd has not answered for a message before it ({patience:g} s)") from None
+        try:
             header = self._bus.header(f"mail to {receiver}", self._name)
-            message = Message(
-                header=header,
-                id=identity or f"{self._name}.{header.boot}.{receiver}.{header.seq}",
-                sender=self._name,
-                performative=performative,
-                receiver=receiver,
-                content=content,
-                in_reply_to=in_reply_to,
-                ttl=ttl,
-            )
+            made = identity or f"{self._name}.{header.boot}.{receiver}.{header.seq}"
+            message = replace(message, header=header, id=made)
             self._last[receiver] = message
-            await self._hand_over(message, patience)
+            await self._hand_over(message, patience, until)
             return message
+        finally:
+            turn.release()
 
     async def send_again(self, message: Message, patience: float) -> None:
         """Send a message that had no answer. Raises ValueError if another one to its receiver went after it."""
@@ -88,7 +102,7 @@ class Sending:
                 raise ValueError(f"{message.id}: another message to {message.receiver} has been sent since")
             await self._hand_over(message, patience)
 
-    async def _hand_over(self, message: Message, patience: float) -> None:
+    async def _hand_over(self, message: Message, patience: float, until: float = inf) -> None:
         try:
             size = len(codec(Message).encode(message, self._bus.wire))
         except BadRecord as bad:
@@ -96,7 +110,7 @@ class Sending:
         if size > LARGEST:
             raise TooLarge(message, f"{size} bytes, expected at most {LARGEST}")
         loop = asyncio.get_running_loop()
-        until = loop.time() + patience
+        until = min(until, loop.time() + patience)
         while True:
             left = until - loop.time()
             reason, full = await self._ask(message, min(ANSWER_TIMEOUT, max(RETRY, left)))

@@ -21,6 +21,8 @@ class ScriptedCommd:
         self.asked: list[ServiceRequest] = []
         self.answers: list[Answer] = []
         """What the next batches are answered with; then all is taken."""
+        self.hangs = False
+        """Whether it says nothing at all."""
         self.answer_directory: Callable[[ServiceRequest], BoardServices] = lambda _: BoardServices(board="local")
         self._bus, self._name = bus, name
         bus.serve(keys.outbox(bus.fleet, name), Mail, self._take)
@@ -35,6 +37,8 @@ class ScriptedCommd:
 
     async def _take(self, query: Query[Mail]) -> None:
         assert query.record is not None
+        if self.hangs:
+            await asyncio.sleep(60)
         answer: Answer = Receipt(taken=len(query.record.messages))
         if self.answers:
             answer = self.answers.pop(0)

@@ -178,6 +178,29 @@ def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_not_ask
     on_a_bus(endpoint, body)
 
 
+def test_an_action_that_was_dropped_before_it_was_asked_for_is_cancelled_whatever_the_bridge_does(
+    endpoint: str,
+) -> None:
+    async def know_nothing(query: Query[Cancel]) -> None:
+        query.reply(ActionStatus(id="uav:b:1", state="refused", result=False, reason="no such action"))
+
+    async def body(connect: Connect) -> None:
+        acting, _, bridge, watch = await act(connect, None)
+        bridge.serve(keys.cancel(FLEET, "uav"), Cancel, know_nothing)
+        kept: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        performing = asyncio.create_task(acting.perform("uav:b:1", "takeoff", (5,), 30, kept=kept))
+        await asyncio.sleep(0)
+        await acting.cancel("uav:b:1")
+        await bridge.close()
+        await until(lambda: watch.gone, "the bridge is gone")
+        kept.set_result(None)
+        status = await asyncio.wait_for(performing, 20)
+        assert (status.state, status.reason) == ("cancelled", "the agent has dropped it")
+        assert acting.counters["asked_again"] == 0
+
+    on_a_bus(endpoint, body)
+
+
 def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(endpoint: str) -> None:
     asked: list[str] = []
 

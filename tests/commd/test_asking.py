@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from benchmarks.watched import watched
-from commd.client import Client, NoAnswer, Unanswered, join, parse, write
+from commd import inbox
+from commd.client import Client, NoAnswer, NotSent, Unanswered, join, parse, write
 from commd.inbox import Seen
 from schemas.records import Receipt
 from schemas.terms import Structure
@@ -61,6 +62,65 @@ def test_nobody_answers(endpoint: str) -> None:
         commd.answers = ["the disk is full"] * 100
         with pytest.raises(NoAnswer):
             await me.ask("scout", QUESTION, patience=0.3)
+
+    as_planner(endpoint, body)
+
+
+def test_who_asks_with_a_message_in_hand_has_the_answer_that_stands_behind_it(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(inbox, "ANSWER_WITHIN", 40.0)
+
+    async def body(me: Client, commd: ScriptedCommd) -> None:
+        held = asyncio.create_task(commd.offer(mail(1), patience=50))
+        reading = me.messages()
+        assert (await anext(reading)).content == 1
+        assert not held.done()
+        asking = asyncio.create_task(me.ask("scout", QUESTION, patience=20))
+        later = "the program is not done with it"
+        assert await asyncio.wait_for(held, 15) == Receipt(later={0: later}), "its commd may offer what is behind"
+        offer = commd.offer(mail(1), mail(2, in_reply_to=asked(commd)))
+        assert await asyncio.wait_for(offer, 15) == Receipt(later={0: later, 1: later})
+        assert await asking == 2
+
+    as_planner(endpoint, body)
+
+
+def test_who_reads_no_mail_is_told_that_an_answer_may_stand_behind_it(endpoint: str) -> None:
+    async def body(me: Client, commd: ScriptedCommd) -> None:
+        offered = asyncio.create_task(commd.offer(mail(1), mail(2), mail(1, sender="rescuer")))
+        with pytest.raises(Unanswered, match="no answer within 1 s; it may stand behind 3 messages that are not done"):
+            await me.ask("scout", QUESTION, patience=1)
+        await offered
+
+    as_planner(endpoint, body)
+
+
+def test_a_commd_that_says_nothing_is_no_agent_that_does_not_answer(endpoint: str) -> None:
+    async def body(me: Client, commd: ScriptedCommd) -> None:
+        commd.hangs = True
+        begun = asyncio.get_running_loop().time()
+        first, second = await asyncio.gather(
+            me.ask("scout", QUESTION, patience=1), me.ask("scout", QUESTION, patience=0.5), return_exceptions=True
+        )
+        assert asyncio.get_running_loop().time() - begun < 10
+        assert isinstance(first, NoAnswer)
+        assert isinstance(second, NotSent)
+        assert str(second) == "askOne to scout: commd has not answered for a message before it (0.5 s)"
+        commd.hangs = False
+        await me.send_again(first)
+        assert commd.taken[-1] == first.message
+
+    as_planner(endpoint, body)
+
+
+def test_an_answer_that_overtakes_the_word_of_commd_is_one(endpoint: str) -> None:
+    async def body(me: Client, commd: ScriptedCommd) -> None:
+        commd.answers = [None] * 100
+        asking = asyncio.create_task(me.ask("scout", QUESTION, patience=1))
+        await until(lambda: bool(commd.taken), "it has asked")
+        assert await commd.offer(mail(1, in_reply_to=asked(commd))) == Receipt(taken=1)
+        assert await asking == 1
 
     as_planner(endpoint, body)
 

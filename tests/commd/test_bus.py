@@ -269,6 +269,19 @@ def test_a_flood_is_bounded_and_what_did_not_fit_is_counted(endpoint: str, monke
     on_a_bus(endpoint, body)
 
 
+def test_a_session_that_ends_beside_a_flood_does_not_blame_its_router(
+    endpoint: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def body(connect: Connect) -> None:
+        bus = await connect()
+        for _ in range(1000):
+            bus._handover.put(time.sleep, 0.005)
+        await bus.close()
+        assert not [one for one in caplog.records if "hangs" in one.message]
+
+    on_a_bus(endpoint, body)
+
+
 def test_what_is_urgent_is_served_while_all_other_queries_wait(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("commd.bus.QUERIES", 3)
 

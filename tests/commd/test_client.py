@@ -66,6 +66,9 @@ def test_a_program_learns_who_is_there(endpoint: str) -> None:
         async with join("planner", fleet=FLEET, router=endpoint) as me:
             assert await me.there("planner")
             assert not await me.there("scout")
+            for no_name in ("*", "", "a/b"):
+                with pytest.raises(ValueError, match="Expected a name"):
+                    await me.there(no_name)
             scout = await connect("scout", "agentd")
             token = await scout.claim("scout")
             async with asyncio.timeout(20):
@@ -76,6 +79,16 @@ def test_a_program_learns_who_is_there(endpoint: str) -> None:
                     await asyncio.sleep(0.05)
 
     on_a_bus(endpoint, everything)
+
+
+@pytest.mark.parametrize("speed", [0, -1, 101, float("nan")])
+def test_a_speed_that_no_mission_may_have_is_none_for_a_program(speed: float) -> None:
+    async def body() -> None:
+        async with join("planner", fleet=FLEET, router="tcp/127.0.0.1:1", speed=speed, patience=0.1):
+            pass
+
+    with pytest.raises(NotJoined, match=f"speed: expected more than 0 and at most 100, got {speed}"):
+        asyncio.run(body())
 
 
 def test_what_is_sent_is_numbered_per_receiver_and_returned_when_it_is_taken(endpoint: str) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from commd import boxes
-from commd.lanes import OF_ONE, Lanes, NoAnswer
+from commd.lanes import OF_ONE, RETRY_FIRST, Lanes, NoAnswer
 from commd.letters import Waiting, letter
 from commd.mail_clock import MailClock
 from commd.store import open_store
@@ -67,6 +67,25 @@ def test_lines_of_a_full_peer_do_not_wake_one_another_while_a_third_board_is_awa
         async with lanes_of(tmp_path, ["a>b", "c>b", "a>z"], carry):
             await until(lambda: tries["a>b"] >= 4, "it is tried again, with pauses that double")
             assert tries["c>b"] <= 6
+
+    asyncio.run(body())
+
+
+def test_a_program_that_is_busy_with_one_message_is_soon_offered_more_after_what_is_new(tmp_path: Path) -> None:
+    pauses: dict[int, list[float]] = {1: [], 2: []}
+
+    async def body() -> None:
+        async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+            pauses[len(batch)].append(lanes._lanes[line].pause)
+            return Receipt(later=dict.fromkeys(range(len(batch)), "the program is not done with it"))
+
+        async with lanes_of(tmp_path, ["b"], carry) as (lanes, tally, _):
+            await until(lambda: len(pauses[1]) == 4, "it is offered again, with pauses that double")
+            more = [letter(message(2, "a", "b"), "b", None)]
+            await lanes._store.write(lambda db: boxes.put(db, tally, more, 0.0, None))
+            lanes.more("b")
+            await until(lambda: len(pauses[2]) >= 3, "what is new is offered with it")
+        assert pauses[2][:3] == [pauses[1][-1] * 2, RETRY_FIRST * 2, RETRY_FIRST * 4]
 
     asyncio.run(body())
 
