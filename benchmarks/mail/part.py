@@ -11,6 +11,7 @@ import tempfile
 import time
 from collections.abc import Awaitable, Callable
 from contextlib import AsyncExitStack
+from functools import partial
 from pathlib import Path
 from typing import Final, Literal, TypeVar
 
@@ -37,6 +38,8 @@ LETTERS: Final = 400
 BACKLOG: Final = 36_000
 """An hour at 10 messages a second."""
 QUEUED: Final = 100_000
+SETTLE: Final = 3.0
+"""Wall seconds until the memory of a daemon is looked at."""
 TOKENS: Final = 1_000
 _HAS: Final = ("asyncio", "msgspec", "sqlite3")
 """What commd has imported, and the bare process as well."""
@@ -112,8 +115,13 @@ async def _one(sender: Member, receiver: Member) -> float:
     return 1000 * (await asyncio.wait_for(arrived, 60) - begun)
 
 
-async def caught_up(folder: Path, synchronous: Synchronous, messages: int, *, board_away: bool) -> Caught:
-    """Let messages wait for one that is away, its daemon or its whole board; how it catches up, and how others fare."""
+async def caught_up(
+    folder: Path, synchronous: Synchronous, messages: int, *, board_away: bool, settle: float = 2.0, before: int = 100
+) -> Caught:
+    """Let messages wait for one that is away, its daemon or its whole board; how it catches up, and how others fare.
+
+    After `settle` seconds the latency of so many messages of others is measured `before` the backlog moves.
+    """
     names = {"ann": "b1", "bob": "b2", "cid": "b3" if board_away else "b2"}
     with boards(folder, names, synchronous, start=False) as made:
         made.start("b1")
@@ -125,8 +133,8 @@ async def caught_up(folder: Path, synchronous: Synchronous, messages: int, *, bo
             other = await stack.enter_async_context(member(made.endpoints["b1"], "ann"))  # a second hand of hers
             for _ in range(messages // BATCH):
                 await ann.post(["cid"] * BATCH)
-            await asyncio.sleep(2.0)
-            before = await _letters(other, bob, 100, TRICKLE)
+            await asyncio.sleep(settle)
+            alone = await _letters(other, bob, before, TRICKLE)
             if board_away:
                 made.start("b3")
             begun = time.monotonic()
@@ -139,22 +147,22 @@ async def caught_up(folder: Path, synchronous: Synchronous, messages: int, *, bo
                     raise BenchmarkFailed(f"{cid.came['ann']} of {whole} after 300 s")
                 meanwhile.append(await _one(other, bob))
                 await asyncio.sleep(TRICKLE)
-            return Caught(time.monotonic() - begun, before, spread(meanwhile))
+            return Caught(time.monotonic() - begun, alone, spread(meanwhile))
 
 
-async def resident(folder: Path, queued: int) -> Resident:
+async def resident(folder: Path, queued: int, settle: float = SETTLE) -> Resident:
     """MB of a commd beside those of a bare process that has what it is made of."""
     with boards(folder, {"ann": "b1", "bob": "b1"}, "full") as made:
         arguments = bare_process(f"tcp/127.0.0.1:{free_port()}", *_HAS, mode="router")
         with watched("bare", *arguments) as bare:
             bare.says("open")
             async with member(made.endpoints["b1"], "ann") as ann:
-                await asyncio.sleep(3.0)
+                await asyncio.sleep(settle)
                 pid = made.daemons["b1"].process.pid
                 empty = memory(pid, "VmRSS")
                 for _ in range(queued // BATCH):
                     await ann.post(["bob"] * BATCH)
-                await asyncio.sleep(3.0)
+                await asyncio.sleep(settle)
                 return Resident(memory(bare.process.pid, "VmRSS"), empty, memory(pid, "VmRSS"))
 
 
@@ -179,10 +187,11 @@ def measure(quick: bool) -> Figures:
     latency_full = in_folder(lambda at: latency(at, "full", letters))
     latency_normal = in_folder(lambda at: latency(at, "normal", letters))
     tell("a backlog")
-    agent_away = in_folder(lambda at: caught_up(at, "full", backlog, board_away=False))
-    board_away = in_folder(lambda at: caught_up(at, "full", backlog, board_away=True))
+    away = partial(caught_up, settle=0.5, before=20) if quick else caught_up
+    agent_away = in_folder(lambda at: away(at, "full", backlog, board_away=False))
+    board_away = in_folder(lambda at: away(at, "full", backlog, board_away=True))
     tell("memory")
-    held = in_folder(lambda at: resident(at, queued))
+    held = in_folder(lambda at: resident(at, queued, 0.5 if quick else SETTLE))
     tell("agents that write to one another, and one that asks who is there")
     return Figures(
         seconds=seconds,
