@@ -98,6 +98,6 @@ _DECLARED: Final = (
     "declared once, agents take turns to ask commd and to write to it. Not tried: health told more rarely in a crowd"
 )
 _GROWS: Final = (
-    "Which part of an agent grows with the number of the others is not known. Tried: what is the same for all agents "
-    "(programs, the mission, its manifests) is read and held once, keys that are used again are declared once"
+    "Which part of an agent grows with the number of the others is not known. Tried: manifests are read once for all "
+    "robots, keys that are used again are declared once"
 )

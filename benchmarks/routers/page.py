@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from benchmarks import plots
 from benchmarks.results import Origin
+from benchmarks.routers.load import SESSIONS
 
 if TYPE_CHECKING:
     from benchmarks.routers.part import Figures
@@ -35,6 +36,8 @@ def _links(figures: Figures) -> list[str]:
         f"While all bridges and agents started, {figures.starting['n1-s1'] / 1000:,.1f} kB crossed the link between "
         f"the sites, {figures.starting['n1-s1'] / (4 * figures.each):,.0f} bytes for each UAV with its agent: what "
         "they serve, what they hear and that they are there is declared to every router.",
+        "Bytes are those that the TCP connections between routers carry, both ways: what IP and TCP add to each packet "
+        "(headers, acknowledgements) is not in them.",
         f"Each agent that asks waits {figures.ask_every:g} s between an answer and its next question.",
     ]
 
@@ -53,7 +56,8 @@ def _router(figures: Figures) -> list[str]:
     paced = [one for one in figures.loads if one.wanted and one.came > 0.95 * one.wanted] or figures.loads
     fullest = max(paced, key=lambda one: one.came)
     return [
-        f"One router and percepts of {figures.payload} bytes, from 20 bridges to one who listens to all:",
+        f"One router and percepts of {figures.payload} bytes, from {SESSIONS} sessions (of one process) to one who "
+        "listens to all; a router without a commd's mail:",
         "",
         "| percepts a second: put | arrived | router, % of a core | of the router for each, us |",
         "|---|---|---|---|",
@@ -63,13 +67,29 @@ def _router(figures: Figures) -> list[str]:
             for one in figures.loads
         ),
         "",
-        f"At {fullest.microseconds:.1f} us for each a core of the router is full at {1e6 / fullest.microseconds:,.0f} "
-        f"percepts a second. Here {most.came:,.0f} a second arrived at most"
+        f"At {fullest.microseconds:.1f} us for each, all threads of the router together take a whole core at "
+        f"{1e6 / fullest.microseconds:,.0f} percepts a second. Here {most.came:,.0f} a second arrived at most"
         + (
             ": what is put beyond it is dropped, as percepts are, and repaired by the bridge's digest."
             if unpaced
             else "."
-        ),
+        )
+        + " That is a limit of this machine, not of a router: who puts and who listens, both in Python, share its "
+        "cores.",
+        *_uavs(figures, 1e6 / fullest.microseconds),
+    ]
+
+
+def _uavs(figures: Figures, full: float) -> list[str]:
+    """Say how many UAVs that makes."""
+    if not figures.percepts:
+        return []
+    return [
+        "",
+        f"One UAV that flies here tells {figures.percepts:.1f} percepts a second, as its bridge counts them. If each "
+        f"is heard by one, its agent, a core of a router is full at **about {full / figures.percepts:,.0f} UAVs**: by "
+        "calculation, not measured, and for percepts alone. A board's `commd` has more to do: mail, questions, health "
+        "and all that is declared; what it takes of a core is measured [above](#a-fleet-on-one-router).",
     ]
 
 

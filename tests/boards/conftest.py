@@ -16,7 +16,8 @@ BOARDS = ("pi1", "pi2", "pi3")
 
 
 @functools.cache
-def _why_not() -> str:
+def why_not() -> str:
+    """Return why namespaces cannot be made here; empty: they can."""
     try:
         possible()
     except NoNamespaces as error:
@@ -27,7 +28,7 @@ def _why_not() -> str:
 @pytest.fixture
 def network() -> Iterator[Network]:
     """Three boards and the ground."""
-    if why := _why_not():
+    if why := why_not():
         pytest.fail(why) if os.environ.get(NEEDED) else pytest.skip(why)
     with Network(BOARDS) as made:
         yield made
