@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 from collections import defaultdict
-from contextlib import aclosing
+from collections.abc import Iterable
+from contextlib import AsyncExitStack, aclosing, suppress
 from typing import Literal, TypeAlias
 
 from commd.bus import Bus, BusClosed
@@ -13,11 +14,12 @@ from schemas.codec import BadRecord
 from schemas.records import BoardServices, ServiceRequest
 
 PATIENCE = 5.0
-"""Wall seconds in which the directory answers, or a request has failed. A router that restarts takes less."""
+"""Wall seconds after which a request has failed, if the directory has answered nobody of this daemon meanwhile. A
+router that restarts takes less."""
 AGAIN = 0.2
 """Wall seconds between two attempts."""
 AT_ONCE = 16
-"""Requests of this daemon on their way at the same time; commd turns away what comes beyond 256."""
+"""Requests of this daemon on their way to one board at the same time; commd turns away what comes beyond 256."""
 Do: TypeAlias = Literal["join", "leave", "register", "deregister", "search", "subscribe"]
 
 
@@ -32,25 +34,45 @@ class NotDone(Exception):
         """What it wants the names of agents made at run time to begin with."""
 
 
+class _Line:
+    """Those who wait for the directory of one board."""
+
+    def __init__(self) -> None:
+        self.places = asyncio.Semaphore(AT_ONCE)
+        self._heard = float("-inf")
+
+    def heard(self) -> None:
+        """The directory has answered somebody: who waits for a turn does not wait in vain."""
+        self._heard = asyncio.get_running_loop().time()
+
+    def until(self, since: float) -> float:
+        """When a request that was made at a time has failed."""
+        return max(since, self._heard) + PATIENCE
+
+
 class Services:
     """The directory as the agents of this daemon ask it, each at its own board, one request after the other."""
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
         self._order: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
-        self._turn = asyncio.Semaphore(AT_ONCE)
+        self._lines: defaultdict[str, _Line] = defaultdict(_Line)
 
     async def ask(self, board: str, agent: str, do: Do, service: str = "") -> BoardServices:
         """Have something done. Raises NotDone."""
         request = ServiceRequest(agent=agent, do=do, service=service)
         loop = asyncio.get_running_loop()
-        async with self._order[agent], self._turn:  # what it waits for here is bounded in the same way
-            until = loop.time() + PATIENCE
-            answer, why = None, ""
-            while answer is None and (left := until - loop.time()) > 0:
-                answer, why = await self._ask(board, request, left)
-                if answer is None:
-                    await asyncio.sleep(min(AGAIN, left))
+        since, line = loop.time(), self._lines[board]
+        answer, why = None, "those before it have had no answer either"
+        async with AsyncExitStack() as held:
+            if await self._turn(held, (self._order[agent], line.places), line, since):
+                until = line.until(since)
+                while answer is None and (left := until - loop.time()) > 0:
+                    answer, why = await self._ask(board, request, left)
+                    if answer is None:
+                        await asyncio.sleep(min(AGAIN, left))
+                    else:
+                        line.heard()
         if answer is None:
             raise NotDone(f"the directory of board {board} does not answer: {why or 'its commd is not there'}", False)
         if answer.problem:
@@ -60,6 +82,22 @@ class Services:
     def done_with(self, agent: str) -> None:
         """An agent has ended."""
         self._order.pop(agent, None)
+
+    async def _turn(
+        self, held: AsyncExitStack, gates: Iterable[asyncio.Lock | asyncio.Semaphore], line: _Line, since: float
+    ) -> bool:
+        """Wait until it is the turn of a request, which `held` then holds; False when the directory is too silent."""
+        loop = asyncio.get_running_loop()
+        for gate in gates:
+            entered = False
+            while not entered:
+                if loop.time() >= (until := line.until(since)):
+                    return False
+                with suppress(TimeoutError):
+                    async with asyncio.timeout_at(until):
+                        await held.enter_async_context(gate)
+                        entered = True
+        return True
 
     async def _ask(self, board: str, request: ServiceRequest, seconds: float) -> tuple[BoardServices | None, str]:
         why = ""
