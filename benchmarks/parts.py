@@ -51,7 +51,7 @@ class Part:
 
 PARTS: Final[tuple[Part, ...]] = (
     Part("sizes", "benchmarks.paper.sizes", 0.1),
-    Part("usage", "benchmarks.paper.usage", 21.5),
+    Part("usage", "benchmarks.paper.usage", 36),
     Part("scale", "benchmarks.scale.part", 9),
     Part("crowd", "benchmarks.crowd.part", 5),
     Part("routers", "benchmarks.routers.part", 3),
@@ -59,7 +59,7 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("startup", "benchmarks.startup.part", 2),
     Part("footprint", "benchmarks.startup.footprints", 1.5),
     Part("reasoner", "benchmarks.reasoner.part", 5.5),
-    Part("small-boards", "benchmarks.small_boards.part", 3.5),
+    Part("small-boards", "benchmarks.small_boards.part", 7),
     Part("bridge", "benchmarks.bridge.part", 1.2),
     Part("mail", "benchmarks.mail.part", 3),
     Part("board", "benchmarks.board", 1.5),

@@ -62,7 +62,7 @@ def used(pid: int) -> float:
 
 
 async def costs(
-    endpoint: str, agentd: Watched, onlookers: Sequence[Onlooker], rounds: int, behind: float
+    endpoint: str, agentd: Watched, onlookers: Sequence[Onlooker], rounds: int, behind: float, warm_up: int = WARM_UP
 ) -> list[Cost]:
     """Measure all of them, each once a round, in another order each time, and nobody, too. Raises BenchmarkFailed.
 
@@ -74,7 +74,7 @@ async def costs(
     mixed = random.Random(1)
     async with open_bus(endpoint, fleet=FLEET, name="onlooker", daemon="bench", stamp=time.time_ns) as bus:
         bursts = _Bursts(endpoint, bus, agentd)
-        for _ in range(WARM_UP):
+        for _ in range(warm_up):
             await bursts.one(NOBODY, PAUSE)
         for _ in range(rounds):
             mixed.shuffle(order)

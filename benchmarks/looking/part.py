@@ -70,11 +70,13 @@ class Times:
     settle: float
     """Wall seconds before a stretch: who looks on has joined, who looked on before is gone."""
     seconds: float
-    """Wall seconds of a stretch."""
+    """Wall seconds of a stretch; it lasts until the daemon has told of its health twice in any case."""
+    warm_up: int = bursts.WARM_UP
+    """Bursts before the first that counts."""
 
 
 FULL: Final = Times(looks=120, hearings=60, rounds=4, ordinary=3, settle=1.2, seconds=2.4)
-QUICK: Final = Times(looks=3, hearings=2, rounds=1, ordinary=1, settle=0.3, seconds=2.2)
+QUICK: Final = Times(looks=3, hearings=2, rounds=1, ordinary=1, settle=0.2, seconds=0.4, warm_up=2)
 
 
 def measure(quick: bool) -> Figures:
@@ -82,8 +84,8 @@ def measure(quick: bool) -> Figures:
     times = QUICK if quick else FULL
     tell("what one look takes")
     with daemons("agents:\n  busy: {program: looking.asl}\ninject: true", bursts.PROGRAM) as (endpoint, agentd):
-        found = asyncio.run(bursts.costs(endpoint, agentd, (*LOOKS, CONTROL), times.looks, bursts.PAUSE))
-        found += asyncio.run(bursts.costs(endpoint, agentd, LISTENERS, times.hearings, bursts.HEARING))
+        found = asyncio.run(bursts.costs(endpoint, agentd, (*LOOKS, CONTROL), times.looks, bursts.PAUSE, times.warm_up))
+        found += asyncio.run(bursts.costs(endpoint, agentd, LISTENERS, times.hearings, bursts.HEARING, times.warm_up))
     tell("an agent that never rests")
     with daemons("agents:\n  busy: {program: looking.asl}", _BUSY) as (endpoint, _):
         watch, control = _in_turns(endpoint, ["busy"], [LOOKS[1], CONTROL], times.rounds, times)
@@ -150,7 +152,8 @@ def _ordinary(onlookers: Sequence[Onlooker], times: Times) -> tuple[float, list[
         talkers = [Talker(n, ("127.0.0.1", port)) for n in numbers]
         lasts = (2 * times.ordinary * len(onlookers) + 1) * (times.seconds + times.settle + 1.0) + 30
         threading.Thread(target=talk, args=(talkers, lasts, 0.0, lambda: None), daemon=True).start()
-        asyncio.run(stretch(endpoint, ["agent1"], NOBODY, 4 * times.settle, times.seconds))
+        if times is not QUICK:  # until the vehicles are known
+            asyncio.run(stretch(endpoint, ["agent1"], NOBODY, 4 * times.settle, times.seconds))
         found = _in_turns(endpoint, [f"agent{n}" for n in numbers], onlookers, times.ordinary, times)
     calm = [_share(one) for pairs in found for _, neighbours in pairs for one in neighbours]
     shares = [_more(onlooker, pairs) for onlooker, pairs in zip(onlookers, found, strict=True)]
