@@ -20,7 +20,7 @@ _FENCE: Final = re.compile(r"^(```|~~~).*?^\1", re.DOTALL | re.MULTILINE)
 _FIGURE: Final = re.compile(
     r"(?<![\w.,])\d[\d,.]*\s?"
     r"(?:ms|µs|us|ns|kB|MB|GB|KiB|MiB|GiB|%|per cent|times|msg/s|(?:messages|records|cycles)(?:/s| a second))(?!\w)"
-    r"|(?<![\w.,])\d+\.\d+ s(?!\w)|(?<!\w)x \d[\d.]*(?!\w)"
+    r"|(?<![\w.,])\d+\.\d+ s(?!\w)|(?<!\w)x \d[\d.]*(?!\w)|(?<![\w.,])\d[\d,.]*x(?!\w)"
 )
 
 _CODE: Final = re.compile(r"`[^`\n]+`")
@@ -81,7 +81,7 @@ def test_what_is_allowed_is_there_and_has_its_reason() -> None:
 def test_figures_are_found_where_they_are_typed_and_not_in_blocks_and_examples() -> None:
     text = """\
 A look takes 4.3 ms.
-Fast: 22 times python-agentspeak; 6,512 messages/s; x 3.5; 0.22 s; 7 % of a core; 40 MB
+Fast: 22 times python-agentspeak; 6,512 messages/s; x 3.5; 2.31x; 0.22 s; 7 % of a core; 40 MB; 0x1f, 2x2 boards
 Three daemons, 2 cores, 12 rows, version 1.10.2, port 7447, 30 s at most, `5 MB`.
 <!-- figures mail -->
 
@@ -93,7 +93,7 @@ up again after 1.2 s
 ```
 | 12 µs | and 3 GB |
 """
-    found = ["4.3 ms", "22 times", "6,512 messages/s", "x 3.5", "0.22 s", "7 %", "40 MB", "12 µs", "3 GB"]
+    found = ["4.3 ms", "22 times", "6,512 messages/s", "x 3.5", "2.31x", "0.22 s", "7 %", "40 MB", "12 µs", "3 GB"]
     assert typed(text) == found
 
 

@@ -21,7 +21,7 @@ NOT_RUN: Final[dict[Key, str]] = {
     ("CONTRIBUTING.md", ".venv/bin/python -m pytest"): "is what runs this",
     ("README.md", "make fly"): "makes a virtual environment from a package index, then `argosy run`",
     ("README.md", "make test"): "is what runs this",
-    ("docs/benchmarks.md", "make bench"): "an hour: tests/benchmarks/test_command.py tries it with parts of its own",
+    ("docs/benchmarks.md", "make bench"): "90 minutes: tests/benchmarks/test_command.py tries it with parts of its own",
     ("docs/drivers.md", "pip install"): _NETWORK,
     ("docs/drivers.md", "argosy check counting.yaml"): "tests/argosy/test_robots.py, with the package installed",
     ("docs/drivers.md", "argosy run counting.yaml"): "tests/argosy/test_robots.py, with the package installed",
