@@ -146,6 +146,7 @@ class Checkpoint:
         with self._lock, told(self.path, "written"):
             if self._database is None:
                 self._database, self._soft = open_database(self.path, self._agent, self._synchronous), False
+                self._marked = False  # the file may be another one
             if saving.soft != self._soft:
                 self._database.execute(f"PRAGMA synchronous={'NORMAL' if saving.soft else self._synchronous}")
                 self._soft = saving.soft

@@ -40,6 +40,8 @@ RETRY_FIRST, RETRY_MOST = 0.2, 5.0
 """Wall seconds between two attempts of a save that failed, doubling."""
 LAST_PATIENCE = 3.0
 """Wall seconds that the last save of an agent that leaves may take."""
+SLOW = 10.0
+"""Wall seconds after which a save that has not ended is told, and counts as one that fails: actions wait no more."""
 CLOSE_PATIENCE = 10.0
 """Wall seconds that the disk has to close the file, or to remove it; all agents of a daemon share its writer."""
 
@@ -73,6 +75,8 @@ class Keeping:
         self._ended: list[str] = []
         self._saving: asyncio.Future[None] | None = None
         """The save under way."""
+        self._slow: asyncio.TimerHandle | None = None
+        """Tells when the disk takes too long for it."""
         self._again = False
         """`look` was called meanwhile."""
         self._last = -OTHERS_EVERY
@@ -198,10 +202,19 @@ class Keeping:
 
     def _write(self, saving: Saving, done: Callable[[], None]) -> asyncio.Future[None]:
         """Hand a save to the writer, at once. Returns what ends when it is on disk."""
-        self._saving = saved = asyncio.get_running_loop().create_future()
+        loop = asyncio.get_running_loop()
+        self._saving = saved = loop.create_future()
+        self._slow = loop.call_later(SLOW, self._is_slow)
         self._again = False
         self._hand_in(saving, done, saved, RETRY_FIRST)
         return saved
+
+    def _is_slow(self) -> None:
+        """The disk neither takes the save under way nor refuses it."""
+        if not self.problem:
+            told = f"the disk has not answered for {SLOW:g} s"
+            log.error("agent=%s nothing is kept, and mail waits: %s", self._agent, told)
+            self.problem = f"agent {self._agent} cannot be kept, and its mail waits: {told}"
 
     def _hand_in(self, saving: Saving, done: Callable[[], None], saved: asyncio.Future[None], pause: float) -> None:
         loop = asyncio.get_running_loop()
@@ -251,6 +264,8 @@ class Keeping:
             self.problem = ""
         self.counters["saved"] += 1
         self._saving = None
+        if self._slow is not None:
+            self._slow.cancel()
         saved.set_result(None)
         done()
         outbox = self._mailing.outbox
@@ -275,6 +290,8 @@ class Keeping:
 
     async def close(self, forget: bool) -> None:
         """Close the file; `forget` removes it: nothing of this agent is to come back."""
+        if self._slow is not None:
+            self._slow.cancel()
         if self._saving is not None:
             self._saving.cancel()
             await asyncio.gather(self._saving, return_exceptions=True)

@@ -214,6 +214,36 @@ def test_a_save_that_fails_half_way_writes_nothing_and_can_be_saved_again(path: 
     assert (5, b"five") in stored.mind.beliefs
 
 
+class Failing:
+    """A connection of which nothing works any more but closing it."""
+
+    in_transaction = True
+
+    def __init__(self, database: sqlite3.Connection) -> None:
+        self._database = database
+
+    def execute(self, *_: object) -> None:
+        raise sqlite3.OperationalError("disk I/O error")
+
+    def close(self) -> None:
+        self._database.close()
+
+
+def test_what_is_saved_into_a_file_made_anew_is_read_by_the_next_life(path: Path) -> None:
+    checkpoint = Checkpoint.open(path, "scout")
+    checkpoint.save(FULL)
+    assert checkpoint._database is not None
+    checkpoint._database = Failing(checkpoint._database)  # type: ignore[assignment]
+    with pytest.raises(CheckpointError, match="disk I/O error"):
+        checkpoint.save(belief(5))
+    remove(path)
+    checkpoint.save(belief(5))
+    checkpoint.close()
+    stored = Checkpoint.open(path, "scout").read()
+    assert stored is not None
+    assert stored.mind.beliefs == [(5, b"x")]
+
+
 def test_a_full_disk_is_told_nothing_is_lost_and_the_same_save_succeeds_when_there_is_room(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -127,6 +127,31 @@ def test_a_full_disk_is_told_holds_up_mail_and_not_the_mind_and_goes_on_when_the
     on_a_bus(endpoint, body)
 
 
+def test_a_save_that_does_not_end_is_told_and_no_action_waits_for_it_or_is_remembered(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agentd.keeping.SLOW", 0.2)
+
+    async def body(connect: Connect) -> None:
+        agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
+        await until(lambda: bool(agent.disk.savings), "it is kept once")
+        agent.disk.open.clear()
+        agent.tell(Told("a", "tell", 1.0))
+        await until(lambda: bool(agent.host.health().notes), "the hanging disk is told")
+        assert "b cannot be kept, and its mail waits: the disk has not answered" in agent.host.health().notes[0]
+        keeping = agent.host._keeping
+        assert keeping is not None
+        for number in range(100):
+            assert keeping.begun(Action(id=f"b:1:{number}", agent="b", name="goto")).done()
+            keeping.ended(f"b:1:{number}")
+        assert (keeping._begun, keeping._ended) == ({}, [])
+        agent.disk.open.set()
+        await until(lambda: agent.host.health().notes == (), "it is kept again")
+        await agent.end()
+
+    on_a_bus(endpoint, body)
+
+
 def test_saves_that_nobody_waits_for_are_few_and_those_of_mail_hold_many_messages(
     endpoint: str, tmp_path: Path
 ) -> None:
