@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from bridged.arguments import BadArgument, read_arguments
 from bridged.board import PerceptBoard
 from bridged.body import Body
+from bridged.drivers import OURS
 from bridged.drivers.robot import Execution, Order, Outcome
 from bridged.guarded import Guarded
 from bridged.jobs import Follower, Job
@@ -232,9 +233,14 @@ class ActionDesk:
         accepted = replace(self._statuses.make(action, "accepted"), deadline=deadline)
         follower(accepted)
         self._publish(action.agent, accepted)
+        unknown = self._manifest.driver_of(entry) not in OURS
+        if unknown:
+            self._say_begun(action, arguments)  # first: should its driver not return, the log names the action
         execution = self._calls.perform(action.name, entry, arguments)
         progress = Progress(self._board, action.agent, action.name, entry)
-        job = Job(action, entry, execution, now + deadline, deadline, accepted, now, progress, arguments, [follower])
+        job = Job(
+            action, entry, execution, now + deadline, deadline, accepted, now, progress, arguments, [follower], unknown
+        )
         self._jobs[action.id] = job
         if execution.outcome is not None and execution.outcome.state != "succeeded":
             self._hold_for(taken)
@@ -324,8 +330,10 @@ class ActionDesk:
         """Write into the log that an action has begun; of one that is over at once, after its agent was told."""
         if not job.noted:
             job.noted = True
-            given = list(job.arguments.values())
-            log.info("robot=%s action %s %s%s", self.robot, job.action.id, job.action.name, given)
+            self._say_begun(job.action, job.arguments)
+
+    def _say_begun(self, action: Action, arguments: dict[str, Argument]) -> None:
+        log.info("robot=%s action %s %s%s", self.robot, action.id, action.name, list(arguments.values()))
 
     def _tell(self, job: Job, status: ActionStatus) -> None:
         job.tell(status)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from bridged.drivers.robot import Outcome
+from bridged.drivers.robot import Execution, Outcome
 from bridged.statuses import MAX_FIGURES, MAX_ID, MAX_REASON
 from schemas.codec import codec
 from schemas.records import ActionStatus
@@ -126,3 +128,20 @@ def test_what_an_action_was_asked_for_with_is_not_kept_on_disk(desk: Desk) -> No
     kept = desk.ledger.find("x")
     assert kept is not None
     assert (kept.agent, kept.name, kept.reason) == ("uav", "a0", refused[-1].reason)
+
+
+def test_an_action_stands_in_the_log_before_a_driver_that_may_never_return_is_called(
+    desk: Desk, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before: list[list[str]] = []
+    perform = desk.robot.perform
+
+    def called(*arguments: Any) -> Execution:
+        before.append(list(caplog.messages))
+        return perform(*arguments)
+
+    monkeypatch.setattr(desk.robot, "perform", called)
+    with caplog.at_level(logging.INFO, "actions"):
+        desk.ask("a0", id="1")
+    assert before == [["robot=r action 1 a0[]"]]
+    assert caplog.messages == before[0], "and once only"
