@@ -76,7 +76,7 @@ class Run:
     def not_served(self) -> list[str]:
         """What this size did not get in time, in words; none: it got everything."""
         wanted = self.size + (self.vehicles == "copters")
-        found = [f"{wanted - self.serving} agents did not serve their vehicle"] if self.serving < wanted else []
+        found = [f"agents that did not serve their vehicle: {wanted - self.serving}"] if self.serving < wanted else []
         if self.in_time < IN_TIME:
             found.append(f"{1 - self.in_time:.1%} of the positions were no belief when the next one was due")
         return found + [f"{what}: {count}" for what, count in self.missed.items() if count]
