@@ -111,7 +111,7 @@ def _why(one: Run) -> str:
         if one.busy >= FULL
         else f"the cores were busy for {one.busy:.0f} % of the time, so the reason is not known"
     )
-    return f"({what}): {reason}. {_TRIED}"
+    return f"{what}; {reason}. {_TRIED}"
 
 
 _TRIED: Final = (
