@@ -1,7 +1,7 @@
 """Measure everything, and write each table and plot: `make bench`.
 
 python -m benchmarks                  all parts, one after the other, each in a process of its own
-python -m benchmarks paper loop       these parts
+python -m benchmarks usage loop       these parts
 python -m benchmarks --pages          nothing is measured: pages and pictures are written from benchmarks/results
 """
 

@@ -213,6 +213,16 @@ def test_goals_stand_with_the_part_whose_they_are() -> None:
     assert rows[-1] == "| mail | p50 | 4x | 3x | met (busy machine) |"
 
 
+def test_results_of_a_busy_machine_are_marked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(results.load, "__defaults__", (tmp_path,))
+    monkeypatch.syspath_prepend(tmp_path)
+    (part,) = _parts("good")
+    assert not command.busy(part), "no results"
+    for load, others, busy in ((0.0, 0.4, False), (0.0, 0.9, True), (1.0, 0.0, True)):
+        results.save("good", results.here("x", load, others), {"speed": 1.0}, tmp_path)
+        assert command.busy(part) == busy
+
+
 def test_a_goal_that_cannot_be_decided_is_not_told_as_met_and_one_without_a_reason_is_told_so() -> None:
     assert line_of_goals([Goal("a", "1", "2", False, "both sides", decided=False)])[-1].endswith(
         "| **not decided** both sides |"
