@@ -13,6 +13,8 @@ from benchmarks.sampling import AGENT
 TITLES: Final = {SINGLE.mission: "single UAV", RESCUE.mission: "search and rescue"}
 BOARD_GOAL: Final = 1.1
 AGENT_MEMORY, AGENT_CPU = 1.3, 1.5
+ONE_PAIR: Final = "; of one pair of flights"
+"""Chance is not excluded then."""
 _CPU: Final = (
     "Taken to be the reason, not measured apart: AgentSpeak is interpreted by Python, so that each percept is held "
     "against beliefs and plans, where a program reads a value. Tried: a percept of the bus is known for one and no "
@@ -68,7 +70,7 @@ def _goal(figures: Figures, mission: str, speed: float, who: str) -> Goal:
     return Goal(
         f"{TITLES[mission]}, speed {speed:g}: {whose} in AgentSpeak beside Python",
         f"memory ≤ {memory:g}x, CPU ≤ {cpu:g}x",
-        ", ".join(map(str, ratios)) + _lost(figures, mission, speed),
+        ", ".join(map(str, ratios)) + (ONE_PAIR if len(ratios[0].pairs) == 1 else "") + _lost(figures, mission, speed),
         met,
         why,
         decided=met or bool(missed),

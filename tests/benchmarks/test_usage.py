@@ -89,7 +89,7 @@ def test_a_ratio_above_its_goal_is_missed_with_its_figures_and_what_was_tried() 
     assert [goal.met for goal in goals(pairs((told(1.05, 105), told(1, 100))))] == [True, True]
     board, agent = goals(pairs((told(1.05, 120), told(1, 100))))
     assert (board.met, board.decided, agent.met) == (False, True, True)
-    assert board.found == "RSS 1.20x, CPU 1.05x"
+    assert board.found == "RSS 1.20x, CPU 1.05x; of one pair of flights"
     assert "120.0 beside 100.0 MB" in board.why
     assert "Tried: no modules" in board.why
     _, agent = goals(pairs((told(1.6, 100), told(1, 100)), (told(1.7, 100), told(1, 100))))
