@@ -28,7 +28,7 @@ __all__ = ["Figures", "blocks", "goals", "in_short", "measure", "pictures"]
 
 SIDE_BY_SIDE: Final = 6
 """Flights at once, at most: 19 of them would wait for one another on two cores, and not for their limits."""
-LATE: Final = 0.25
+LATE: Final = 0.1
 """Wall seconds: when a daemon's loop without limits was later than this, the machine was too busy for any row."""
 QUICK_SPEED: Final = 5.0
 APART: Final = 2.5
