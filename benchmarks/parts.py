@@ -51,7 +51,7 @@ class Part:
 
 PARTS: Final[tuple[Part, ...]] = (
     Part("sizes", "benchmarks.paper.sizes", 0.1),
-    Part("usage", "benchmarks.paper.usage", 36),
+    Part("usage", "benchmarks.paper.usage", 30),
     Part("scale", "benchmarks.scale.part", 9),
     Part("crowd", "benchmarks.crowd.part", 5),
     Part("routers", "benchmarks.routers.part", 3),
