@@ -6,6 +6,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 import msgspec
 
+from schemas.first_use import FIRST_USE
 from schemas.records import VERSION, Record
 from schemas.terms import decode_hook
 
@@ -99,5 +100,6 @@ def codec(record: type[R]) -> Codec[R]:
     """Return the codec of a record type."""
     found = _CODECS.get(record)
     if found is None:
-        found = _CODECS[record] = Codec(record)
+        with FIRST_USE:
+            found = _CODECS[record] = Codec(record)
     return found

@@ -11,6 +11,7 @@ from typing import Any, TypeVar, get_args
 
 import msgspec
 
+from schemas import first_use
 from schemas.durations import decode_hook
 from schemas.files import read_text
 from schemas.findings import Finding, Findings
@@ -176,8 +177,8 @@ class _Reader:
         wrong = list(misfits(content, kind, decode_hook))
         bad = {where[0] for where, _ in wrong if where}
         try:
-            entry = msgspec.convert(
-                {field: value for field, value in content.items() if field not in bad}, kind, dec_hook=decode_hook
+            entry = first_use.convert(
+                {field: value for field, value in content.items() if field not in bad}, kind, decode_hook
             )
         except msgspec.ValidationError:  # a field is missing, or is needed and wrong
             entry = None

@@ -12,6 +12,7 @@ from typing import Any, TypeVar, get_args
 import msgspec
 import yaml
 
+from schemas import first_use
 from schemas.findings import Finding, Findings
 
 T = TypeVar("T")
@@ -126,7 +127,7 @@ def convert(
     value = _copy(value)
     for _ in range(MAX_FINDINGS):
         try:
-            found = msgspec.convert(value, model, dec_hook=dec_hook)
+            found = first_use.convert(value, model, dec_hook)
         except msgspec.ValidationError as error:
             path, finding = _explain(str(error), value, model, positions, at, removed)
             findings += [finding] if finding else []

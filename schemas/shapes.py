@@ -15,6 +15,7 @@ from typing import Any, Literal, Union, get_args, get_origin
 
 import msgspec
 
+from schemas import first_use
 from schemas.positions import did_you_mean
 
 Path = tuple[str, ...]
@@ -45,7 +46,7 @@ def misfits(value: object, model: Any, hook: Hook, path: Path = ()) -> Iterator[
             yield from misfits(item, get_args(array)[0], hook, (*path, str(index)))
     else:
         try:
-            msgspec.convert(value, model, dec_hook=hook)
+            first_use.convert(value, model, hook)
         except msgspec.ValidationError as error:
             yield path, _plain(error, value, options)
 
