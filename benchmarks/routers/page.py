@@ -88,9 +88,10 @@ def _uavs(figures: Figures, full: float) -> list[str]:
         "",
         f"One UAV that flies here tells {figures.percepts:.1f} percepts a second, as its bridge counts them. If each "
         f"is heard by one, its agent, a core of a router is full at **about {full / figures.percepts:,.0f} UAVs**: by "
-        "calculation, not measured, for percepts alone, and put by declared publishers, whose routes a router keeps: records "
-        "that daemons put without one cost it more, the more is declared. A board's `commd` has more to do: mail, questions, health "
-        "and all that is declared; what it takes of a core is measured [above](#a-fleet-on-one-router).",
+        "calculation, not measured, for percepts alone, and put by declared publishers, whose routes a router keeps: "
+        "records that daemons put without one cost it more, the more is declared. A board's `commd` has more to do: "
+        "mail, questions, health and all that is declared; what it takes of a core is measured "
+        "[above](#a-fleet-on-one-router).",
     ]
 
 
