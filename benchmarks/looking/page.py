@@ -117,6 +117,8 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         "",
         *line_of_goals(goals(figures)),
         "",
+        "![what agents lose by being looked at](figures/looking.svg)",
+        "",
         f"Processor time of agentd, all threads, for a burst of {STEPS} steps of a program, with and without somebody; "
         "medians of differences, in brackets their intervals of 95 %.",
         "",
