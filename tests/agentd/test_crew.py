@@ -186,7 +186,7 @@ def test_a_directory_that_does_not_answer_fails_the_plan_with_the_reason(tmp_pat
             with running("agentd", "serve", path) as agent:
                 for number in (1, 2):
                     text = f"[a] {number} action_failed the directory of board local does not answer: "
-                    await asyncio.to_thread(agent.says, text + "its commd is not there")
+                    await asyncio.to_thread(agent.says, text)  # and why: by itself, or as those before it
                 await asyncio.to_thread(agent.says, "the action .df_register(cook) fails: the directory of board local")
 
     asyncio.run(asyncio.wait_for(body(), 120))
