@@ -80,18 +80,22 @@ class Talker:
             self.send(self._made(kind))
 
     def answer(self) -> None:
-        """Acknowledge the commands that came in, as a vehicle does that takes all of them."""
+        """Read what came in, and answer."""
         while True:
             try:
                 data = self._socket.recv(4096)
             except BlockingIOError:
                 return
             for message in self._protocol.parse_buffer(bytearray(data)) or ():
-                if message.get_type() == "COMMAND_LONG" and message.target_system == self.system:
-                    sender = (message.get_srcSystem(), message.get_srcComponent())
-                    self.send(dialect.MAVLink_command_ack_message(message.command, 0, 0, 0, *sender))
-                    if message.param1 == dialect.MAVLINK_MSG_ID_HOME_POSITION:
-                        self.send(self._made("HOME_POSITION"))
+                self._take(message)
+
+    def _take(self, message: dialect.MAVLink_message) -> None:
+        """Acknowledge a command, as a vehicle does that takes all of them."""
+        if message.get_type() == "COMMAND_LONG" and message.target_system == self.system:
+            sender = (message.get_srcSystem(), message.get_srcComponent())
+            self.send(dialect.MAVLink_command_ack_message(message.command, 0, 0, 0, *sender))
+            if message.param1 == dialect.MAVLINK_MSG_ID_HOME_POSITION:
+                self.send(self._made("HOME_POSITION"))
 
     def _made(self, kind: str) -> dialect.MAVLink_message:
         make: dict[str, Any] = {

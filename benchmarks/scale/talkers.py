@@ -41,27 +41,14 @@ class Vehicle(Talker):
         super().__post_init__()
         self.beats: list[float] = []
 
-    def answer(self) -> None:
-        """Read what came in, and answer."""
-        while True:
-            try:
-                data = self._socket.recv(4096)
-            except BlockingIOError:
-                return
-            for message in self._protocol.parse_buffer(bytearray(data)) or ():
-                self._take(message)
-
     def _take(self, message: dialect.MAVLink_message) -> None:
         kind = message.get_type()
         if kind == "HEARTBEAT":
             self.beats.append(time.monotonic())
         elif kind == "PARAM_REQUEST_READ" and message.target_system == self.system:
             self.send(dialect.MAVLink_param_value_message(message.param_id.encode(), PARAMETER, 9, 1, 0))
-        elif kind == "COMMAND_LONG" and message.target_system == self.system:
-            sender = (message.get_srcSystem(), message.get_srcComponent())
-            self.send(dialect.MAVLink_command_ack_message(message.command, 0, 0, 0, *sender))
-            if message.param1 == dialect.MAVLINK_MSG_ID_HOME_POSITION:
-                self.tell("HOME_POSITION")
+        else:
+            super()._take(message)
 
 
 def talk(vehicles: list[Vehicle], every: int) -> Told:
