@@ -10,12 +10,14 @@ import faulthandler
 import itertools
 import logging
 import signal
+import warnings
 from collections.abc import Callable, Iterator
 from hashlib import sha256
 
 import pytest
 from hypothesis import HealthCheck, settings
 
+from commd.session import sessions_under_way, still_there
 from tests.support import ports
 
 settings.register_profile("exploring", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -32,6 +34,8 @@ END_PATIENCE = 60.0
 """Seconds that the interpreter has to end after the last test."""
 OTHERS_PATIENCE = 900.0
 """Seconds that one of several processes has: it ends only when the others have done their tests."""
+SESSION_PATIENCE = 5.0
+"""Seconds that a session which a test has left has to be open, or closed."""
 
 
 LONGEST = (
@@ -79,6 +83,17 @@ def loggers_as_they_were() -> Iterator[None]:
 def state_of_its_own(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let daemons that are told of no folder keep their state where no other test has kept any."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path_factory.getbasetemp() / "state" / str(next(_tests))))
+
+
+@pytest.fixture(autouse=True)
+def sessions_end() -> Iterator[None]:
+    """Name the test that leaves a Zenoh session in its opening or closing: it is no failure of those after it."""
+    before = sessions_under_way()
+    yield
+    own = [one for one in sessions_under_way() if one not in before]
+    if left := still_there(own, SESSION_PATIENCE):
+        names = ", ".join(one.name for one in left)
+        warnings.warn(f"after {SESSION_PATIENCE:g} s a Zenoh session is still {names}", stacklevel=1)
 
 
 @pytest.fixture

@@ -32,18 +32,21 @@ def test_what_is_put_arrives_typed_and_in_order(endpoint: str) -> None:
 
 
 @pytest.mark.parametrize("told", [True, False], ids=["told to stop", "left waiting"])
-def test_a_session_that_zenoh_never_opens_does_not_keep_a_daemon(told: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_session_that_zenoh_does_not_open_in_time_does_not_keep_a_daemon(
+    told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("commd.bus.OPEN_PATIENCE", 60.0 if told else 0.2)
     monkeypatch.setattr("commd.bus.STOP_PATIENCE", 0.2)
-    forever = """{mode: "router", transport: {link: {protocols: ["unixsock-stream"]}},
-      listen: {endpoints: ["tcp/127.0.0.1:0#exit_on_failure=true"], timeout_ms: -1, exit_on_failure: false}}"""
+    # three seconds: none of these waits so long, and no thread within Zenoh is left to the tests after it
+    long = """{mode: "router", transport: {link: {protocols: ["unixsock-stream"]}},
+      listen: {endpoints: ["tcp/127.0.0.1:0#exit_on_failure=true"], timeout_ms: 3000, exit_on_failure: false}}"""
 
     async def body() -> None:
         stop = asyncio.Event()
         if told:
             stop.set()
         who = {"fleet": "test", "name": "pi", "daemon": "commd", "mode": "router", "stop": stop}
-        config = zenoh.Config.from_json5(forever)
+        config = zenoh.Config.from_json5(long)
         with pytest.raises(BusClosed, match=r"Zenoh does not open a session for tcp/127\.0\.0\.1:0"):
             async with open_bus("tcp/127.0.0.1:0", stamp=lambda: 0, config=config, **who):
                 pass
