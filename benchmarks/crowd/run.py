@@ -26,7 +26,7 @@ SETTLE_EACH: Final = 0.01
 """Seconds before anything counts, and for each agent: services of a former life are forgotten meanwhile."""
 AT_ONCE: Final = 200
 """Agents that are told in one batch to begin."""
-_BOARD: Final = "b1"
+BOARD: Final = "b1"
 _PROGRAM: Final = """\
 secret(42).
 +ask(N, Pause)[source(S)] <- -ask(N, Pause)[source(S)]; .random(R); .wait(R * Pause); !ask(N, []).
@@ -96,14 +96,14 @@ async def crowd(folder: Path, agents: int, idle: float, each: int, pace: float) 
     Raises BenchmarkFailed.
     """
     with ExitStack() as stack:
-        mission = _mission(folder, agents)
+        mission = mission_of(folder, agents)
         router = f"tcp/127.0.0.1:{free_port()}"
-        where = ("serve", str(mission), "--router", router, "--state", str(folder / "state"), "--board", _BOARD)
+        where = ("serve", str(mission), "--router", router, "--state", str(folder / "state"), "--board", BOARD)
         commd = stack.enter_context(watched("commd", "-m", "commd", *where))
         await asyncio.to_thread(commd.says, "router board=")
         begun = time.monotonic()
         agentd = stack.enter_context(watched("agentd", "-m", "agentd", *where))
-        started = await until(lambda: _serves(agentd), "agentd serves", STARTING)
+        started = await until(lambda: serves(agentd), "agentd serves", STARTING)
         found = Crowd(agents, started, agentd.cpu(), 0, 0, 0, 0, 0)
         await asyncio.sleep(SETTLE + SETTLE_EACH * agents)
         used, since = (agentd.cpu(), commd.cpu()), time.monotonic()
@@ -123,21 +123,21 @@ async def crowd(folder: Path, agents: int, idle: float, each: int, pace: float) 
         return found
 
 
-def _serves(agentd: Watched) -> bool:
+def serves(agentd: Watched) -> bool:
     if agentd.process.poll() is not None:
         raise BenchmarkFailed("agentd ended: " + "\n".join(line for _, line in agentd.said[-5:]))
     return any("agents=" in line for _, line in agentd.said)
 
 
-def _mission(folder: Path, agents: int) -> Path:
+def mission_of(folder: Path, agents: int) -> Path:
     (folder / "asker.asl").write_text(_PROGRAM)
     ring = "\n".join(
-        f"  a{one}: {{program: asker.asl, board: {_BOARD}, beliefs: [behind(a{(one + 1) % agents})]}}"
+        f"  a{one}: {{program: asker.asl, board: {BOARD}, beliefs: [behind(a{(one + 1) % agents})]}}"
         for one in range(agents)
     )
     file = folder / "crowd.yaml"
     file.write_text(
-        f"mission: {FLEET}\nboards: {{{_BOARD}: {{}}}}\nagents:\n{ring}\nclients: {{probe: {{board: {_BOARD}}}}}\n"
+        f"mission: {FLEET}\nboards: {{{BOARD}: {{}}}}\nagents:\n{ring}\nclients: {{probe: {{board: {BOARD}}}}}\n"
     )
     return file
 
