@@ -30,7 +30,9 @@ def main(argv: list[str] | None = None, table: Sequence[Part] = PARTS) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(known)}")
+    parser.add_argument(
+        "parts", nargs="*", metavar="PART", help=f"of {', '.join(f'{one.name} ({one.minutes:g} min)' for one in table)}"
+    )
     parser.add_argument("--pages", action="store_true", help="measure nothing, write pages and pictures from results")
     parser.add_argument("--quick", action="store_true", help="only try everything: no results and no pages are written")
     args = parser.parse_args(argv)
@@ -48,7 +50,7 @@ def main(argv: list[str] | None = None, table: Sequence[Part] = PARTS) -> int:
     try:
         return _measured(chosen, table, args.quick)
     except KeyboardInterrupt:
-        print("ended; what was measured is in benchmarks/results", file=sys.stderr)
+        print("ended; parts that were done before are in benchmarks/results", file=sys.stderr)
         return 130
 
 
@@ -92,7 +94,12 @@ def _all_shown(table: Sequence[Part]) -> None:
 
 def all_goals(table: Sequence[Part] = PARTS) -> str:
     """Return the table of all goals of all parts that have results: the block `goals` of docs/benchmarks.md."""
-    return "\n".join(table_of_goals([Told(one.name, section_of(one), goals_of(one), busy(one)) for one in table]))
+    return "\n".join(table_of_goals([_told_of(one) for one in table]))
+
+
+def _told_of(one: Part) -> Told:
+    measured = summary.figures_of(one) is not None
+    return Told(one.name, section_of(one), goals_of(one), busy(one), measured)
 
 
 def goals_of(one: Part) -> list[Goal]:
@@ -104,7 +111,7 @@ def goals_of(one: Part) -> list[Goal]:
 
 def section_of(one: Part) -> str:
     """Return where the first block of a part stands, as a link from docs/benchmarks.md; empty without results."""
-    with contextlib.suppress(FileNotFoundError, msgspec.DecodeError, ImportError):
+    with contextlib.suppress(FileNotFoundError, msgspec.DecodeError, ImportError, KeyError):
         blocks = one.module().blocks(*results.load(one.name, one.module().Figures))
         return pages.section(next(iter(blocks)))
     return ""

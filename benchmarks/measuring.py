@@ -37,7 +37,8 @@ def measured_here(part: Part, quick: bool) -> int:
         load = results.load_before(0.1 if quick else 2.0)
         before, revision = results.moment(), results.revision()
         figures = module.measure(quick)
-        origin = results.here(f"make bench ARGS={part.name}", load, results.others(before), revision)
+        wanted = f'"{part.name} --quick"' if quick else part.name
+        origin = results.here(f"make bench ARGS={wanted}", load, results.others(before), revision)
     except (BenchmarkFailed, ImportError) as error:
         print(f"error: {part.name}: {error}", file=sys.stderr)
         return 1

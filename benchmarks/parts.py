@@ -86,11 +86,13 @@ class Told:
     goals: list[Goal]
     busy: bool = False
     """Others were at work on the machine while it was measured."""
+    measured: bool = True
+    """Whether there are results of it."""
 
 
 def line_of_goals(goals: list[Goal]) -> list[str]:
     """Return the rows of a table of goals."""
-    head = ["| figure | goal | measured | |", "|---|---|---|---|"]
+    head = ["| figure | goal | measured | |", "|---|---|---|---|"] if goals else []
     return head + [f"| {goal.title} | {goal.wanted} | {goal.found} | {_verdict(goal)} |" for goal in goals]
 
 
@@ -103,7 +105,7 @@ def table_of_goals(parts: list[Told]) -> list[str]:
         for one in parts
         for goal in one.goals
     ]
-    return head + rows
+    return head + rows + [f"| {one.name} | | | | **not measured** |" for one in parts if not one.measured]
 
 
 def tell(text: str) -> None:

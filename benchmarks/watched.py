@@ -17,6 +17,8 @@ from benchmarks.processes import BenchmarkFailed, lines, started
 
 PATIENCE: Final = 30.0
 """Seconds for words that a process is to say."""
+LONGEST: Final = 86_400.0
+"""Seconds for which a process is read: longer than any part may take, which ends it."""
 
 
 @dataclass
@@ -29,7 +31,7 @@ class Watched:
 
     def read(self) -> None:
         """Read until it ends; runs in a thread of its own."""
-        for line in lines(self.process):
+        for line in lines(self.process, LONGEST):
             self.said.append((time.monotonic(), line))
 
     def says(self, words: str) -> None:

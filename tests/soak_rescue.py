@@ -46,6 +46,8 @@ AIMED_SHARE = 0.35
 """Of the arrivals over a victim, those after which a daemon is killed."""
 AIM = 0.6
 """Wall seconds after an arrival, in which leave is asked for, the buoy dropped and reported: the kill falls there."""
+NORTH, HALF_WAY = "-27.602955", "-27.603404"
+"""Of the mission's area, and of its southern half."""
 MISSION = ROOT / "missions" / "search_and_rescue.yaml"
 BOARDS = ("pi1", "pi2", "pi3")
 _STARTED = re.compile(r"s  (?P<name>(?:commd|bridged|agentd) .*?): (?:re)?started, pid (?P<pid>\d+)")
@@ -73,11 +75,11 @@ class Course:
 
 
 def write_mission(folder: Path, seed: int, links: list[int], victims: int | None = None) -> Path:
-    """Write the mission with another world and other links to its vehicles."""
+    """Write the mission with another world and other links to its vehicles; with so many victims in half its area."""
     text = MISSION.read_text(encoding="utf-8")
     text = re.sub(r"seed: \d+", f"seed: {seed}", text)
     if victims is not None:
-        text = re.sub(r"victims: \d+", f"victims: {victims}", text)
+        text = re.sub(r"victims: \d+", f"victims: {victims}", text).replace(NORTH, HALF_WAY)
     for index, port in enumerate(links):
         text = text.replace(f"udpin:127.0.0.1:{14551 + index}", f"udpin:127.0.0.1:{port}")
     path = folder / MISSION.name

@@ -95,7 +95,8 @@ def goals(figures: Figures) -> list[Goal]:
 _DECLARED: Final = (
     "What the router of Zenoh does for a record, above all for one that nobody hears, grows with all that is declared; "
     "each agent declares keys of its own, and tells its health each second. Tried: keys that are used again are "
-    "declared once, agents take turns to ask commd and to write to it. Not tried: health told more rarely in a crowd"
+    "declared once, agents take turns to ask commd and to write to it. Not tried: health told more rarely in a crowd. "
+    "The larger a crowd, the fewer questions each of its agents asks, so that first words weigh more in it"
 )
 _GROWS: Final = (
     "Which part of an agent grows with the number of the others is not known. Tried: manifests are read once for all "

@@ -28,9 +28,10 @@ def _items(figures: Figures) -> list[str]:
         f"through all that its session has declared: with what {fleet.now['agents']:,.0f} agents serve, "
         f"{fleet.then['put']:.0f} µs of processor time for a record, now **{fleet.now['put']:.0f} µs**. A session "
         "declares each key that it uses a second time (`commd/known_keys.py`; ef5a668, 69763c6, bounded in 90e42bd).",
-        "2. **The same record, at the router: not mended.** The router walks as well, heard or not: "
-        f"{fleet.then['router']:.0f} µs of its processor time then, **{fleet.now['router']:.0f} µs** now. It is what "
-        "ends the talk of a crowd ([scaling.md](scaling.md#many-agents-in-one-daemon)). A *declared publisher*, whose "
+        "2. **The same record, at the router.** Not mended: the router walks as well, heard or not: "
+        f"{fleet.then['router']:.0f} µs of its processor time then, **{fleet.now['router']:.0f} µs** now. "
+        "It is taken to be what ends the talk of a crowd ([scaling.md](scaling.md#many-agents-in-one-daemon)). "
+        "A *declared publisher*, whose "
         "route a router keeps, takes it away; but a session that puts by one sends nothing until it has been told of a "
         "listener, and whether the access rules of a secured fleet let it be told of each was not shown. A record of "
         "health that does not come stops a robot, so this was left.",
@@ -44,9 +45,9 @@ def _items(figures: Figures) -> list[str]:
         f"then, **{percepts.now['agentd']:.0f} µs** now; in the bridge {percepts.then['bridged']:.0f} and "
         f"{percepts.now['bridged']:.0f} µs. Each woke a task and set a timer (6446a99), numbers and words were weighed "
         "as if they could be terms of any kind (9654dc5), and a union of types was made for each value (33bd4d2).",
-        f"5. **The start of a crowd: not mended.** An agentd with {crowd.now['agents']:,.0f} agents serves after "
+        f"5. **The start of a crowd.** An agentd with {crowd.now['agents']:,.0f} agents serves after "
         f"{crowd.then['start']:.1f} s then, **{crowd.now['start']:.1f} s** now ({crowd.then['agentd']:.1f} and "
         f"{crowd.now['agentd']:.1f} s of its processor time). Its agents ask commd in turn, so that none is turned "
-        "away (9bb4493), which is no faster where nobody was. What is left is each agent's own: its claim, its "
+        "away (9bb4493): not made faster otherwise. What it takes is each agent's own: its claim, its "
         "checkpoint, and what it declares, which costs the more the more is declared.",
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ from typing import Final
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import ROOT
 
+CODE: Final = ("schemas", "commd", "bridged", "agentd", "argosy", "benchmarks")
 OURS: Final = ("benchmarks", "tests/support")
 """Folders that are taken as they are now."""
 
@@ -28,7 +30,7 @@ def tree(revision: str) -> Iterator[Path]:
         if done.returncode:
             raise BenchmarkFailed(
                 f"revision {revision} is not in this clone ({done.stderr.strip() or 'git failed'}); "
-                "a shallow clone has it after `git fetch --unshallow`"
+                "a clone has its whole history after `git fetch --unshallow`, a copy without .git has none"
             )
         shutil.unpack_archive(archive, folder, filter="data")
         archive.unlink()
@@ -37,4 +39,6 @@ def tree(revision: str) -> Iterator[Path]:
             shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__", "results"))
         results = "benchmarks/results"
         shutil.copytree(ROOT / results, folder / results)
+        # as `make bench` does here: otherwise what is started there would compile all at each start
+        subprocess.run([sys.executable, "-m", "compileall", "-q", *(str(folder / name) for name in CODE)], check=False)
         yield folder

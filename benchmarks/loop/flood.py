@@ -30,7 +30,7 @@ IN_TIME: Final = 0.98
 """Of the changes a second that are wanted so many have to be made: by less the rate was not tried."""
 PATIENCE: Final = 8.0
 """Seconds after which events do not come any more."""
-_LOST: Final = ("drops", "bad_input", "percepts_missed", "samples_dropped", "percepts_unreadable", "percepts_stale")
+_LOST: Final = ("drops", "bad_input", "percepts_missed", "samples_dropped", "percepts_unreadable")
 """Figures of the daemons' health that must stay 0. What a set of percepts drops for lack of room stands in `drops`."""
 
 

@@ -114,6 +114,11 @@ def _what_was_lost(floods: list[Flood]) -> str:
     if not last.in_time:
         return f"of {last.rate:,.0f} changes a second the sender here made {last.reached:,.0f}; {_TRIED}"
     lost = ", ".join(f"{name} {value:,.0f}" for name, value in last.lost.items())
+    missing = last.changes - last.heard
+    if not lost and missing:
+        lost = f"{missing:,} events did not come"
+    if not lost and last.disorder:
+        lost = f"out of order: {last.disorder[0]}"
     late = "the last event never came" if last.behind < 0 else f"the last event came {last.behind:.2f} s late"
     return f"at {last.reached:,.0f} a second: {lost or late}; why just there is not known; {_TRIED}"
 
@@ -136,7 +141,8 @@ def _latencies(figures: Figures) -> Iterator[str]:
     yield (
         f"{len(figures.kept.put)} turns each; µs; percepts of {said['percept']} bytes, actions of {said['action']}, "
         f"statuses of {said['status']}. *Bare* are exchanges of the same sizes between two Python processes with a "
-        "session and a callback each, through the same router, in turn with the loop."
+        "session each, through the same router, in turn with the loop: one waits for what comes, the other answers in "
+        "its callback, as the daemons hear."
     )
     yield ""
     yield "| | bare exchanges in it | p50 | p99 | max | times the bare ones: p50 | p99 |"

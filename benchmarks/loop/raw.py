@@ -92,7 +92,11 @@ def _echo(endpoint: str, size: int) -> None:
             with query:
                 query.reply(ASK, answer)
 
-        declared = session.declare_subscriber(PUT, back), session.declare_queryable(ASK, reply)
+        # as the daemons hear: in Zenoh's own thread, without a further one
+        declared = (
+            session.declare_subscriber(PUT, zenoh.handlers.Callback(back, indirect=False)),
+            session.declare_queryable(ASK, zenoh.handlers.Callback(reply, indirect=False)),
+        )
         print("ready", flush=True)
         threading.Event().wait(LONGEST)
         del declared

@@ -27,7 +27,7 @@ ENOUGH: Final = 0.9
 TRIED: Final = 0.5
 """The same of flights that only try, on a machine that may be busy."""
 FLIGHTS: Final = ((SINGLE, 1.0, 2), (SINGLE, 5.0, 3), (RESCUE, 1.0, 1), (RESCUE, 5.0, 3))
-"""Mission, speed, and pairs of flights. One of search and rescue at speed 1 takes a quarter of an hour."""
+"""Mission, speed, and pairs of flights. That of search and rescue at speed 1 takes a quarter of an hour."""
 QUICK: Final = ((SINGLE, 20.0, 1), (RESCUE, 25.0, 1))
 COURSES: Final = {(SINGLE.mission, 1.0), (RESCUE.mission, 1.0)}
 """Whose samples are kept, to be drawn."""

@@ -7,7 +7,7 @@ from typing import Final
 from benchmarks import peers
 from benchmarks.flights import RESCUE, SINGLE
 from benchmarks.paper.usage_figures import ALL, BDI, BOARD, IMPERATIVE, Figures, Measured, Usage
-from benchmarks.paper.usage_goals import TITLES, alone
+from benchmarks.paper.usage_goals import ONE_PAIR, TITLES, alone
 from benchmarks.results import Origin
 from benchmarks.sampling import AGENT, ROLES
 
@@ -28,9 +28,10 @@ def in_short(figures: Figures) -> list[str]:
             continue
         mine, its = (figures.of(mission, speed, approach).row(BOARD) for approach in APPROACHES)
         cpu, memory = theirs[TITLES[mission]]
+        one = ONE_PAIR if len(figures.pairs(mission, speed)) == 1 else ""
         rows.append(
             f"| agents instead of imperative programs, {TITLES[mission]}: a board's processor and memory "
-            f"| {mine.cpu.mean / its.cpu.mean:.2f}x, {mine.rss.mean / its.rss.mean:.2f}x "
+            f"| {mine.cpu.mean / its.cpu.mean:.2f}x, {mine.rss.mean / its.rss.mean:.2f}x{one} "
             f"| Jason in the paper {cpu:.2f}x, {memory:.2f}x ([measured](docs/benchmarks.md#processor-and-memory)) |"
         )
     return rows

@@ -66,7 +66,7 @@ def _points(told: list[Run], name: str) -> list[tuple[float, float]]:
 
 
 def _table(told: list[Run]) -> list[str]:
-    rows = ["| | at rest | each UAV | off | grows as | off |", "|---|---|---|---|---|---|"]
+    rows = ["| | without a UAV, by the line | each UAV | off | grows as | off |", "|---|---|---|---|---|---|"]
     for name in (*DAEMONS, "the three together"):
         points = _points(told, name)
         line = fits.line(points)

@@ -96,7 +96,7 @@ def test_a_try_shows_blocks_and_goals_and_writes_nothing(capfd: pytest.CaptureFi
     assert command.main(["--quick"], _parts("good")) == 0
     out, err = capfd.readouterr()
     assert "speed 7.0" in out
-    assert "Measured by `make bench ARGS=good`" in out
+    assert 'Measured by `make bench ARGS="good --quick"`' in out
     assert "| speed | at least 9 | 7.0 | **missed** for want of trying |" in out
     assert "[1 of 1] good: a try" in err
     assert not (results.RESULTS / "good.json").exists()
@@ -158,7 +158,7 @@ def test_nothing_outlives_the_command(number: int, tmp_path: Path) -> None:
             _until(lambda: not _there(part), "the part ends with the command")
         else:
             assert code == 130
-            assert bench.text.endswith("ended; what was measured is in benchmarks/results")
+            assert bench.text.endswith("ended; parts that were done before are in benchmarks/results")
             assert "good" not in bench.text.partition("]")[2], "no other part is begun"
             assert _there(part + _started(tmp_path, "hangs")) == []
     finally:
@@ -234,7 +234,7 @@ def test_the_cheapest_part_can_be_tried(capfd: pytest.CaptureFixture[str]) -> No
     cheapest = min(PARTS, key=lambda part: part.minutes)
     assert command.main([cheapest.name, "--quick"]) == 0
     out, err = capfd.readouterr()
-    assert f"Measured by `make bench ARGS={cheapest.name}`" in out
+    assert f'Measured by `make bench ARGS="{cheapest.name} --quick"`' in out
     assert f"{cheapest.name}: done" in err
 
 

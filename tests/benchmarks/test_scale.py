@@ -120,7 +120,7 @@ def test_what_is_missed_is_told_with_the_size_at_which_it_was_and_what_was_tried
     assert "| UAVs | actions timed out |\n|---|---|\n| 100 talkers | 7 |" in text
     assert "outgrown at 100 UAVs" in text
     assert "agents that did not serve their vehicle: 1; 25.0% of the positions were no belief" in text
-    served, late, _ = scale.goals(figures)
+    served, late, *_ = scale.goals(figures)
     assert (served.met, served.found) == (False, "99, 7 missed")
     assert (late.met, late.found) == (False, "75.0% (p99 of those that came: 340 ms)")
     for one in (served, late):
