@@ -60,18 +60,18 @@ def split(stamps: dict[str, list[int]], windows: Sequence[tuple[int, int]]) -> l
     """Return how long each stage took, us, loop by loop: one list for each stage.
 
     `windows` are the begin and end of each loop, ns; in each, the first stamp of a kind after the stage before counts.
-    A loop that lacks one is left out. Zenoh may hand a sample over before the call that put it has come back: such a
-    stage takes no time.
+    A loop that lacks one is left out. Zenoh may hand a sample over, and its receiver take it, before the call that put
+    it has come back: stages that begin before the one before them was over take no time until it was.
     """
     split: list[list[float]] = [[] for _ in STAGES]
     for begun, ended in windows:
-        spent, last = list[float](), begun
+        spent, last, passed = list[float](), begun, begun
         for stage in STAGES:
-            moment = _first(stamps.get(stage.stamp, []), begun if stage.who == "bus" else last, ended)
+            moment = _first(stamps.get(stage.stamp, []), begun if stage.who == "bus" else passed, ended)
             if moment is None:
                 break
             spent.append(max(0, moment - last) / 1000)
-            last = max(last, moment)
+            last, passed = max(last, moment), moment
         else:
             for of, one in zip(split, spent, strict=True):
                 of.append(one)

@@ -60,6 +60,11 @@ def test_stages_are_split_loop_by_loop(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(msgspec.json.encode(noted))
     read = stages.read(tmp_path / name for name in files)
     assert stages.split(read, [(1_000_000, 2_000_000)]) == [[1.0] for _ in stamps]
+    late = {**read, "action put": [1_010_500]}  # behind what the bridge has done with it
+    spent = [one for (one,) in stages.split(late, [(1_000_000, 2_000_000)])]
+    assert sum(spent) == len(stamps), "no time is lost, and none counts twice"
+    assert spent[stamps.index("action put")] > 1
+    assert spent[stamps.index("action arrived")] == spent[stamps.index("action taken")] == 0
     assert stages.split(read, [(3_000_000, 4_000_000)]) == [[] for _ in stamps], "a loop without stamps is left out"
     with pytest.raises(BenchmarkFailed, match="no stamps of nothing"):
         stages.read([tmp_path / "nothing"])
