@@ -25,8 +25,8 @@ def block(origin: Origin, figures: Figures, boards: Sequence[Board], system: flo
         f"{dmips:,.0f} DMIPS, 10 per MHz at 4 GHz. On a slower machine than that a board is given less than it has.",
         "\n".join(_given(boards, system)),
         f"At most {figures.side_by_side} flights were flown side by side, and their simulators; {figures.busy:.1f} "
-        "cores of the machine were busy meanwhile. Those without limits were flown among them: what they are late by "
-        f"is the neighbours', at worst {max(one.lag for one in figures.free):.2f} s. Only memory and the share of a "
+        "cores of the machine were busy meanwhile. The two without limits were flown before them, side by side, and "
+        f"were late by {max(one.lag for one in figures.free):.2f} s at worst. Only memory and the share of a "
         "core are limited. **Not modelled**: a small board's caches and memory bandwidth, its SD card, a processor of "
         "32 bits with a build of Python and libraries of its own.",
         "\n".join(_flights([*figures.free, *figures.boards])),
