@@ -66,7 +66,8 @@ def _goal(figures: Figures, mission: str, speed: float, who: str) -> Goal:
         why = _why(figures.of(mission, speed, BDI), figures.of(mission, speed, IMPERATIVE), who, missed)
     elif doubtful:
         why = "; ".join(f"{one.what} of the pairs {min(one.pairs):.2f}x to {max(one.pairs):.2f}x" for one in doubtful)
-        why += ": from one flight to the next more changes than is asked"
+        why += ": from one flight to the next more changes than is asked. "
+        why += "Tried: pairs in changing order, means by what was spent"
     return Goal(
         f"{TITLES[mission]}, speed {speed:g}: {whose} in AgentSpeak beside Python",
         f"memory ≤ {memory:g}x, CPU ≤ {cpu:g}x",

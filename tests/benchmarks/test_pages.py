@@ -55,7 +55,7 @@ def silent(goals: list[Goal]) -> list[str]:
     return [
         goal.title
         for goal in goals
-        if not goal.met and (len(goal.why) < 40 or not re.search(r"\btried\b|\bnot known\b", goal.why))
+        if not goal.met and (len(goal.why) < 40 or not re.search(r"(?i)\btried\b|\bnot known\b", goal.why))
     ]
 
 
