@@ -129,7 +129,9 @@ def pictures(figures: Figures) -> dict[str, str]:
     sizes = [one.agents for one in crowds]
     with plots.figure(2) as (made, axes):
         axes[0].plot(sizes, [one.rss for one in crowds], "o-", color=plots.COLOURS["agentd"], label="agentd, MB")
-        axes[1].plot(sizes, [one.cpu_start for one in crowds], "o-", label="start, s of processor time")
+        axes[1].plot(
+            sizes, [one.cpu_start for one in crowds], "o-", color="#666666", label="start, s of processor time"
+        )
         axes[1].plot(
             sizes, [one.idle for one in crowds], "o-", color=plots.COLOURS["agentd"], label="agentd, % at rest"
         )

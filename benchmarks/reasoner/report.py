@@ -113,7 +113,7 @@ def picture(results: list[Result]) -> str:
         axes.set_xscale("log")
         axes.axvline(1, color="black", lw=0.5)
         axes.set_yticks([-place for place in places], [f"{row.key} {row.operation}" for row, _ in shown])
-        axes.set_xlabel("times python-agentspeak's speed, warm; diamond: Jason 3.3 elsewhere; line: what is asked for")
+        axes.set_xlabel("times python-agentspeak's speed; diamond: Jason 3.3, elsewhere; line: asked for")
         axes.grid(visible=False, axis="y")
         return plots.svg(made)
 

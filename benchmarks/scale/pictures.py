@@ -69,4 +69,4 @@ def _axes(axes: Any, what: str) -> None:
     axes.set_yscale("log")
     axes.set_xlabel("UAVs")
     axes.set_ylabel(what)
-    axes.legend(fontsize=7)
+    axes.legend(fontsize=7, handlelength=3.5)

@@ -180,5 +180,5 @@ def picture(figures: Figures, limits: dict[str, float]) -> str:
         right.set_xlabel("% of one core here for the whole board")
         right.set_ylabel("s")
         right.set_ylim(bottom=-5)
-        right.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
+        right.legend(fontsize=7, handlelength=3.5, loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
         return plots.svg(made)
