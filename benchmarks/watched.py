@@ -34,13 +34,13 @@ class Watched:
         for line in lines(self.process, LONGEST):
             self.said.append((time.monotonic(), line))
 
-    def says(self, words: str) -> None:
+    def says(self, words: str, patience: float = PATIENCE) -> None:
         """Wait until it has said `words`. Raises BenchmarkFailed."""
-        until = time.monotonic() + PATIENCE
+        until = time.monotonic() + patience
         while not any(words in line for _, line in self.said):
             if self.process.poll() is not None or time.monotonic() > until:
                 last = "\n".join(line for _, line in self.said[-5:])
-                raise BenchmarkFailed(f"{self.name} did not say `{words}` within {PATIENCE:g} s; last:\n{last}")
+                raise BenchmarkFailed(f"{self.name} did not say `{words}` within {patience:g} s; last:\n{last}")
             time.sleep(0.02)
 
     def cpu(self) -> float:

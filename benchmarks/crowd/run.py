@@ -27,6 +27,8 @@ SETTLE_EACH: Final = 0.01
 AT_ONCE: Final = 200
 """Agents that are told in one batch to begin."""
 BOARD: Final = "b1"
+SERVES: Final = "agents="
+"""What an agentd says when all its agents are there."""
 _PROGRAM: Final = """\
 secret(42).
 +ask(N, Pause)[source(S)] <- -ask(N, Pause)[source(S)]; .random(R); .wait(R * Pause); !ask(N, []).
@@ -103,7 +105,8 @@ async def crowd(folder: Path, agents: int, idle: float, each: int, pace: float) 
         await asyncio.to_thread(commd.says, "router board=")
         begun = time.monotonic()
         agentd = stack.enter_context(watched("agentd", "-m", "agentd", *where))
-        started = await until(lambda: serves(agentd), "agentd serves", STARTING)
+        await asyncio.to_thread(agentd.says, SERVES, STARTING)
+        started = time.monotonic() - begun
         found = Crowd(agents, started, agentd.cpu(), 0, 0, 0, 0, 0)
         await asyncio.sleep(SETTLE + SETTLE_EACH * agents)
         used, since = (agentd.cpu(), commd.cpu()), time.monotonic()
@@ -123,13 +126,8 @@ async def crowd(folder: Path, agents: int, idle: float, each: int, pace: float) 
         return found
 
 
-def serves(agentd: Watched) -> bool:
-    if agentd.process.poll() is not None:
-        raise BenchmarkFailed("agentd ended: " + "\n".join(line for _, line in agentd.said[-5:]))
-    return any("agents=" in line for _, line in agentd.said)
-
-
 def mission_of(folder: Path, agents: int) -> Path:
+    """Write the mission and its program to a folder. Returns its file."""
     (folder / "asker.asl").write_text(_PROGRAM)
     ring = "\n".join(
         f"  a{one}: {{program: asker.asl, board: {BOARD}, beliefs: [behind(a{(one + 1) % agents})]}}"

@@ -16,9 +16,10 @@ from typing import Final
 
 import msgspec
 
-from benchmarks.crowd.run import BOARD, STARTING, mission_of, serves
+from benchmarks.crowd.run import BOARD, SERVES, STARTING, mission_of
 from benchmarks.loop import flood, latency
 from benchmarks.processes import BenchmarkFailed
+from benchmarks.routers.load import ROUTER
 from benchmarks.spread import percentile
 from benchmarks.watched import watched
 from commd.bus import open_bus
@@ -56,22 +57,19 @@ def crowd(quick: bool) -> Found:
         commd.says("router board=")
         used, begun = commd.cpu(), time.monotonic()
         agentd = stack.enter_context(watched("agentd", "-m", "agentd", *where))
-        while not serves(agentd):
-            if time.monotonic() - begun > STARTING:
-                raise BenchmarkFailed(f"agentd does not serve within {STARTING:g} s")
-            time.sleep(0.02)
+        agentd.says(SERVES, STARTING)
         taken = time.monotonic() - begun
         return {"agents": agents, "start": taken, "agentd": agentd.cpu(), "commd": commd.cpu() - used}
 
 
 def fleet(quick: bool) -> Found:
     """Records of a session that serves what agents serve: processor time of it and of its router, microseconds each."""
-    return asyncio.run(_fleet(20 if quick else 1000, 200 if quick else 4000))
+    return asyncio.run(_fleet(20, 200, 0.2) if quick else _fleet(1000, 4000, 5.0))
 
 
-async def _fleet(agents: int, records: int) -> Found:
+async def _fleet(agents: int, records: int, settle: float) -> Found:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    with watched("router", "-c", _ROUTER, endpoint) as router:
+    with watched("router", "-c", ROUTER, endpoint) as router:
         router.says("ready")
         async with open_bus(endpoint, fleet=FLEET, name="b1", daemon="agentd", stamp=time.time_ns, patience=20) as bus:
             for number in range(agents):
@@ -82,7 +80,7 @@ async def _fleet(agents: int, records: int) -> Found:
             names = [keys.health(FLEET, f"a{number}", "agentd") for number in range(agents)]
             for name in (*names, *names):  # of a key that is used again
                 bus.put(name, told)
-            await asyncio.sleep(0.2 if agents < 1000 else 5.0)
+            await asyncio.sleep(settle)
             own, of_router = time.process_time(), router.cpu()
             for number in range(records):
                 bus.put(names[number % agents], told)
@@ -95,15 +93,6 @@ async def _fleet(agents: int, records: int) -> Found:
 
 async def _nothing(query: object) -> None:
     """Nobody asks."""
-
-
-_ROUTER: Final = """\
-import sys, time, zenoh
-from commd.session import session_config
-with zenoh.open(session_config("router", sys.argv[1], "router")):
-    print("ready", flush=True)
-    time.sleep(300)
-"""
 
 
 def percepts(quick: bool) -> Found:

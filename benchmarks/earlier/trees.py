@@ -36,9 +36,7 @@ def tree(revision: str) -> Iterator[Path]:
         archive.unlink()
         for name in OURS:
             shutil.rmtree(folder / name, ignore_errors=True)
-            shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__", "results"))
-        results = "benchmarks/results"
-        shutil.copytree(ROOT / results, folder / results)
+            shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
         # as `make bench` does here: otherwise what is started there would compile all at each start
-        subprocess.run([sys.executable, "-m", "compileall", "-q", *(str(folder / name) for name in CODE)], check=False)
+        subprocess.run([sys.executable, "-m", "compileall", "-q", *(str(folder / name) for name in CODE)], check=True)
         yield folder

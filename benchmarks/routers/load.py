@@ -33,7 +33,7 @@ NAMES: Final = 10
 TICK: Final = 0.01
 """Seconds between two bursts of a publisher."""
 SETTLE: Final = 1.5
-_ROUTER: Final = """\
+ROUTER: Final = """\
 import sys, time, zenoh
 from commd.session import session_config
 with zenoh.open(session_config("router", sys.argv[1], "router")):
@@ -77,7 +77,7 @@ def measure(rates: tuple[float, ...], seconds: float) -> list[Load]:
 def _measured(rate: float, seconds: float) -> Load:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with ExitStack() as stack:
-        router = stack.enter_context(watched("router", "-c", _ROUTER, endpoint))
+        router = stack.enter_context(watched("router", "-c", ROUTER, endpoint))
         router.says("ready")
         counter = stack.enter_context(watched("subscriber", "-m", "benchmarks.routers.load", "count", endpoint))
         counter.says("came")
