@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
 
-.PHONY: fly rescue test index soak faults field attacks bench docs reference lint types contracts format check-python byte-code clean
+.PHONY: fly rescue test index soak faults field attacks bench docs reference pictures lint types contracts format check-python byte-code clean
 
 fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
@@ -15,19 +15,23 @@ rescue: $(VENV)/fly.stamp byte-code  ## fly the paper's search and rescue on thr
 	@$(BIN)/argosy run missions/search_and_rescue.yaml --report report/rescue $(ARGS)
 	@$(BIN)/argosy referee missions/search_and_rescue.yaml report/rescue
 
-test: $(VENV)/test.stamp byte-code  ## run all tests, three files at a time, as most of them wait; what fails is tried once more, and told
-	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --reruns 1 $(ARGS)
+test: $(VENV)/test.stamp byte-code  ## run all tests, six files at a time, as most of them wait; what fails is tried once more, and told
+	$(BIN)/python -m pytest -n 6 --dist loadfile --no-loadscope-reorder --reruns 1 $(ARGS)
 
 index: $(VENV)/test.stamp  ## how many recorded exchanges the simulated copter answers as the real one did
 	@$(BIN)/python -m tests.bridged.index_replay
 
 soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/soak.md and docs/units.md
 	$(BIN)/python -m tests.soak
+	$(BIN)/python -m tests.soak_flights
 	$(BIN)/python -m tests.soak_mail
 	$(BIN)/python -m tests.soak_rescue
 	$(BIN)/python -m tests.soak_units
 	$(BIN)/python -m tests.soak_secured
+	$(BIN)/python -m tests.soak_actions
+	nice $(BIN)/python -m tests.soak_fuzz
 	nice $(BIN)/python -m tests.soak_parser
+	ARGOSY_THOROUGH=1 nice $(BIN)/python -m pytest -q -m generated
 
 faults: $(VENV)/test.stamp  ## inject every fault of the table; writes docs/faults.md
 	$(BIN)/python -m tests.faults
@@ -52,6 +56,9 @@ reference: $(VENV)/test.stamp  ## write docs/reference anew from docstrings and 
 	$(BIN)/python -m tests.docs.records_page
 	$(BIN)/python -m tests.agentd.mind_format_page
 	$(BIN)/python -m agentd.editor.textmate
+
+pictures: $(VENV)/test.stamp  ## draw docs/watch-*.svg anew, the screens of argosy watch in a flight of a minute
+	$(BIN)/python -m tests.docs.watch_pictures
 
 format: $(VENV)/lint.stamp  ## is every file formatted?
 	$(BIN)/ruff format --check .
@@ -81,7 +88,7 @@ $(BIN)/python: | check-python
 
 $(VENV)/fly.stamp: pyproject.toml | $(BIN)/python
 	@echo "installing argosy"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys,record,ui]' && touch $@
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys,record,ui,plot]' && touch $@
 
 $(VENV)/test.stamp: pyproject.toml | $(BIN)/python
 	@echo "installing argosy and what its tests need"

@@ -6,9 +6,10 @@ A program that a message can change must not reach beyond: paths are resolved, l
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
-from commd.state import state_directory
+from commd.state import make_private_file, make_private_folder, state_directory
 
 KEPT = "mind.sqlite"
 """What the names of an agent's checkpoint and of what belongs to it begin with, in the same folder."""
@@ -18,6 +19,14 @@ MOST_SAVED = 16 * 2**20
 
 class NotAllowed(ValueError):
     """A path that leads out of the folders of the mission; says which they are."""
+
+
+def allowed(path: str | Path, folders: Iterable[Path]) -> Path:
+    """Return a path with its links resolved. Raises NotAllowed if it leads out of all the folders."""
+    found, within = Path(path).resolve(), [folder.resolve() for folder in folders]
+    if not any(found.is_relative_to(folder) for folder in within):
+        raise NotAllowed(f"{path} is outside of {' and '.join(map(str, dict.fromkeys(within)))}")
+    return found
 
 
 class AgentFiles:
@@ -56,9 +65,10 @@ class AgentFiles:
             raise NotAllowed(f"{path} is outside of {folder}, where agents save")
         if target.name.startswith(KEPT):
             raise NotAllowed(f"{path} is where the agent itself is kept")
-        target.parent.mkdir(parents=True, exist_ok=True)
+        make_private_folder(target.parent)
         beginning = target.with_name(f".{target.name}.{os.getpid()}")
         try:
+            make_private_file(beginning)
             beginning.write_text(text, encoding="utf-8")
             beginning.replace(target)
         finally:

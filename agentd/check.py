@@ -31,8 +31,10 @@ from agentd.analysis.subjects import Surveyed, read_subjects, read_survey
 from agentd.analysis.variables import named_variables, singletons, unbound_variables
 from agentd.language.syntax import Program
 from agentd.paths import SourcePaths, read_folders
+from agentd.progress import loading, told_if_long
 from agentd.run import add_path_argument
 from agentd.stdlib.registry import find_action
+from agentd.testing.cases import TestPaths
 from schemas import built_in
 from schemas.findings import Finding, Findings
 from schemas.manifest_entries import Parameter, Values
@@ -108,9 +110,10 @@ def findings_of(
     else:
         findings += unused_belief_plans(found, elsewhere)
     findings += beliefs_never_added(found, robot.percepts, elsewhere)
-    findings += goals_without_plans(found)
+    findings += goals_without_plans(found, elsewhere)
     findings += shadowed_plans(found)
     findings += unused_plans(found, elsewhere)
+    findings += busy_loops(found, elsewhere)
     for look in _LOOKS:
         findings += look(found)
     said = named_variables(found, robot.actions or ()) if robot.values == "text" else frozenset()
@@ -126,7 +129,6 @@ _LOOKS = (
     endless_asks,
     unknown_performatives,
     formulas_as_actions,
-    busy_loops,
 )
 """What needs nothing but the program."""
 
@@ -154,11 +156,12 @@ def run(args: Namespace) -> int:
     """Check programs; the exit code as in the description."""
     try:
         robot = _robot(args.manifest)
-        paths = read_folders(args.include_path)
+        paths = TestPaths.of(read_folders(args.include_path))
     except (Findings, ValueError) as error:
         print(error, file=sys.stderr)
         return EXIT_BAD_INPUT
-    shown = _check(args.files, robot, paths)
+    with told_if_long(loading(args.files)):
+        shown = _check(args.files, robot, paths)
     if args.json:
         print(json.dumps([_fields(one) for one in shown], indent=2, ensure_ascii=False))
     else:

@@ -15,8 +15,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from agentd.checkpoint_file import CheckpointError, Synchronous, is_corrupt, open_database, remove, set_aside, told
+from agentd.checkpoint_file import (
+    LOG_PAGES,
+    PAGE,
+    CheckpointError,
+    NotWhole,
+    Synchronous,
+    is_corrupt,
+    open_database,
+    remove,
+    set_aside,
+    told,
+)
 from agentd.mind.kept_state import MindChanges, StoredMind
+from commd.page_sums import PageSums, log_damage
+from commd.state import make_private_folder
 
 NUMBERINGS: Final = 1_000
 """Of so many numberings of a sender the last number taken is remembered: more are those of lives long over."""
@@ -88,6 +101,7 @@ class Checkpoint:
         self.notes: list[str] = []
         """What people should be told about the file, such as that it was set aside."""
         self._agent, self._synchronous = agent, synchronous
+        self._sums = PageSums(path)
         self._lock = threading.Lock()
         self._database: sqlite3.Connection | None = None
         self._soft = False
@@ -99,16 +113,28 @@ class Checkpoint:
         """Open the file of an agent, or make it; a corrupt one is set aside. Raises CheckpointError."""
         made = cls(path, agent, synchronous)
         with told(path, "opened"):
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_private_folder(path.parent)
             try:
-                made._database = open_database(path, agent, synchronous)
+                damage = made._sums.damage()
+                damage_of_log = log_damage(path)
+                made._open()  # which refuses one of a newer version
+                if damage:
+                    made.close()
+                    raise NotWhole(damage)
+                if damage_of_log:
+                    made.notes.append(f"{path}: {damage_of_log}")
             except sqlite3.DatabaseError as error:
                 if not is_corrupt(error):
                     raise
                 aside = set_aside(path)
                 made.notes.append(f"{path} is corrupt ({error}) and was set aside as {aside.name}: {agent} begins anew")
-                made._database = open_database(path, agent, synchronous)
+                made._open()
         return made
+
+    def _open(self) -> None:
+        self._sums.begin()
+        self._database = open_database(self.path, self._agent, self._synchronous)
+        self._sums.carry_over(self._database)
 
     # --- what was saved ---
 
@@ -145,7 +171,9 @@ class Checkpoint:
         """Write it all or nothing; on disk when this returns. Raises CheckpointError: then save it again later."""
         with self._lock, told(self.path, "written"):
             if self._database is None:
-                self._database, self._soft = open_database(self.path, self._agent, self._synchronous), False
+                self._open()
+                self._soft = False
+                assert self._database is not None
                 self._marked = False  # the file may be another one
             if saving.soft != self._soft:
                 self._database.execute(f"PRAGMA synchronous={'NORMAL' if saving.soft else self._synchronous}")
@@ -160,9 +188,11 @@ class Checkpoint:
             self._marked = True
 
     def shrink(self) -> None:
-        """Give back the memory that a save has needed: a daemon may have hundreds of agents."""
-        with self._lock, suppress(sqlite3.Error):
+        """Give back what a save has needed: the memory, for a daemon may have hundreds of agents, and a long log."""
+        with self._lock, suppress(sqlite3.Error, OSError):
             if self._database is not None:
+                if self._sums.due(LOG_PAGES * PAGE):
+                    self._sums.carry_over(self._database)
                 self._database.execute("PRAGMA shrink_memory")
 
     def _write(self, database: sqlite3.Connection, saving: Saving) -> None:
@@ -194,7 +224,8 @@ class Checkpoint:
         try:
             if self._database.in_transaction:
                 self._database.execute("ROLLBACK")
-        except sqlite3.Error:
+                self._sums.carry_over(self._database)  # the log may hold some of it
+        except (sqlite3.Error, OSError):
             database, self._database = self._database, None
             with suppress(sqlite3.Error):
                 database.close()
@@ -211,7 +242,10 @@ class Checkpoint:
         with self._lock, told(self.path, "closed"):
             database, self._database = self._database, None
             if database is not None:
+                with suppress(sqlite3.Error, OSError):
+                    self._sums.carry_over(database)
                 database.close()
+            self._sums.close()
 
 
 def _write_mind(database: sqlite3.Connection, mind: MindChanges) -> None:

@@ -8,6 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, Literal
 
+from commd.page_sums import ENDING
+from commd.state import make_private_file
+
 CACHE: Final = 64
 """Kibibytes of pages that SQLite keeps in memory for each agent."""
 STATEMENTS: Final = 24
@@ -44,7 +47,7 @@ MIGRATIONS: Final = (
 """What makes a database of version N into one of version N + 1, the first from an empty file."""
 
 Synchronous = Literal["FULL", "NORMAL"]
-_ENDINGS: Final = ("", "-wal", "-shm")
+_ENDINGS: Final = ("", "-wal", "-shm", ENDING)
 
 
 class CheckpointError(Exception):
@@ -71,6 +74,14 @@ def open_database(path: Path, agent: str, synchronous: Synchronous) -> sqlite3.C
 
     Raises CheckpointError for one that is not for us, `NotWhole` or another sqlite3.DatabaseError for a corrupt one.
     """
+    try:
+        _check_and_migrate(path, agent, synchronous)
+    except UnicodeDecodeError as error:  # of SQLite's message, which quotes a damaged schema
+        raise NotWhole(str(error)) from None
+    return _connected(path, synchronous, STATEMENTS)
+
+
+def _check_and_migrate(path: Path, agent: str, synchronous: Synchronous) -> None:
     database = _connected(path, synchronous, 0)
     try:
         (version,) = database.execute("PRAGMA user_version").fetchone()
@@ -86,11 +97,11 @@ def open_database(path: Path, agent: str, synchronous: Synchronous) -> sqlite3.C
             raise CheckpointError(f"{path} belongs to the agent {owner}, not to {agent}")
     finally:
         database.close()
-    return _connected(path, synchronous, STATEMENTS)
 
 
 def _connected(path: Path, synchronous: Synchronous, statements: int) -> sqlite3.Connection:
     """A connection that holds the file for itself."""
+    make_private_file(path)
     database = sqlite3.connect(
         path, timeout=LOCK_PATIENCE, isolation_level=None, check_same_thread=False, cached_statements=statements
     )
@@ -102,7 +113,7 @@ def _connected(path: Path, synchronous: Synchronous, statements: int) -> sqlite3
             "PRAGMA journal_mode=WAL",
             f"PRAGMA synchronous={synchronous}",
             f"PRAGMA cache_size=-{CACHE}",
-            f"PRAGMA wal_autocheckpoint={LOG_PAGES}",
+            "PRAGMA wal_autocheckpoint=0",  # `PageSums.carry_over` does it
             f"PRAGMA journal_size_limit={LOG_PAGES * PAGE}",
             "BEGIN EXCLUSIVE",
             "COMMIT",

@@ -32,6 +32,7 @@ from commd.notify import Member, Unit
 from commd.process import report_health
 from commd.tasks import Tasks
 from schemas import keys
+from schemas.mail_rights import MailRights
 from schemas.mission import RESERVED, Mission
 from schemas.names import check_name
 from schemas.records import BoardServices
@@ -102,7 +103,8 @@ class Crew:
             self._house(part, self._mission.agents[part.name].board, tokens[part.name], memory)
 
     def _house(self, part: Part, board: str, token: Token, memory: Memory | None = None) -> Host:
-        host = Host(self._bus, self._clock, part, self.roster, self.answer, token, memory)
+        rights = MailRights(self._mission, part.name, board)
+        host = Host(self._bus, self._clock, part, self.roster, self.answer, token, memory, rights.accept)
         self.hosts[part.name] = host
         self._homes[part.name] = board
         self.roster.add(part.name, board)
@@ -304,8 +306,7 @@ class Crew:
         """Let an agent made here join a board; None if its name is taken somewhere. Raises NotDone, BusClosed."""
         try:
             self.roster.told(await self._services.ask(board, name, "join"))
-            seed, inject = self._seed + len(self.hosts), self._mission.inject
-            part = Part(name, program, None, {}, {}, seed, inject=inject, sources=sources)
+            part = Part(name, program, None, {}, {}, self._seed, inject=self._mission.inject, sources=sources)
             return self._house(part, board, await self._bus.claim(name))
         except AlreadyRunning:
             return None

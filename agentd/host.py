@@ -8,9 +8,12 @@ from collections import Counter, deque
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import TypeAlias
+from zlib import crc32
 
 from agentd.backlog import Backlog
+from agentd.checkpoint import Stored
 from agentd.control import Control
+from agentd.in_hand import DEATHS, Held, InHand, said
 from agentd.keeping import Keeping
 from agentd.language.compile import CompiledProgram
 from agentd.language.signatures import signature
@@ -53,7 +56,8 @@ from commd.output import stdout
 from commd.perceiving import Perceiving
 from commd.tasks import Tasks
 from schemas.minds import MindView
-from schemas.records import Health, Perception
+from schemas.records import Health, Message, Perception
+from schemas.terminal import escape_line
 
 Team: TypeAlias = "Callable[[Host, TeamRequest], Awaitable[TeamReply]]"
 """Who fulfils what a mind asks of its team."""
@@ -90,6 +94,7 @@ class Part:
     done: dict[str, Formula]
     failed: dict[str, Formula]
     seed: int = 0
+    """Of the run; that of the agent is `own_seed`."""
     on_restart: Goal | None = None
     """What it goes on with after a restart in place of what it had in mind."""
     decisions: int = DECISIONS
@@ -106,6 +111,11 @@ class Part:
     """Operators may pause it and give it goals and beliefs."""
     sources: Sources | None = None
     """The texts of its program."""
+
+    @property
+    def own_seed(self) -> int:
+        """Seed of this agent's random numbers: two agents of a run draw different ones, also in different processes."""
+        return self.seed + crc32(self.name.encode())
 
 
 Ran: TypeAlias = Callable[[int, float, list[Effect]], None]
@@ -147,8 +157,12 @@ class Host:
         team: Team,
         token: Token,
         memory: Memory | None = None,
+        accept: Callable[[Message], bool] = lambda message: True,
     ) -> None:
-        """`memory` is what the agent has on disk; without one it begins anew each time."""
+        """`memory` is what the agent has on disk; without one it begins anew each time.
+
+        `accept` says whether it takes a message from its sender.
+        """
         self.part = part
         self.begins = memory is None or memory.stored is None
         """Whether the agent begins anew, without memory of a former life."""
@@ -160,7 +174,7 @@ class Host:
         self._keeper = None if memory is None else Keeper(None if memory.stored is None else memory.stored.mind)
         birth = Birth(
             sources=part.sources,
-            seed=part.seed,
+            seed=part.own_seed,
             start=clock.now(),
             epoch=clock.epoch,
             zone=clock.zone,
@@ -174,7 +188,7 @@ class Host:
         self._mind = Mind(
             part.name,
             part.program,
-            seed=part.seed,
+            seed=part.own_seed,
             start=birth.start,
             on_input=lambda cycle, item: early.append((cycle, item)),
             names_variables=part.names_variables,
@@ -190,6 +204,8 @@ class Host:
         self._backlog = Backlog()
         self._wake = Wake()
         self._beats = Loop.unwatched()
+        self._reasons = False
+        """Whether it reasons by now: what a former life had begun is known."""
         self._turning = False
         """Whether a turn is to come as soon as all that the bus has brought is taken in."""
         self._through = False
@@ -200,12 +216,16 @@ class Host:
         self._tasks = Tasks(f"working for agent {part.name}")
         for formula in (*part.done.values(), *part.failed.values()):
             self._mind.query(formula)  # what it names is known from the beginning, whenever somebody looks
-        self._mailing = Mailing(bus, part.name, self._mind, self._take_mail, lambda: roster.names)
+        self._mailing = Mailing(bus, part.name, self._mind, self._take_mail, lambda: roster.names, accept)
         self._tracing = Tracing(
             bus, clock, self._mind, birth, early, lambda: roster.names, self._mailing.life, self._tasks.spawn
         )
         self._tracing.send_by(self._mailing.send, self._mailing.receivers)
         self._keeping = self._keep_in(memory)
+        self._hand: InHand | None = None
+        if memory is not None:
+            self._hand = InHand(memory.checkpoint.path.parent, self._in_hand)
+            self._mailing.is_set_aside = self._hand.is_set_aside
         self._perceiving: Perceiving | None = None
         self._by_hand: HandPercepts | None = None
         self._acting: Acting | None = None
@@ -268,11 +288,35 @@ class Host:
             return
         for what in self._keeper.left_out:
             log.warning("agent=%s cannot be what it was: %s", self.part.name, what)
+        self._tasks.spawn(self._compare(self._memory, self._memory.stored, self._keeping))
         await self._keeping.count_life()
         interrupted = await self._performing.take_up(self._memory.actions)
         self._tracing.came_back(CameBack(self._memory.life, tuple(interrupted)))
         come_back(self._mind, self._keeper, self._memory.life, interrupted, self.part.on_restart)
         self._memory.stored = None
+
+    def _in_hand(self) -> Held:
+        """Say what the mind is at, on another thread."""
+        return Held("" if self._keeper is None else self._keeper.in_hand(), self._mailing.in_hand())
+
+    def _set_aside(self) -> None:
+        """Set aside what the last lives have died at, if there is such."""
+        hand, keeper, keeping = self._hand, self._keeper, self._keeping
+        if hand is None or hand.died_at is None or keeper is None or keeping is None:
+            return
+        poison = hand.died_at
+        if keeper.set_aside(poison.event):
+            hand.poison = None  # else it comes with a message, which will be refused
+        hand.keep(poison)
+        what = said(poison)
+        keeping.tell("set_aside", f"set aside after {DEATHS} lives that ended at it: {what} (kept in {hand.kept})")
+        self._mailing.signal("set_aside", what)
+
+    async def _compare(self, memory: Memory, stored: Stored, keeping: Keeping) -> None:
+        """Tell if what is kept has gone back in time."""
+        if told := await memory.went_back(stored, self._mailing):
+            keeping.tell("state_went_back", told)
+            self._mailing.signal("state_went_back")
 
     def _interrupted(self, literal: Literal) -> None:
         """An action of a former life has ended, and no plan has waited for it."""
@@ -292,6 +336,8 @@ class Host:
         """
         loop = loop or Loop.unwatched()
         await self._come_back()
+        self._set_aside()
+        self._reasons = True
         waiting = asyncio.create_task(stop.wait())
         waiting.add_done_callback(lambda _: self._wake.set())
         in_order = False
@@ -324,6 +370,17 @@ class Host:
         """
         self._beats.beat()
         self._wake.clear()
+        hand = self._hand
+        if hand is None:
+            return self._reason()
+        hand.begin()
+        try:
+            return self._reason()
+        finally:
+            hand.end()
+
+    def _reason(self) -> float | None:
+        """What a turn is."""
         mind, clock, control = self._mind, self._clock, self._control
         if control.may_reason():
             _busy.add(self)
@@ -473,9 +530,10 @@ class Host:
     def _carry_out(self, effect: Effect) -> None:
         self._tracing.did(effect)
         match effect:
-            case Print(text=text, plain=plain):
+            case Print(text=text):
                 self._prints.append(text)
-                stdout().write(text if plain else f"[{self.part.name}] {text}")
+                for line in text.split("\n"):  # each with its agent: none may look like a line of somebody else
+                    stdout().write(f"[{self.part.name}] {escape_line(line)}")
             case Log(level=level):
                 log.log(_LEVELS.get(level, logging.INFO), "agent=%s %s", self.part.name, line_of(effect))
             case PerformAction():
@@ -560,8 +618,17 @@ class Host:
             bad_input=self.counters["bad_percepts"] + self._mailing.counters["bad"],
             counters={**{name: float(count) for name, count in sorted(counters.items())}, "percepts_missed": missed},
             notes=self.notes(),
+            coded=() if self._keeping is None else self._keeping.coded,
             lag=self._backlog.lag(mind.cycle, waiting, self._clock.wall()),
+            idle=self._idle,
         )
+
+    @property
+    def _idle(self) -> bool | None:
+        """Whether the agent has nothing to do and nothing in mind; None while that is not its own doing."""
+        if not self._reasons or self._control.paused:
+            return None
+        return self._mind.idle and not self._mind.suspended
 
     def notes(self) -> tuple[str, ...]:
         """Warnings that hold now, in words."""

@@ -37,15 +37,25 @@ class Numbered(NamedTuple):
 class Inbox:
     """What comes in for one agent."""
 
-    def __init__(self, bus: Bus, agent: str, room: Callable[[], str], read: Callable[[Message], Callable[[], None]]):
+    def __init__(
+        self,
+        bus: Bus,
+        agent: str,
+        room: Callable[[], str],
+        read: Callable[[Message], Callable[[], None]],
+        missing: Callable[[str, int], None],
+    ) -> None:
         """`room` says why the mind can take no message now (empty: it can).
 
-        `read` returns what feeds a message to the mind, and raises Refused.
+        `read` returns what feeds a message to the mind, and raises Refused. `missing(sender, count)` hears of messages
+        that did not come: given up on the way, which their sender knows, or lost with a file.
         """
         self.counters: Counter[str] = Counter()
-        self._room, self._read = room, read
+        self._room, self._read, self._missing = room, read, missing
         self._fed: OrderedDict[Numbered, int] = OrderedDict()
         """The last number that was handed to the mind."""
+        self._come: dict[Numbered, int] = {}
+        """The last number that came, of each numbering in `_fed`; it may have been refused."""
         self._waiting: deque[tuple[Numbered, int]] = deque()
         """What is in the mind's mailbox, in its order; number 0: a message without one."""
         self._absorbed: dict[Numbered, int] = {}
@@ -59,6 +69,7 @@ class Inbox:
         """Go on where a former life of the agent ended."""
         self._kept |= kept
         self._fed |= kept
+        self._come |= kept
 
     # --- on the way into the checkpoint ---
 
@@ -73,6 +84,17 @@ class Inbox:
             if seq:
                 self._absorbed[whose] = seq
         return bool(self._absorbed)
+
+    def taken_last(self, left: int) -> tuple[str, str, int] | None:
+        """The last message that the mind, which has so many left, has taken and no save has begun to hold."""
+        place = len(self._waiting) - left - 1
+        if place >= 0 and self._waiting[place][1]:
+            whose, seq = self._waiting[place]
+        elif self._absorbed:
+            whose, seq = next(reversed(self._absorbed.items()))
+        else:
+            return None
+        return whose.sender, whose.numbering, seq
 
     def take_absorbed(self) -> dict[Numbered, int]:
         """Return what a save that begins now has to hold; `kept` is to be called when it does."""
@@ -92,6 +114,7 @@ class Inbox:
         known = [whose for whose in self._fed if whose.sender == sender]
         for whose in known[:-NUMBERINGS]:
             del self._fed[whose]
+            self._come.pop(whose, None)
             self._kept.pop(whose, None)
 
     # --- on the bus ---
@@ -114,6 +137,7 @@ class Inbox:
                 feed = self._read(message)
             except Refused as bad:
                 refused[place] = str(bad)
+                self._note(whose, seq)
                 continue
             if seq and seq <= self._fed.get(whose, 0):
                 waits[place] = whose, seq
@@ -122,6 +146,7 @@ class Inbox:
             if message.ttl is not None and message.ttl <= 0:
                 refused[place] = "expired"
                 held.add(whose)
+                self._note(whose, seq)
                 continue
             if whose in held:
                 later[place] = "it comes after one that is too late"
@@ -130,6 +155,7 @@ class Inbox:
             if full:
                 later[place] = full
                 continue
+            self._note(whose, seq)
             feed()
             self.counters["received"] += 1
             self._waiting.append((whose, seq))
@@ -145,6 +171,15 @@ class Inbox:
         self.counters["later"] += len(later)
         taken = len(messages) - len(refused) - len(later)
         query.reply(Receipt(taken=taken, refused=refused, later=later))
+
+    def _note(self, whose: Numbered, seq: int) -> None:
+        """Note that a number has come, and tell of those before it that have not."""
+        last = self._come.get(whose, 0)
+        if last and seq > last + 1:
+            self.counters["missing"] += seq - last - 1
+            self._missing(whose.sender, seq - last - 1)
+        if seq > last:
+            self._come[whose] = seq
 
     async def _wait_for(self, waits: dict[int, tuple[Numbered, int]]) -> None:
         """Take out of `waits` what is kept, until nothing is left or patience is over."""

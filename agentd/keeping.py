@@ -20,7 +20,7 @@ from agentd.memory import Memory
 from agentd.mind import Mind
 from agentd.mind.keeping import Keeper
 from schemas.codec import Wire, codec
-from schemas.records import Action, Message
+from schemas.records import Action, Message, Note
 
 log = logging.getLogger("keeping")
 
@@ -65,7 +65,7 @@ class Keeping:
         """Why nothing can be kept now; empty = it can."""
         self.first: Saving | None = None
         """What the first save of this life holds besides."""
-        self._told = tuple(memory.checkpoint.notes)
+        self._told = [Note(code="state_damaged", text=note) for note in memory.checkpoint.notes]
         self._agent, self._keeper, self._mind, self._mailing = agent, keeper, mind, mailing
         self._checkpoint, self._writer = memory.checkpoint, memory.writer
         self._wire, self._wake = wire, wake
@@ -85,7 +85,17 @@ class Keeping:
 
     def notes(self) -> tuple[str, ...]:
         """What people should know: why nothing can be kept now, and what was wrong with the file."""
-        return (*((self.problem,) if self.problem else ()), *self._told)
+        return (*((self.problem,) if self.problem else ()), *(note.text for note in self._told))
+
+    @property
+    def coded(self) -> tuple[Note, ...]:
+        """Those of the notes that programs act on."""
+        return tuple(self._told)
+
+    def tell(self, code: str, text: str) -> None:
+        """Tell something about what was kept, for the rest of this life."""
+        log.error("agent=%s %s", self._agent, text)
+        self._told.append(Note(code=code, text=text))
 
     async def count_life(self) -> None:
         """Write down that there is another life, before anything comes of it; waits for that, but not for long."""

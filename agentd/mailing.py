@@ -8,20 +8,25 @@ from collections.abc import Callable, Iterable
 
 from agentd.inbox import Inbox, Refused
 from agentd.language.signatures import signature
+from agentd.language.term_text import text
 from agentd.language.terms import Literal, atom
 from agentd.mind import Mind
 from agentd.mind.effects import SendMail
 from agentd.mind.failed import Failed
 from agentd.mind.inputs import Mail
+from agentd.mind.messages import is_answer, told_annots
 from agentd.outbox import Outbox, Unsendable
 from agentd.wire import BadTerm, from_wire, to_wire
 from commd.bus import Bus, boot_id
+from schemas.mail_rights import NOT_ACCEPTED
 from schemas.records import Message
 
 log = logging.getLogger("mail")
 
 INPUTS = 20_000
 """Messages that may wait for the mind; further ones wait at commd."""
+TOLD, TOLD_AGAIN = 10, 1000
+"""Messages not accepted that are logged: the first ones, and then each 1000th."""
 OFFICE = "mail"
 """The sender of notices about mail (`+undelivered(...)[source(mail)]`)."""
 
@@ -30,12 +35,23 @@ class Mailing:
     """The mail of one agent."""
 
     def __init__(
-        self, bus: Bus, agent: str, mind: Mind, feed: Callable[[Mail], None], names: Callable[[], Iterable[str]]
+        self,
+        bus: Bus,
+        agent: str,
+        mind: Mind,
+        feed: Callable[[Mail], None],
+        names: Callable[[], Iterable[str]],
+        accept: Callable[[Message], bool],
     ) -> None:
-        """`feed` hands a message to the mind and wakes it; `names` are all that can be sent to."""
+        """`feed` hands a message to the mind and wakes it; `names` are all that can be sent to.
+
+        `accept` says whether the agent takes a message from its sender.
+        """
         self.outbox = Outbox(bus, agent, self._undelivered)
-        self.inbox = Inbox(bus, agent, self._room, self._read)
-        self._agent, self._mind, self._feed, self._names = agent, mind, feed, names
+        self.inbox = Inbox(bus, agent, self._room, self._read, self._missing)
+        self._agent, self._mind, self._feed, self._names, self._accept = agent, mind, feed, names, accept
+        self.is_set_aside: Callable[[tuple[str, str, int], Callable[[], str]], bool] = lambda mail, event: False
+        """Whether a message, by sender, numbering and number, and by its event, is not to be taken any more."""
         self.life = boot_id()
         """Tells the answers to questions of this life of the agent from those to a former one's."""
         self._bad: Counter[str] = Counter()
@@ -68,6 +84,10 @@ class Mailing:
         self._feed(mail)
         self.inbox.unnumbered()
 
+    def in_hand(self) -> tuple[str, str, int] | None:
+        """Sender, numbering and number of the last message that the mind has taken and that is not kept yet."""
+        return self.inbox.taken_last(len(self._mind.mailbox))
+
     def absorbed(self) -> bool:
         """Look at what the mind has taken. Returns whether commd waits for a save."""
         return self.inbox.absorb(len(self._mind.mailbox))
@@ -83,16 +103,39 @@ class Mailing:
         return "the mailbox of the mind is full" if len(self._mind.mailbox) >= INPUTS else ""
 
     def _read(self, message: Message) -> Callable[[], None]:
+        # The answer to a question of a former life keeps its whole id: nobody waits for it.
+        answered = message.in_reply_to.removesuffix(f".{self.life}")
+        if not (is_answer(answered) or self._accept(message)):
+            self._not_accepted(message)
         try:
             content = from_wire(message.content)
         except BadTerm as bad:
             self._bad["bad"] += 1
             log.warning("agent=%s bad_mail sender=%s why=%s", self._agent, message.sender, bad)
             raise Refused(f"it cannot be read: {bad}") from None
-        # The answer to a question of a former life keeps its whole id: nobody waits for it.
-        answered = message.in_reply_to.removesuffix(f".{self.life}")
+        number = message.sender, message.header.boot, message.header.seq
+        if self.is_set_aside(number, lambda: event_of(self._mind, message, content)):
+            raise Refused("set aside: the receiver's process has died at it several times")
         mail = Mail(message.sender, message.performative, content, message.id, answered)
         return lambda: self._feed(mail)
+
+    def _missing(self, sender: str, count: int) -> None:
+        """Tell the mind of messages that have not come."""
+        log.warning("agent=%s mail_missing sender=%s messages=%d", self._agent, sender, count)
+        self.signal("mail_missing", atom(sender), float(count))
+
+    def signal(self, functor: str, *args: object) -> None:
+        """Tell the mind something about mail, as an event."""
+        self.tell(Mail(OFFICE, "signal", Literal(signature(functor, len(args)), args), f"{functor}.{boot_id()}"))
+
+    def _not_accepted(self, message: Message) -> None:
+        """Refuse a message that its sender may not send to this agent. Raises Refused."""
+        self._bad[NOT_ACCEPTED] += 1
+        count = self._bad[NOT_ACCEPTED]
+        if count <= TOLD or count % TOLD_AGAIN == 0:
+            told = self._agent, count, message.sender, message.performative[:64]
+            log.warning("agent=%s mail_not_accepted count=%d sender=%r performative=%r", *told)
+        raise Refused(NOT_ACCEPTED)
 
     def _undelivered(self, message: Message, why: str) -> None:
         """Tell the mind of a message that commd has refused for good."""
@@ -103,3 +146,11 @@ class Mailing:
         told = (atom(message.receiver), atom(message.performative), content, why)
         identity = f"undelivered.{message.id}"
         self.tell(Mail(OFFICE, "signal", Literal(signature("undelivered", 4), told), identity))
+
+
+def event_of(mind: Mind, message: Message, content: object) -> str:
+    """The event that a message raises, as it is written; nothing where that is not known."""
+    prefix = {"achieve": "+!", "tell": "+", "signal": "+"}.get(message.performative)
+    if prefix is None or type(content) is not Literal:
+        return ""
+    return f"{prefix}{text(content.with_annots(told_annots(mind, content, message.sender)))}"

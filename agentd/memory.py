@@ -15,6 +15,7 @@ from agentd.checkpoint_file import remove
 from agentd.inbox import Numbered
 from agentd.mailing import Mailing
 from agentd.outbox import Waiting
+from commd.state import make_private_folder
 from schemas.codec import BadRecord, Codec, R, codec
 from schemas.records import Action, Message
 
@@ -22,8 +23,6 @@ log = logging.getLogger("keeping")
 
 FILE = KEPT
 """In the agent's folder of state."""
-BOOT = Path("/proc/sys/kernel/random/boot_id")
-"""Tells one start of the machine from another."""
 
 
 @dataclass
@@ -73,17 +72,29 @@ class Memory:
             except BadRecord as bad:
                 self._unread.ended.append(identity)
                 self._lost(f"the action {kept.name} ({identity}), which may have begun,", bad)
-        numbering, numbers = stored.numbering, {receiver: seq - 1 for receiver, seq in stored.next_seq.items()}
-        if self.synchronous == "normal" and stored.extra.get("boot") != _boot():
-            # The last messages may be forgotten here and known to commd: their numbers must not be given again.
-            numbering, numbers = mailing.outbox.numbering, {}
-        mailing.outbox.restore(numbering, numbers, messages)
+        mailing.outbox.restore(messages)
         mailing.inbox.restore({Numbered(*whose): seq for whose, seq in stored.absorbed.items()})
+
+    async def went_back(self, stored: Stored, mailing: Mailing) -> str:
+        """Ask the board whether it has taken mail that this state knows nothing of: say how much, or nothing."""
+        if not stored.numbering:
+            return ""
+        ahead = await mailing.outbox.ahead(stored.numbering, {one: seq - 1 for one, seq in stored.next_seq.items()})
+        if not ahead:
+            return ""
+        whom = ", ".join(f"{count} to {receiver}" for receiver, count in sorted(ahead.items()))
+        return (
+            f"{self.checkpoint.path} is older than what the agent has done (a backup, or a damaged file): its board has"
+            f" taken messages that are not known here: {whom}; the agent may do and say again what it did then"
+        )
 
     def first_saving(self, mailing: Mailing, program: bytes) -> Saving:
         """Return what the first save of this life holds in any case; `program` stands for what the agent runs."""
-        extra = {"boot": _boot(), "program": program}
-        return replace(self._unread, numbering=mailing.outbox.numbering, lives=self.life + 1, extra=extra)
+        extra = {"program": program}
+        begun = {} if self.stored is None else dict.fromkeys(self.stored.next_seq, 1)
+        return replace(
+            self._unread, next_seq=begun, numbering=mailing.outbox.numbering, lives=self.life + 1, extra=extra
+        )
 
     def _lost(self, what: str, why: BadRecord) -> None:
         note = f"{self.checkpoint.path}: {what} cannot be read and is lost: {why}"
@@ -105,7 +116,7 @@ async def open_memory(
     path = folder / FILE
 
     def work() -> Memory:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_private_folder(path.parent)
         mode: Literal["FULL", "NORMAL"] = "FULL" if synchronous == "full" else "NORMAL"
         try:
             checkpoint = Checkpoint.open(path, agent, mode)
@@ -134,10 +145,3 @@ async def open_memory(
 def _read(made: Codec[R], kept: bytes) -> R:
     """Decode a record that was written in the wire format of then."""
     return made.decode(kept, made.encoding("json" if kept[:1] == b"{" else "msgpack"))
-
-
-def _boot() -> bytes:
-    try:
-        return BOOT.read_bytes().strip()
-    except OSError:
-        return b""

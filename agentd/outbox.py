@@ -9,8 +9,8 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter, OrderedDict, deque
-from collections.abc import Callable, Sequence
-from contextlib import aclosing
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import aclosing, suppress
 from typing import Any, Final, NamedTuple, cast
 from weakref import WeakKeyDictionary
 
@@ -68,7 +68,8 @@ class Outbox:
     def __init__(self, bus: Bus, agent: str, on_refused: Callable[[Message, str], None]) -> None:
         """`on_refused` hears of each message that commd refuses for good, and why."""
         self.numbering = boot_id() + boot_id()
-        """Tells the numbers of this agent's messages from those of a former one without memory of them."""
+        """Each life has another one: a checkpoint that has gone back in time (a power cut, a backup) would give numbers
+        again that boards know, and what bore them would pass for repeated."""
         self.numbers: Counter[str] = Counter()
         """The number of the last message to each receiver."""
         self.counters: Counter[str] = Counter()
@@ -142,9 +143,8 @@ class Outbox:
             raise Unsendable("message_too_large", f"{size} bytes, expected at most {LARGEST} (1 MB)")
         return cast(Term, encoded(content, self._bus.wire)), size
 
-    def restore(self, numbering: str, numbers: dict[str, int], messages: Sequence[Waiting]) -> None:
-        """Go on where a former life of this agent ended: with its numbers, and what it had not handed over."""
-        self.numbering, self.numbers = numbering, Counter(numbers)
+    def restore(self, messages: Sequence[Waiting]) -> None:
+        """Go on with what a former life of this agent had not handed over, under the numbers that it has."""
         for one in messages:
             self._room[one.message.receiver] += 1
             self._bytes += one.size
@@ -279,6 +279,24 @@ class Outbox:
                 log.warning("agent=%s mail_waits receiver=%s why=%s", self._agent, receiver, reason)
             self._not_before[receiver] = now + pause
             self._pauses[receiver] = min(pause * 2, RETRY_MOST)
+
+    async def ahead(self, numbering: str, numbers: Mapping[str, int]) -> dict[str, int]:
+        """Ask the board how much it has taken of a numbering and later ones, until there is an answer.
+
+        Return, by receiver, by how much that is more than `numbers` say.
+        """
+        outbox, pause = keys.outbox(self._bus.fleet, self._agent), RETRY_FIRST
+        while True:
+            with suppress(BusClosed, BadRecord):
+                mail = Mail(numberings=(numbering, self.numbering))
+                asked = self._bus.query(outbox, mail, Receipt, ANSWER_TIMEOUT)
+                async with aclosing(asked) as replies:
+                    async for reply in replies:
+                        if reply.record is not None:
+                            found = reply.record.numbers.items()
+                            return {one: seq - numbers.get(one, 0) for one, seq in found if seq > numbers.get(one, 0)}
+            await asyncio.sleep(pause)
+            pause = min(2 * pause, RETRY_MOST)
 
     def _forget(self, one: Waiting) -> None:
         receiver = one.message.receiver

@@ -30,6 +30,8 @@ class SourcePaths:
         self.names = dict(names or {})
         self.folders = tuple(folders)
         self.project = project or Path()
+        self.advice = ""
+        """How the user names a folder to search in; told where an included file is not found."""
 
     def find(self, path: str, beside: str) -> str:
         """The file that ``path`` names in the file ``beside`` (or ``""``).
@@ -49,7 +51,8 @@ class SourcePaths:
             raise FileNotFoundError(errno.ENOENT, "it is no file", str(candidates[0]))
         looked = [f"{folder}" for folder in dict.fromkeys(c.parent for c in candidates) if folder.is_dir()]
         where = f" (looked in {', '.join(looked)})" if len(looked) > 1 else ""
-        raise FileNotFoundError(errno.ENOENT, f"No such file or directory{where}", str(candidates[0]))
+        advice = self.advice if beside else ""
+        raise FileNotFoundError(errno.ENOENT, f"No such file or directory{where}{advice}", str(candidates[0]))
 
     def _mapped(self, path: str) -> str:
         found = self.expand(path)
@@ -71,20 +74,20 @@ class SourcePaths:
     def files_below(self, folder: str, beside: str, pattern: str) -> list[str]:
         """The files in a folder and below, sorted, whose path or name is of the form of a regular expression.
 
-        The folder is looked up from the project, then from where the file ``beside`` stands. Raises OSError, and
-        ValueError for an expression that is none.
+        The folder is looked up from the project; where no such file is there, from where the file ``beside`` stands.
+        Raises OSError, and ValueError for an expression that is none.
         """
         try:
             form = re.compile(pattern)
         except re.error as error:
             raise ValueError(f"{pattern} is no regular expression: {error}") from error
         top = self.expand(folder)
-        candidates = [self.project / top, Path(beside).parent / top]
-        chosen = next((candidate for candidate in candidates if candidate.is_dir()), None)
-        if chosen is None:
-            raise FileNotFoundError(errno.ENOENT, "there is no such folder", folder)
-        files = [f"{path}" for path in sorted(chosen.rglob("*")) if path.is_file()]
-        return [file for file in files if form.fullmatch(file) or form.fullmatch(Path(file).name)]
+        for place in (self.project / top, Path(beside).parent / top):
+            files = [f"{path}" for path in sorted(place.rglob("*")) if path.is_file()]
+            found = [file for file in files if form.fullmatch(file) or form.fullmatch(Path(file).name)]
+            if found:
+                return found
+        return []
 
     def compiled(self, path: str, beside: str = "") -> CompiledProgram:
         """Read and compile the program that ``path`` names. Raises OSError, `SyntaxErrors` and `DirectiveError`."""
@@ -113,4 +116,6 @@ def read_folders(arguments: Iterable[str], project: Path | None = None) -> Sourc
             names[name.removeprefix("$").removesuffix("/")] = path
         else:
             folders.append(path)
-    return SourcePaths(names, folders, project)
+    paths = SourcePaths(names, folders, project)
+    paths.advice = "; give its folder by --include-path FOLDER"
+    return paths

@@ -27,6 +27,7 @@ from agentd.mind.holding import short_text
 from agentd.mind.inputs import ActionDone, Mail, TeamReply
 from agentd.second_life import CannotReplay, Done, Life, digest_of
 from agentd.tracing.readings import CameBack, Given, MailRefused, NamesRead
+from schemas.files import read_bounded
 from schemas.minds import DecisionView, MindBirth, MindDecisions, MindInputs
 
 __all__ = ["Act", "CannotReplay", "Difference", "Life", "Result", "acts", "compare", "replay"]
@@ -271,7 +272,7 @@ def _and(first: MindInputs, rest: Iterator[MindInputs]) -> Iterator[MindInputs]:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_bytes().decode("utf-8-sig")
+        return read_bounded(path).decode("utf-8-sig")
     except OSError as error:
         raise CannotReplay(f"{path}: {error.strerror or error}") from None
     except UnicodeDecodeError:

@@ -11,6 +11,7 @@ from agentd.ending import seconds
 from agentd.language.compile import CompiledProgram, DirectiveError
 from agentd.language.errors import SyntaxErrors
 from agentd.paths import SourcePaths, read_folders
+from agentd.progress import loading, told_if_long
 from agentd.setup import Setup
 from agentd.standalone import Team
 from agentd.user_code import MISTAKES, UserCodeError, describe_error, load_class
@@ -50,6 +51,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--timeout", type=seconds, metavar="S", help="end with exit code 1 after so many seconds")
     parser.add_argument("--seed", type=int, default=0, help="start of the random numbers (default 0)")
+    parser.add_argument(
+        "--allow-folder",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FOLDER",
+        help="also let .include, .create_agent and .save_agent name files in this folder; without it they are in the "
+        "working folder, the programs' or those of --include-path, links resolved (repeatable)",
+    )
     add_why_arguments(parser)
     add_environment_arguments(parser)
     add_path_argument(parser)
@@ -93,13 +103,23 @@ def add_path_argument(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the agents; the exit code as the command's contract says."""
     sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))
+    with told_if_long(loading(args.agents)):
+        team = _team(args)
+    if team is None:
+        return 2
+    code = team.run(args.timeout, args.exit_when_idle)
+    return 1 if code == 0 and args.fail_on_error and team.failures else code
+
+
+def _team(args: argparse.Namespace) -> Team | None:
+    """The agents, ready to run; None if they cannot be, which is told."""
     try:
         setup = _set_up(args, read_folders(args.include_path))
     except (Refused, ValueError) as refused:
         print(refused, file=sys.stderr)
-        return 2
+        return None
     try:
-        team = Team(
+        return Team(
             setup.programs,
             args.seed,
             paths=setup.paths,
@@ -108,12 +128,17 @@ def run(args: argparse.Namespace) -> int:
             decisions=args.decisions,
             narrator=narrator_of(args),
             verbosity=setup.verbosity,
+            folders=_folders(args, setup),
         )
     except UserCodeError as error:
         print(f"--env {args.env}: error: {error}", file=sys.stderr)
-        return 2
-    code = team.run(args.timeout, args.exit_when_idle)
-    return 1 if code == 0 and args.fail_on_error and team.failures else code
+        return None
+
+
+def _folders(args: argparse.Namespace, setup: Setup) -> list[Path]:
+    """The folders that files named at run time must be in: the project's, the programs', and those that are named."""
+    programs = [Path(program.file).parent for _, program in setup.programs]
+    return [setup.paths.project, *programs, *setup.paths.folders, *setup.paths.names.values(), *args.allow_folder]
 
 
 class Refused(Exception):

@@ -35,6 +35,9 @@ from schemas.minds import DecisionView, MindBirth, MindInputs
 REMEMBERED: Final = 5_000
 """Decisions that a mind which lives again remembers, to show them."""
 
+MOST_IDLE: Final = 100_000
+"""Cycles one after the other without anything to do or given: no mind counts so many without noting the time."""
+
 
 class CannotReplay(ValueError):
     """Why a recording cannot be lived again: batches are missing, another version, a program that cannot be read."""
@@ -78,6 +81,8 @@ class Life:
         self._names: tuple[str, ...] = ()
         self._refused: dict[str, MailRefused] = {}
         self._too_deep = False
+        self._idle = 0
+        """Cycles since the last one with something to do or given."""
         self._instead: Goal | None = None
         self._early = [item for item in map(_read, first.inputs) if item[0] == 0]
         for _, item in self._early:
@@ -111,7 +116,7 @@ class Life:
         for text in birth.formulas:
             mind.query(parse_formula(text, birth.mission))
         mind.post_office = self._send
-        mind.most_frames = float("inf")
+        mind.most_frames, mind.asleep = float("inf"), None
         assert mind.recorder is not None
         mind.recorder.count_all(self._decided)
         return mind
@@ -164,7 +169,7 @@ class Life:
         return any(queue and queue[0][0] <= cycle for queue in (self._steps, self._given))
 
     def cycle(self) -> list[Done]:
-        """Live the next cycle, as it was recorded; return what was decided and done."""
+        """Live the next cycle, as it was recorded; return what was decided and done. Raises CannotReplay."""
         cycle = self.mind.cycle + 1
         while self._steps and self._steps[0][0] <= cycle:
             self.now = self._steps.popleft()[1]
@@ -176,6 +181,9 @@ class Life:
             self._note(item)
         for item in items:
             self._give(item)
+        self._idle = 0 if items or self.mind.ready else self._idle + 1
+        if self._idle > MOST_IDLE:
+            raise CannotReplay(f"batch {self.number} of {self.agent} counts cycles in which nothing can have happened")
         return self._run()
 
     def go_on(self, cycles: int) -> list[Done]:

@@ -10,6 +10,7 @@ from datetime import timedelta, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from agentd.agent_files import NotAllowed, allowed
 from agentd.clocks import WallClock
 from agentd.directory import Directory, provider
 from agentd.language.compile import CompiledProgram, DirectiveError
@@ -32,6 +33,7 @@ from agentd.paths import SourcePaths
 from agentd.stdlib.registry import missing_action
 from agentd.stuck import MOST_TOLD, stuck, stuck_note
 from agentd.telling import lines_of
+from schemas.terminal import escape_line, escape_lines
 
 if TYPE_CHECKING:
     from agentd.environment import Environment
@@ -67,7 +69,10 @@ class Team:
         verbosity: Mapping[str, int] | None = None,
         decisions: int = 0,
         narrator: Narrator | None = None,
+        folders: Sequence[Path] | None = None,
     ) -> None:
+        """`folders` are those that the files which programs name at run time must be in; None: any."""
+        self._folders = folders
         self._verbosity = verbosity or {}
         self._paths = paths or SourcePaths()
         self.clock = clock or WallClock()
@@ -231,11 +236,12 @@ class Team:
     def _carry_out(self, mind: Mind, effect: Effect) -> None:
         match effect:
             case Print(text=text, plain=plain):
-                self._write(f"{text}\n" if plain else f"[{mind.name}] {text}\n")
+                text = escape_lines(text)
+                self._write(f"{text}\n" if plain else f"[{escape_line(mind.name)}] {text}\n")
             case Log(level=level):
                 self.failures += effect.ends
                 if level != "debug":
-                    print(f"[{mind.name}] " + "\n".join(lines_of(effect)), file=sys.stderr)
+                    print(f"[{escape_line(mind.name)}] {escape_lines(chr(10).join(lines_of(effect)))}", file=sys.stderr)
             case PerformAction(id=number, name=name, parameters=parameters):
                 if self._world is not None:
                     self._world.perform(mind, effect)
@@ -303,6 +309,7 @@ class Team:
 
     def _read(self, mind: Mind, path: str) -> CompiledProgram:
         try:
+            self._check(self._paths.find(path, mind.program.file))
             return self._paths.compiled(path, mind.program.file)
         except OSError as error:
             raise _No("unknown", f"cannot read {path}: {error.strerror or error}") from error
@@ -341,8 +348,17 @@ class Team:
             mind.feed(Mail("df", "tell", provider(agent, service)))
         return EMPTY
 
+    def _check(self, path: str) -> None:
+        """Raise _No for a file out of the folders that programs may name files in at run time."""
+        try:
+            if self._folders is not None and "\0" not in path:  # no file has such a name: who opens it says so
+                allowed(path, self._folders)
+        except NotAllowed as error:
+            raise _No("unknown", f"{error}; allow it with --allow-folder FOLDER") from None
+
     def _do_save(self, mind: Mind, path: str, text: str) -> Any:
         try:
+            self._check(path)
             Path(path).write_text(text, encoding="utf-8")
         except OSError as error:
             raise _No("unknown", f"cannot write {path}: {error.strerror or error}") from error
@@ -352,15 +368,21 @@ class Team:
 
     def _do_list_files(self, mind: Mind, folder: str, pattern: str) -> Any:
         try:
-            return make_list(self._paths.files_below(folder, mind.program.file, pattern))
+            files = self._paths.files_below(folder, mind.program.file, pattern)
+            for file in files:
+                self._check(file)
+            return make_list(files)
         except (OSError, ValueError) as error:
             raise _No("unknown", f"cannot list the files of {folder}: {error}") from error
 
     def _do_include(self, mind: Mind, path: str, namespace: str) -> CompiledProgram | None:
         try:
+            self._check(self._paths.find(path, mind.program.file))
             return self._paths.included(path, mind.program.file, namespace)
         except OSError as error:
-            print(f"[{mind.name}] error: cannot include {path}: {error.strerror or error}", file=sys.stderr)
+            print(
+                escape_line(f"[{mind.name}] error: cannot include {path}: {error.strerror or error}"), file=sys.stderr
+            )
             return None
 
 

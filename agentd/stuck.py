@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from agentd.mind import Mind
 from agentd.mind.effects import Log
-from agentd.mind.failure_facts import brief, code_of, goal_text, written
+from agentd.mind.failure_facts import brief, code_of, event_text, goal_text, written
 from agentd.mind.forks import Fork
 from agentd.mind.frames import PLAN
 from agentd.mind.intentions import Intention
@@ -23,12 +23,14 @@ def stuck(minds: Iterable[Mind]) -> list[tuple[Mind, Intention]]:
         (mind, intention)
         for mind in minds
         for intention in mind.all_intentions()
-        if intention.stack and not isinstance(mind.waiting.get(intention.id, (None, None))[1], Fork)
+        if (intention.stack or intention.held) and not isinstance(mind.waiting.get(intention.id, (None, None))[1], Fork)
     ]
 
 
 def stuck_note(intention: Intention) -> Log:
     """The note for an intention that nothing lets go on any more."""
+    if not intention.stack and intention.held is not None:
+        return Log("warning", f"{event_text(intention.held)} was suspended before it began, and nothing resumes it")
     frames = intention.stack[::-1]
     details = [f"in the plan for {', called by '.join(_goals(intention))}{', ...' if frames[_MOST_GOALS:] else ''}"]
     step = intention.last

@@ -49,7 +49,7 @@ class Viewer:
         self._made: dict[Look, tuple[float, MindView]] = {}
         """The last looks, and when they were made in wall seconds."""
         self._key = keys.mind(bus.fleet, mind.name)
-        self.withdraw: Callable[[], None] = bus.serve(self._key, MindView, self._show)
+        self.withdraw: Callable[[], None] = bus.serve(self._key, MindView, self._show, aside=True)
 
     def forget(self) -> None:
         """The mind is not as it was: an operator has done something to it."""
@@ -61,7 +61,7 @@ class Viewer:
         except BadParameter as bad:
             query.reply_error(str(bad))
             return
-        query.reply(self._recent(look), self._key)
+        await query.answer(self._recent(look), self._key)
 
     def _recent(self, look: Look) -> MindView:
         """The mind as it is, or was a moment ago."""

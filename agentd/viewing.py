@@ -106,7 +106,7 @@ def events_of(mind: Mind, about: str) -> tuple[tuple[minds.EventView, ...], int]
     """The events that are taken next, and how many more wait; those of another name are not shown."""
     views = mind.event_views(MOST_EVENTS)
     shown = [view for view in views if not about or view.name == about]
-    return _records(shown, minds.EventView), len(mind.events) - len(views)
+    return _records(shown, minds.EventView), len(mind.all_events()) - len(views)
 
 
 def questions_of(mind: Mind, life: str) -> tuple[minds.QuestionView, ...]:

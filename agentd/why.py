@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 
 from agentd.mind.decision_views import DecisionView, FailureView, PlanView, RejectedView
+from schemas.terminal import escape_lines
 
 IN_FULL = 3
 """So often decisions that were made for the same reasons are told; further ones are counted."""
@@ -52,7 +53,7 @@ class Narrator:
 
     def __init__(self, about: Iterable[str] = (), write: Callable[[str], object] | None = None) -> None:
         self._about = frozenset(about)
-        self._write = write or (lambda line: print(line, file=sys.stderr))
+        self._write = write or (lambda line: print(escape_lines(line), file=sys.stderr))
         self._told: Counter[tuple[str, ...]] = Counter()
 
     def listener(self, agent: str) -> Callable[[View], None]:

@@ -10,21 +10,13 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import NoReturn
 
+from argosy.extras import EXTRAS, install_command
 from commd.command_line import Help, check_command
+from schemas.terminal import escape_line
 
 EXIT_FAILED, EXIT_BAD_USAGE, EXIT_INTERRUPTED = 1, 2, 130
 LETTING_GO = 2.5
 """Wall seconds that sessions have to open or to close when nobody wants them any more."""
-EXTRAS = {
-    "rich": "operator",
-    "psutil": "operator",
-    "textual": "operator",
-    "cryptography": "keys",
-    "mcap": "record",
-    "aiohttp": "ui",
-    "matplotlib": "plot",
-}
-"""What is not installed with the core, and the extra that brings it."""
 EPILOG = """\
 examples:
   argosy check missions/single_uav.yaml            is everything right with it?
@@ -50,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         package = str(error.name).partition(".")[0]
         if package not in EXTRAS:
             raise
-        print(f"error: argosy needs {package}: pip install 'argosy[{EXTRAS[package]}]'", file=sys.stderr)
+        print(f"error: argosy needs {package}: {install_command(EXTRAS[package])}", file=sys.stderr)
         return EXIT_BAD_USAGE
     except Exception as error:
         if os.environ.get("ARGOSY_DEBUG"):
@@ -58,7 +50,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if isinstance(error, OSError) and error.errno == errno.ENOSPC:
             print(f"error: argosy: {error.strerror}: {error.filename or 'what it prints is lost'}", file=sys.stderr)
             return EXIT_FAILED
-        what = f"{type(error).__name__}: {error}"
+        what = escape_line(f"{type(error).__name__}: {error}")
         print(f"error: argosy: defect in argosy: {what}; ARGOSY_DEBUG=1 shows where", file=sys.stderr)
         return EXIT_FAILED
     finally:
@@ -140,7 +132,7 @@ COMMANDS = {
     "watch": "look at a running fleet in the terminal: agents, minds, vehicles, mail, what happens",
     "mail": "show what waits in the mailboxes of a fleet, and what was given up",
     "plot": "draw a recording for a paper: tracks, altitude, modes, actions and messages on one axis of time",
-    "referee": "judge a search and rescue by what the simulators saw: each victim one buoy",
+    "referee": "judge a search and rescue by the simulators' logs or a recording: each victim one buoy",
     "wheelhouse": "download all that boards without internet install, Argosy's own wheel among it",
     "units": "write the systemd units, router configuration and files that one board of a mission needs",
     "echo": "show what is said on the bus, one line each",

@@ -17,11 +17,17 @@ def in_the_air(status: Status) -> list[str]:
     return [_line(status, robot) for robot in status.picture.robots.values() if _maybe_flying(status, robot)]
 
 
+def left_alone(status: Status, robot: RobotSeen) -> bool:
+    """Whether a vehicle is armed, or was when it was last seen, and its bridge has not left it to a pilot."""
+    left = status.left.get(robot.name)
+    return _maybe_flying(status, robot) and (left is None or not left.to_pilot or robot.lost)
+
+
 def last_line(status: Status, robot: str) -> str:
     """Return what is left to bring a vehicle home without its bridge."""
-    if status.setup.mission.robots[robot].failsafe.gcs == "none":
-        return f"nothing brings it home: {TAKE_OVER}"
-    return f"its own failsafe is the last line; {TAKE_OVER}"
+    if status.setup.mission.robots[robot].failsafe.watches:
+        return f"its own failsafe is the last line; {TAKE_OVER}"
+    return f"nothing brings it home: {TAKE_OVER}"
 
 
 def age(status: Status, robot: RobotSeen) -> float:

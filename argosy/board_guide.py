@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from shlex import quote
 
 from argosy.board_reach import reach_of_robots
+from argosy.firewall import firewall_unit, reachable, rules_path
 from argosy.unit_files import Board
 
 
@@ -29,6 +30,7 @@ def guide(board: Board, secrets: Sequence[str]) -> str:
         *_unknown(board),
         "Start it, now and whenever the board is switched on:\n",
         _block(f"sudo systemctl enable --now {target}", f"systemctl status {' '.join(board.units)}"),
+        *_firewall(board),
         f"The router is at `{board.router}`, for the group `argosy`. **Who joins it** (`sudo usermod -aG argosy USER`) "
         "may act as every agent and robot of this board, and stop its robots: its operators, nobody else. Whoever only "
         "watches gets an observer's keys (`argosy keys add-observer`, docs/security.md).\n",
@@ -66,6 +68,16 @@ def _secrets(board: Board, secrets: Sequence[str]) -> list[str]:
 def _here(secret: str) -> str:
     """Where a file with a passphrase is before it is installed: one with a place of its own comes beside the tree."""
     return posixpath.basename(secret) if posixpath.isabs(secret) else secret
+
+
+def _firewall(board: Board) -> list[str]:
+    if not reachable(board):
+        return []
+    text = (
+        f"Firewall rules in front of the router are off until you enable them. Read `{rules_path(board)}`; they need "
+        "`nft` (`sudo apt-get install nftables`), and limit new connections to the router's port alone:\n"
+    )
+    return [text, _block(f"sudo systemctl enable --now {firewall_unit(board)}")]
 
 
 def _unknown(board: Board) -> list[str]:

@@ -49,7 +49,7 @@ def places(mission: Mission, router: str, taken: Collection[int] = ()) -> dict[s
         return dict.fromkeys(boards, Place(router))
     if len(boards) == 1 and not (boards[0] in mission.boards and mission.boards[boards[0]].address):
         return {boards[0]: Place(router)}
-    free = _free(router, taken)
+    free = free_after(router, taken)
     routers = [router, *(next(free) for _ in boards[1:])]
     links = [next(free) for _ in boards]
     return {
@@ -58,7 +58,7 @@ def places(mission: Mission, router: str, taken: Collection[int] = ()) -> dict[s
     }
 
 
-def _free(router: str, taken: Collection[int]) -> Iterator[str]:
+def free_after(router: str, taken: Collection[int]) -> Iterator[str]:
     """The endpoints after a router's, as long as nobody listens there."""
     found = _PORT.fullmatch(router)
     if found is None:  # a socket in the file system

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import sys
 from argparse import ArgumentParser, Namespace
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from agentd.analysis.elsewhere import RAISED_BY_AGENTD, Elsewhere
+from agentd.analysis.elsewhere import RAISED_BY_AGENTD, Elsewhere, from_team
+from agentd.analysis.kinds import FAILS_WHERE_REACHED
 from agentd.analysis.subjects import Surveyed, read_survey
 from agentd.check import Robot, findings_of
 from agentd.compose import compose, endings
@@ -18,6 +20,7 @@ from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file, parse_literal
 from agentd.language.syntax import Formula, Program, Structure
 from agentd.paths import SourcePaths
+from agentd.progress import loading, told_if_long
 from argosy.check_fleet import check_boards, check_team
 from argosy.links import check_links, group_of
 from argosy.mentions import beliefs_of, mentioned
@@ -47,7 +50,8 @@ def run(args: Namespace) -> int:
     findings: list[Finding] = []
     results: list[str] = []
     for path in args.mission:
-        mission, found = check_mission(path)
+        with told_if_long(loading([path])):
+            mission, found = check_mission(path)
         if mission is not None:
             found = sorted([*found, *_only_real(mission), *check_boards(mission)])
         findings += [one for one in found if one not in findings]
@@ -84,8 +88,19 @@ def _contents(mission: Mission) -> str:
     return ", ".join(f"{len(things)} {name}{'s' if len(things) != 1 else ''}" for name, things in counted)
 
 
-def check_mission(path: str | Path) -> tuple[Mission | None, list[Finding]]:
-    """Return the mission, if it can be read at all, and everything that is wrong with it and with what it names."""
+def at_start(findings: Iterable[Finding]) -> list[Finding]:
+    """Return findings as starting a mission judges them: an error that keeps no agent from starting is a warning."""
+    return [
+        replace(one, severity="warning") if one.severity == "error" and one.kind in FAILS_WHERE_REACHED else one
+        for one in findings
+    ]
+
+
+def check_mission(path: str | Path, *, restarts: bool = False) -> tuple[Mission | None, list[Finding]]:
+    """Return the mission, if it can be read at all, and everything that is wrong with it and with what it names.
+
+    `restarts`: its dead daemons are started again, whatever it says.
+    """
     mission, findings = None, list[Finding]()
     try:
         mission = load_mission(path)
@@ -104,16 +119,16 @@ def check_mission(path: str | Path) -> tuple[Mission | None, list[Finding]]:
         findings += check_simulations(mission, manifests)
     programs = {agent: _program(named, agent, mission, findings) for agent in named.agents}
     surveys = {name: read_survey(program, SourcePaths()) for name, program in programs.items() if program is not None}
-    for agent, program in programs.items():
+    elsewhere = _elsewhere(mission, programs, surveys)
+    for agent, surveyed in surveys.items():
         robot = named.agents[agent].robot
         manifest = manifests.get(robot) if robot is not None else None
-        if program is not None and (robot is None or manifest is not None):  # against nothing, all would be unknown
-            told = _declared(named.agents[agent].beliefs) | RAISED_BY_AGENTD
-            for other, its in programs.items():
-                told |= mentioned(its) if other != agent and its is not None else set()
-            findings += _against(surveys[agent], manifest, told)
+        if robot is None or manifest is not None:  # against nothing, all would be unknown
+            told = elsewhere.beliefs | _declared(named.agents[agent].beliefs)
+            findings += _against(surveyed, manifest, replace(elsewhere, beliefs=told))
     if mission is not None:
-        findings += check_team(mission, {name: found.survey for name, found in surveys.items()}, programs)
+        of_programs = {name: one.survey for name, one in surveys.items()}
+        findings += check_team(mission, of_programs, programs, restarts=restarts)
         findings += _endings(mission, programs, manifests)
     return mission, sorted(set(findings))
 
@@ -181,36 +196,51 @@ def _declared(beliefs: tuple[str, ...]) -> set[tuple[str, int]]:
     return found
 
 
-def _against(surveyed: Surveyed, manifest: Manifest | None, told: set[tuple[str, int]]) -> list[Finding]:
+def _elsewhere(
+    mission: Mission | None, programs: Mapping[str, Program | None], surveys: Mapping[str, Surveyed]
+) -> Elsewhere:
+    """Return what an agent may be told by the team, itself included, and by who has no program here."""
+    team = from_team(surveyed.survey for surveyed in surveys.values())
+    unseen = None in programs.values() or any(surveyed.created for surveyed in surveys.values())
+    return replace(team, complete=False, open_beliefs=team.open_beliefs or unseen or _told_by_hand(mission))
+
+
+def _told_by_hand(mission: Mission | None) -> bool:
+    """Whether programs of the mission's clients, old nodes or people may tell an agent whatever they like."""
+    return mission is None or bool(mission.clients or mission.inject or mission.gateway)
+
+
+def _against(surveyed: Surveyed, manifest: Manifest | None, elsewhere: Elsewhere) -> list[Finding]:
     """Check a program against what its robot can do and tell, and what the mission and other agents may tell."""
     actions = {**manifest.action_arities(), **built_in.ACTION_ARITIES} if manifest is not None else {}
     percepts = manifest.percept_arities() if manifest is not None else {}
     parameters = {name: entry.params for name, entry in manifest.actions.items()} if manifest is not None else {}
     values = manifest.robot.values if manifest is not None else "typed"
     robot = Robot(actions, {**built_in.PERCEPTS, **percepts}, parameters, values)
-    return findings_of(surveyed, robot, Elsewhere(beliefs=frozenset(told)))
+    return findings_of(surveyed, robot, elsewhere)
 
 
 def _endings(
     mission: Mission, programs: dict[str, Program | None], manifests: dict[str, Manifest | None]
 ) -> list[Finding]:
-    """A `done` or `failed` about a belief that no program and no manifest ever mentions can never hold."""
+    """Return what is wrong with `done` and `failed`; a belief that no program or manifest mentions is a warning."""
     findings: list[Finding] = []
     known: set[tuple[str, int]] = {("true", 0), ("false", 0), *RAISED_BY_AGENTD, *built_in.PERCEPTS.items()}
     for program in programs.values():
         known |= mentioned(program) if program is not None else set()
     for manifest in manifests.values():
         known |= set(manifest.percept_arities().items()) if manifest is not None else set()
-    if None in programs.values() or None in manifests.values():
-        return findings  # what cannot be read may mention it
+    anything = None in programs.values() or None in manifests.values() or _told_by_hand(mission)
     for field in _FIELDS:
         for index, one in enumerate(mission.done if field == "done" else mission.failed):
-            for functor, arity in sorted(beliefs_of(_formula(mission, one, field, findings)) - known):
+            beliefs = beliefs_of(_formula(mission, one, field, findings))
+            for functor, arity in () if anything else sorted(beliefs - known):
                 belief, others = f"{functor}/{arity}", [f"{name}/{number}" for name, number in known]
                 hint = did_you_mean(belief, others)
                 near = hint if hint.startswith(", did") else ""
                 where: Steps = (field, index) if (field, index) in mission.positions.values else (field,)
-                findings.append(mission.positions.finding(where, f"{field}: no program ever believes `{belief}`{near}"))
+                told = mission.positions.finding(where, f"{field}: no program ever believes `{belief}`{near}")
+                findings.append(replace(told, severity="warning"))
     return findings
 
 

@@ -8,44 +8,50 @@ from dataclasses import replace
 
 from agentd.analysis.mentions import Survey
 from agentd.compose import restart_goal
-from agentd.language.syntax import Goal, ListTerm, Operator, Program, Step, Structure
+from agentd.language.syntax import Goal, InternalAction, ListTerm, Operator, Program, Step, Structure
 from argosy.board_files import outside
 from argosy.links import address_of, peer_of
+from argosy.mentions import nodes_of
 from argosy.simulators import machine_of, vehicle_of
 from bridged.drivers.mavlink.address import LinkAddressError
 from schemas.endpoints import host_and_port
 from schemas.findings import Finding, Findings
+from schemas.mail_rights import MailRights
 from schemas.mission import DEFAULT_PORT, Mission
-from schemas.names import check_name
+from schemas.names import is_name
 from schemas.positions import did_you_mean
+from schemas.records import Message
 
 ONLINE = ("online", 1)
 """The belief that `presence` gives."""
+AFTER_RESTART = "restart"
+"""The kind of finding that an agent does not know what to do when it is started again."""
+RESTARTED = ("restarted", 1)
+"""The event of an agent that is started again."""
 NEW_FOCUS = (Operator.ACHIEVE_NEW_FOCUS, Operator.ADD_NEW_FOCUS, Operator.DELETE_NEW_FOCUS)
 """What these begin is taken up again after a restart."""
 
 
 def check_team(
-    mission: Mission, surveys: Mapping[str, Survey], programs: Mapping[str, Program | None]
+    mission: Mission, surveys: Mapping[str, Survey], programs: Mapping[str, Program | None], *, restarts: bool = False
 ) -> list[Finding]:
     """Return warnings about what the agents expect of one another and of their restart.
 
-    `surveys` and the composed `programs` are by agent.
+    `surveys` and the composed `programs` are by agent. `restarts`: dead daemons are started again although the mission
+    does not say so.
     """
+    restarts = restarts or mission.restart == "on-failure" or any(board.address for board in mission.boards.values())
     created = any(call.action.name == ".create_agent" for survey in surveys.values() for call in survey.calls)
     findings: list[Finding] = []
     for agent, survey in surveys.items():
         if not created:  # any name may come to be at run time
             findings += _receivers(mission, survey)
+        findings += _refused_mail(mission, agent, survey)
         findings += _presence(mission, agent, survey)
         findings += _restart(mission, agent, survey)
-        asks = [other for name, other in surveys.items() if name != agent]
-        if (program := programs[agent]) is not None and _would_be_idle(mission, agent, program, survey, asks):
-            text = (
-                f"agents.{agent}: after a restart it has nothing to do: initial goals are not begun again, and the "
-                "program has no plan for `+restarted(N)`"
-            )
-            findings.append(mission.positions.finding(("agents", agent), text, at_key=True))
+        if restarts and not _handles_restart(survey):
+            asks = [other for name, other in surveys.items() if name != agent]
+            findings += _after_restart(mission, agent, programs[agent], survey, asks)
     return [replace(finding, severity="warning") for finding in findings]
 
 
@@ -76,23 +82,44 @@ def check_boards(mission: Mission) -> list[Finding]:
     return [replace(finding, severity="warning") for finding in findings]
 
 
-def _receivers(mission: Mission, survey: Survey) -> Iterator[Finding]:
-    """Receivers whose names are written out and who are not in the mission."""
-    known = mission.mailboxes
+def _sends(survey: Survey) -> Iterator[tuple[InternalAction, str]]:
+    """Return each `.send` with the receivers whose names are written out."""
     for call in survey.calls:
         if call.action.name != ".send" or not call.action.args:
             continue
         first = call.action.args[0]
         for one in first.items if isinstance(first, ListTerm) else (first,):
-            if not isinstance(one, Structure) or one.args or one.functor in (*known, "self"):
-                continue
-            try:
-                check_name(one.functor)
-            except ValueError:
-                continue
-            where = call.action.position
-            text = f".send: nobody in the mission is called `{one.functor}`{did_you_mean(one.functor, known)}"
+            if isinstance(one, Structure) and not one.args and is_name(one.functor):
+                yield call.action, one.functor
+
+
+def _receivers(mission: Mission, survey: Survey) -> Iterator[Finding]:
+    """Receivers whose names are written out and who are not in the mission."""
+    known = mission.mailboxes
+    for action, receiver in _sends(survey):
+        if receiver not in (*known, "self"):
+            where = action.position
+            text = f".send: nobody in the mission is called `{receiver}`{did_you_mean(receiver, known)}"
             yield Finding(where.file, where.line, where.column, text)
+
+
+def _refused_mail(mission: Mission, agent: str, survey: Survey) -> Iterator[Finding]:
+    """Messages whose receiver and performative are written out, and which that receiver refuses by the mission.
+
+    What stands in a message, as in a plan for `tellHow`, is not sent by this agent.
+    """
+    sends = list(_sends(survey))
+    sent = {id(node) for action, _ in sends for node in nodes_of(action.args) if isinstance(node, InternalAction)}
+    for action, receiver in sends:
+        match action.args:
+            case (_, Structure(performative, ()), *_) if receiver in mission.agents and id(action) not in sent:
+                rights = MailRights(mission, receiver, mission.agents[receiver].board)
+                message = Message(id="", sender=agent, performative=performative, receiver=receiver, content=0)
+                if not rights.accept(message):
+                    where = action.position
+                    refused = f"`{receiver}` does not accept `{performative}` from `{agent}`"
+                    text = f".send: {refused}; `accepts` of agent `{receiver}` in the mission can allow it"
+                    yield Finding(where.file, where.line, where.column, text)
 
 
 def _presence(mission: Mission, agent: str, survey: Survey) -> Iterator[Finding]:
@@ -125,10 +152,33 @@ def _restart(mission: Mission, agent: str, survey: Survey) -> Iterator[Finding]:
         yield mission.positions.finding(("agents", agent, "on_restart"), text)
 
 
-def _would_be_idle(mission: Mission, agent: str, program: Program, survey: Survey, others: Collection[Survey]) -> bool:
+def _handles_restart(survey: Survey) -> bool:
+    """Whether the program may have a plan for `+restarted(N)`."""
+    return survey.open_plans or any(
+        placed.event == "+" and placed.indicator in (RESTARTED, (None, RESTARTED[1])) for placed in survey.plans
+    )
+
+
+def _after_restart(
+    mission: Mission, agent: str, program: Program | None, survey: Survey, others: Collection[Survey]
+) -> Iterator[Finding]:
+    """An agent that is started again has to know what becomes of its robot, and to have something to do."""
+    declared, robot = mission.agents[agent].on_restart, mission.agents[agent].robot
+    if declared != "resume":
+        return
+    none = "the program has no plan for `+restarted(N)`"
+    text = ""
+    if robot is not None and ("agents", agent, "on_restart") not in mission.positions.values:
+        text = f"{none}, and the agent no `on_restart`: started again in the middle it leaves {robot} to its bridge"
+    elif program is not None and _would_be_idle(program, survey, others):
+        text = f"after a restart it has nothing to do: initial goals are not begun again, and {none}"
+    if text:
+        found = mission.positions.finding(("agents", agent), f"agents.{agent}: {text}", at_key=True)
+        yield replace(found, kind=AFTER_RESTART)
+
+
+def _would_be_idle(program: Program, survey: Survey, others: Collection[Survey]) -> bool:
     """Whether an agent that is started again has goals to begin with only, and nothing that makes it go on."""
-    if mission.restart != "on-failure" or mission.agents[agent].on_restart != "resume" or survey.open_plans:
-        return False
     if not any(isinstance(item, Goal) for item in program.items):
         return False
     if any(isinstance(step, Step) and step.operator in NEW_FOCUS for body in survey.bodies for step in body.formulas):

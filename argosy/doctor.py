@@ -18,7 +18,7 @@ from argosy.diagnosis import Check, Facts, RobotFacts, Said, counted
 from argosy.doctor_access import findings as access
 from argosy.doctor_fleet import clocks, daemons, disks, links, mail, versions
 from argosy.doctor_keys import certificates
-from argosy.doctor_robots import percepts, vehicles
+from argosy.doctor_robots import failsafes, percepts, vehicles
 from argosy.fleet_status import call_the_roll, settled
 from argosy.journal import printable
 from argosy.operator_bus import Where, add_router_argument, operator_bus, where
@@ -33,7 +33,7 @@ from schemas.manifest import load_manifest
 from schemas.mission import Mission, load_mission
 from schemas.records import BoardReport, Checkup, LiveManifest, Mailboxes, Perception
 
-CHECKS: tuple[Check, ...] = (daemons, versions, clocks, disks, links, vehicles, percepts, mail)
+CHECKS: tuple[Check, ...] = (daemons, versions, clocks, disks, links, vehicles, failsafes, percepts, mail)
 WATCHED = 3.0
 """Wall seconds over which rates are counted."""
 ANSWER_TIMEOUT = 3.0

@@ -75,8 +75,8 @@ async def _who(bus: Bus, mission: Mission) -> tuple[str, Rights, dict[str, str]]
         return name, access.of_board(mission, name), routers
     if name in mission.security.operators:
         return f"operator {name}", access.of_operator(mission.inject), routers
-    if name in mission.security.observers:
-        return f"observer {name}", access.of_observer(), routers
+    if sight := mission.security.sights.get(name):
+        return f"observer {name}", access.of_observer(sight), routers
     return f"`{name}`, whom the mission does not name,", Rights(), routers
 
 
@@ -169,6 +169,8 @@ def _trials(mission: Mission, rights: Rights, at: str, present: Collection[str])
             add("puts", keys.health(fleet, name, "argosy"))
             for receiver in receivers:
                 add("asks", keys.mail(fleet, receiver, name))
+            if f"{name}/agentd" in present:
+                add("asks", keys.mind(fleet, name))
             if f"{board}/commd" in present:
                 add("asks", keys.outbox(fleet, name))
         add("puts", keys.services(fleet, board))

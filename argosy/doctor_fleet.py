@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from argosy.diagnosis import Facts, Said, counted
-from argosy.remedies import logs_of, remedy_of, target_of
+from argosy.remedies import BY_CODE, level_of, logs_of, remedy_of, target_of
 from argosy.roll import MEANING, Row
 from schemas.records import LinkReport
 from schemas.release import RELEASE
@@ -77,8 +77,14 @@ def _complaints(facts: Facts, row: Row) -> Iterator[Said]:
     if health is None:
         return
     who, logs = f"{row.daemon} {row.name}", logs_of(row.daemon, facts.mission, row.board or "its board")
+    codes = {note.text: note.code for note in health.coded}
     for note in health.notes:
-        yield Said("warning", "daemons", f"{who}: {note}", remedy_of(note, logs))
+        yield Said(
+            level_of(note, health),
+            "daemons",
+            f"{who}: {note}",
+            BY_CODE.get(codes.get(note, "")) or remedy_of(note, logs),
+        )
     if health.restarts:
         was = f"; {health.last_error}" if health.last_error and health.last_error_age is None else ""
         text = f"{who} was started again {counted(health.restarts, 'time')} since its board started{was}"

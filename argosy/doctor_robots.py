@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argosy.diagnosis import Facts, RobotFacts, Said, counted
+from argosy.remedies import remedy_of
 from argosy.roll import Row
 from schemas.records import Health
 
@@ -34,6 +35,22 @@ def vehicles(facts: Facts) -> list[Said]:
             )
         else:
             said.append(Said("ok", "vehicles", f"{name}: {came:.0f} messages/s on {link}"))
+    return said
+
+
+def failsafes(facts: Facts) -> list[Said]:
+    """Whose heartbeats the vehicles' own failsafes watch; those of which the mission does not say it together."""
+    vehicles = {
+        name: facts.mission.robots[name].failsafe.gcs for name, _, now in _bridges(facts) if "messages" in now.counters
+    }
+    said = [
+        Said("ok", "failsafe", f"{name}: watches heartbeats of `{gcs}`")
+        for name, gcs in vehicles.items()
+        if gcs not in (None, "none")
+    ]
+    if undeclared := [name for name, gcs in vehicles.items() if gcs is None]:
+        text = f"{', '.join(undeclared)}: none declared: if the bridge dies, nothing brings the vehicle home"
+        said.append(Said("warning", "failsafe", text, remedy_of("failsafe: none", "")))
     return said
 
 

@@ -13,10 +13,13 @@ from contextlib import AsyncExitStack, aclosing, asynccontextmanager
 from functools import partial
 from typing import Any, TypeVar
 
+import zenoh
+
 from commd.bus import BACKLOG, Bus, BusClosed, Reply, open_bus
 from commd.routers import endpoint_of
 from commd.tasks import Tasks
 from commd.tls import Tls
+from schemas.access import hidden
 from schemas.findings import Findings
 from schemas.mission import Mission
 from schemas.records import Header, Record
@@ -37,10 +40,19 @@ class Boards:
         robots = {name: robot.board for name, robot in mission.robots.items()}
         self.homes: Mapping[str, str] = mission.mailboxes | robots | {board: board for board in mission.boards}
         """Where each name lives."""
+        self._sights = mission.security.sights
         self.opening: dict[str, asyncio.Task[FleetBus]] = {}
         self.listening = Tasks("listening to a board")
         """What listens to boards that are not reached yet."""
         self.dial: Callable[[str], asyncio.Task[FleetBus]] | None = None
+
+    def why_unseen(self, observer: str, key: str) -> str:
+        """Return why no router shows an observer what it asks for, which would look as if nobody answered."""
+        sight = self._sights.get(observer)
+        asked = zenoh.KeyExpr(key.partition("?")[0])
+        if sight is None or not any(zenoh.KeyExpr(one).intersects(asked) for one in hidden(sight)):
+            return ""
+        return f"`{observer}` is an observer of {sight} by the mission: it may not see this (docs/security.md)"
 
     async def bus(self, board: str) -> Bus | str:
         """Return the session with a board, or why there is none."""
@@ -127,6 +139,9 @@ class FleetBus(Bus):
         ready: Callable[[], Awaitable[bool]] | None = None,
     ) -> AsyncGenerator[Reply[R], None]:
         """As `Bus.query`; of a board that is not reached the reply says why. `ready` is waited for once per board."""
+        if why := self.boards.why_unseen(self.name, key):
+            yield Reply(key, None, why)
+            return
         name = key.split("/")[2]
         homes = [self.boards.homes[name]] if name in self.boards.homes else list(self.boards.opening)
         replies: asyncio.Queue[Reply[R] | None] = asyncio.Queue(AT_ONCE)

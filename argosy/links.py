@@ -5,6 +5,10 @@ A link that is not written in MAVLink's way belongs to another driver, which rea
 
 from __future__ import annotations
 
+import socket
+from collections.abc import Iterable
+from contextlib import ExitStack
+
 from bridged.drivers.mavlink.address import LinkAddress, LinkAddressError
 from schemas.findings import Finding
 from schemas.mission import Mission, Robot
@@ -76,6 +80,17 @@ def check_links(mission: Mission) -> list[Finding]:
                 findings.append(mission.positions.finding(("robots", name, "link"), f"{text}`{written}`"))
         taken[name] = link
     return findings
+
+
+def free_links(robots: Iterable[str]) -> dict[str, str]:
+    """Return a link of its own for each of these simulated vehicles, at a port of this machine that nobody uses."""
+    links = {}
+    with ExitStack() as stack:
+        for name in robots:
+            probe = stack.enter_context(socket.socket(type=socket.SOCK_DGRAM))
+            probe.bind(("127.0.0.1", 0))
+            links[name] = f"udpin:127.0.0.1:{probe.getsockname()[1]}"
+    return links
 
 
 def bound_links(mission: Mission, simulators: list[str]) -> dict[LinkAddress, list[str]]:

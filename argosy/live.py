@@ -194,13 +194,16 @@ class Screen:
 
 
 def _phase(status: Status) -> Text:
-    if status.waiting_for:
-        return Text(f"waiting for {status.waiting_for}", style="yellow")
+    if status.waiting_for and status.phase == "starting":
+        return Text(printable(f"waiting for {status.waiting_for}"), style="yellow")
     orders = dict.fromkeys(robot.operator for robot in status.picture.robots.values() if robot.operator)
     if status.phase == "flying" and orders:
         return Text(f"stopped by the operator ({', '.join(orders)})", style="bold yellow")
-    style = {"flying": "green", "done": "bold green", "ending": "yellow"}.get(status.phase.split(",")[0], "yellow")
-    return Text(status.phase, style=style)
+    if status.phase == "flying" and (paused := status.picture.paused()):
+        return Text(f"paused ({', '.join(paused)})", style="bold yellow")
+    style = {"flying": "green", "done": "bold green", "failed": "bold red"}.get(status.phase, "yellow")
+    waits = f", waiting for {status.waiting_for}" if status.waiting_for else ""
+    return Text(status.phase.replace("_", " ") + waits, style=style)
 
 
 def _timeout(status: Status) -> str:
@@ -216,13 +219,15 @@ def _robot(robot: RobotSeen, width: int, silent: float, old: float) -> list[Text
     if not robot.mode:
         return [Text(robot.name, style="bold"), Text("not heard yet", style="yellow")]
     if robot.lost:
-        told = Text(f"LOST, last heard {silent:.0f} s ago: {robot.last_known()}", style="bold red")
+        told = Text(printable(f"LOST, last heard {silent:.0f} s ago: {robot.last_known()}"), style="bold red")
         return [Text(robot.name, style="bold"), told]
     cells = [
         Text.assemble((robot.name, "bold"), (f" {old:.0f} s ago:", "bold red") if old else ""),
-        Text(robot.mode, style="magenta"),
+        Text(printable(robot.mode), style="magenta"),
         Text("armed", style="green") if robot.armed else Text("disarmed", style="dim"),
     ]
+    if robot.paused:
+        cells.append(Text("PAUSED", style="bold yellow"))
     if robot.altitude is not None:
         height = Text(f"{robot.altitude + 0.0:5.1f} m up", style="bold")
         cells.append(height.append(f" {_spark(robot.track, 16):16}", style="blue") if width >= 100 else height)

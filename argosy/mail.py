@@ -91,14 +91,14 @@ def _show(boxes: list[Mailboxes], silent: list[str], args: Namespace) -> int:
         print(json_lines(told))
     else:
         for one in boxes:
-            print("\n".join(_board(one, args.dead)))
+            print("\n".join(board_lines(one, args.dead)))
     for text in silent:
         print(printable(f"error: {text}"), file=sys.stderr)
     return EXIT_FAILED if silent else EXIT_DONE
 
 
-def _board(boxes: Mailboxes, dead: bool) -> list[str]:
-    """Return the lines about one board."""
+def board_lines(boxes: Mailboxes, dead: bool) -> list[str]:
+    """Return the lines about one board, with its dead letters if asked for."""
     waiting = sum(queue.messages for queue in boxes.queues)
     head = f"{boxes.board}: {_count(waiting, 'message')} waiting, {_count(boxes.dead_count, 'dead letter')}"
     where = f"{boxes.store}, synchronous {boxes.synchronous}" if boxes.synchronous else boxes.store

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 from typing import Any
 
 from agentd.analysis.includes import Includes
@@ -17,16 +18,24 @@ def mentioned(program: Program) -> set[tuple[str, int]]:
     found: set[tuple[str, int]] = set()
     waiting: list[Any] = [program]
     while waiting:
-        node = waiting.pop()
-        if isinstance(node, tuple | list):
-            waiting += node
-        elif dataclasses.is_dataclass(node):
+        for node in nodes_of(waiting.pop()):
             if isinstance(node, Structure):
                 found.add((node.functor, len(node.args)))
             elif isinstance(node, Directive) and node.name.functor == "include":
                 waiting += includes(node, DEFAULT)
-            waiting += (getattr(node, field.name) for field in dataclasses.fields(node))
     return found
+
+
+def nodes_of(tree: Any) -> Iterator[Any]:
+    """Yield every node of a syntax tree, the tree itself among them, in no particular order."""
+    waiting: list[Any] = [tree]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, tuple | list):
+            waiting += node
+        elif dataclasses.is_dataclass(node):
+            yield node
+            waiting += (getattr(node, field.name) for field in dataclasses.fields(node))
 
 
 def beliefs_of(formula: Formula) -> set[tuple[str, int]]:

@@ -16,6 +16,7 @@ from argosy.endpoint import endpoint
 from argosy.fleet_bus import FleetBus, open_fleet_bus
 from argosy.journal import printable
 from commd.bus import Bus, BusClosed, open_bus
+from commd.local_runs import router_of
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, tls_of
 from commd.tls import Tls, identity_of
 from schemas import keys
@@ -63,7 +64,10 @@ def add_router_argument(parser: ArgumentParser, default: str) -> None:
 
 
 def where(args: Namespace) -> Where:
-    """Return whom the arguments speak to. Raises Findings for a mission that cannot be read, and for useless keys."""
+    """Return whom the arguments speak to: at the router that they name, that of a run here, or the usual one.
+
+    Raises Findings for a mission that cannot be read, for useless keys, and if several runs could be meant.
+    """
     mission, tls = load_mission(args.mission) if args.mission else None, tls_of(args)
     if tls is not None and args.router and not args.router.startswith("tls/"):
         raise Findings([Finding("--keys", 0, 0, f"are for what is at tls/..., and not for {args.router}")])
@@ -72,9 +76,11 @@ def where(args: Namespace) -> Where:
         raise Findings([Finding("--keys", 0, 0, text)])
     if mission is not None:
         each = mission if tls is not None and not args.router else None
-        router = args.router or (_of_boards(mission) if each else mission.router.endpoint)
+        here = "" if args.router or each else router_of(mission.fleet, mission.router.endpoint)
+        router = args.router or (_of_boards(mission) if each else here)
         return Where(mission.fleet, router, tls, each, tuple(mission.robots))
-    return Where(args.fleet or ANY, args.router or DEFAULT_ROUTER, tls)
+    router = args.router or (DEFAULT_ROUTER if tls is not None else router_of(args.fleet or "", DEFAULT_ROUTER))
+    return Where(args.fleet or ANY, router, tls)
 
 
 def _of_boards(mission: Mission) -> str:

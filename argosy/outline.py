@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from schemas.files import read_bounded
 from schemas.findings import Findings
 from schemas.positions import Positions, read_yaml
 
@@ -38,7 +39,7 @@ class Outline:
 def outline(path: Path) -> Outline | None:
     """Return what a mission file names; None if it is not even YAML."""
     try:
-        raw, positions = read_yaml(path.read_text(encoding="utf-8"), str(path))
+        raw, positions = read_yaml(read_bounded(path).decode(), str(path))
     except (Findings, OSError, UnicodeDecodeError):
         return None
     if not isinstance(raw, dict):

@@ -8,7 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from argosy.journal import Journal, printable
+from argosy.remedies import level_of
 from argosy.seen import ActionSeen, ActionsSeen, RobotSeen
+from bridged.orders import UNATTENDED
 from schemas import keys
 from schemas.minds import IntentionView, MindView
 from schemas.mission import Mission
@@ -77,6 +79,17 @@ class Picture:
         """Whether any vehicle is armed, or was when it fell silent."""
         return any(robot.armed for robot in self.robots.values())
 
+    def idle(self) -> bool:
+        """Whether every agent says that it has nothing left to do, no action runs, and no client is there to act."""
+        agents = (self.health.get((name, "agentd")) for name, agent in self.agents.items() if agent.cycle)
+        saying = [health is not None and health.idle is True for health in agents]
+        clients = any(daemon == "client" for _, daemon, _ in self.alive)
+        return len(saying) == len(self.agents) and all(saying) and not self.open_actions() and not clients
+
+    def paused(self) -> list[str]:
+        """Return the robots that an operator has paused."""
+        return [robot.name for robot in self.robots.values() if robot.paused]
+
     def heard_of(self, robot: RobotSeen) -> float:
         """Return the mission time until which a vehicle is known: its bridge tells changes, and that it is there."""
         return robot.heard if robot.lost else max(robot.heard, self.heard_at.get((robot.name, "bridged"), 0.0))
@@ -96,10 +109,12 @@ class Picture:
             before = self.health.get((parsed[1], parsed[2][1]))
             self.health[parsed[1], parsed[2][1]] = health
             self.heard_at[parsed[1], parsed[2][1]] = self._now()
+            if parsed[1] in self.robots and _unattended(health) and not _unattended(before):
+                self.robots[parsed[1]].unattended = True
             known = {without_figures(note) for note in before.notes} if before is not None else set()
             for note in health.notes:
                 if without_figures(note) not in known:
-                    self.journal.add(parsed[1], note, "warning")
+                    self.journal.add(parsed[1], note, level_of(note, health))
 
     def percept(self, key: str, percept: Perception) -> None:
         """An agent perceived something; a robot is seen through the first of those that have it."""
@@ -117,10 +132,11 @@ class Picture:
         agent = parsed[1] if parsed else "?"
         if self._actions.status(agent, status, self._now(), self.journal.add) is None:
             return
-        if status.final and status.reason.startswith(OPERATOR):
-            robot = next((name for name in self.robots if agent in self.mission.agents_of(name)), None)
-            if robot is not None:
-                self.ordered(robot, status.reason.removeprefix(OPERATOR))
+        robot = next((name for name in self.robots if agent in self.mission.agents_of(name)), None)
+        if robot is not None and not status.final:
+            self.robots[robot].unattended = False
+        elif robot is not None and status.reason.startswith(OPERATOR):
+            self.ordered(robot, status.reason.removeprefix(OPERATOR))
 
     def ordered(self, robot: str, order: str) -> None:
         """An operator ordered something that stands above the agents."""
@@ -153,7 +169,13 @@ class Picture:
         agent.intentions, agent.cycle, agent.done, agent.failed, agent.beliefs = (), 0, {}, {}, ()
 
     def bridge_ended(self, robot: str) -> None:
-        """The bridge of a robot is dead: what ran there has no outcome any more that would be heard."""
+        """The bridge of a robot is dead: its vehicle is not heard, and what ran there has no outcome.
+
+        Another life of the bridge tells positions before it knows whether the vehicle is armed: the vehicle counts as
+        heard again by its `state` alone.
+        """
+        seen = self.robots[robot]
+        seen.heard, seen.connected = self.heard_of(seen), False
         for action in self.open_actions():
             if action.agent in self.mission.agents_of(robot):
                 action.state, action.reason, action.ended = "failed", "its bridge died", self._now()
@@ -173,10 +195,23 @@ class Picture:
                 return f"{one.agent} believes {printable(believed.rpartition('[source(')[0] or believed)}"
         return ""
 
+    def not_commanded(self) -> str:
+        """Return in words which vehicle's autopilot is none that is commanded; nothing if all are."""
+        for name in self.robots:
+            if (health := self.health.get((name, "bridged"))) is not None:
+                for note in health.coded:
+                    if note.code == "autopilot_unknown":
+                        return f"{name}: {note.text}"
+        return ""
+
     def done(self) -> bool:
         """Whether every `done` formula of the mission holds; a mission without one is never done."""
         wanted = self.mission.done
         return bool(wanted) and all(self.agents[one.agent].done.get(one.formula, False) for one in wanted)
+
+
+def _unattended(health: Health | None) -> bool:
+    return health is not None and any(note.code == UNATTENDED for note in health.coded)
 
 
 def without_figures(note: str) -> str:

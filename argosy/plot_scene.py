@@ -121,7 +121,7 @@ class SceneReader:
 
     def __init__(self, title: str, robot_of: Mapping[str, str], agents: Sequence[str] = ()) -> None:
         """`robot_of`: the robot of each agent that has one, in the order of the mission."""
-        self._title, self._robot_of, self._agents = title, dict(robot_of), list(agents)
+        self._title, self._robot_of, self._agents = printable(title), dict(robot_of), list(agents)
         first = {robot: agent for agent, robot in reversed(self._robot_of.items())}
         self._eyes = {agent: robot for robot, agent in first.items()}
         """Of the agents that share a robot, the one through whom it is seen."""
@@ -140,7 +140,7 @@ class SceneReader:
             self._now = max(self._now, heard.at)
             self._first = heard.at if self._first is None else min(self._first, heard.at)
             parsed = keys.parse(heard.key)
-            agent = parsed[1] if parsed else "?"
+            agent = printable(parsed[1]) if parsed else "?"
             match heard.record:
                 case Perception() as percept if agent in self._eyes and not _absurd(percept):
                     robot = self._robots[self._eyes[agent]]
@@ -163,8 +163,8 @@ class SceneReader:
         where, home = _position(latitude, longitude), robot.home or robot.position
         if where is None or home is None or distance(where, home) > NEAR:
             return
-        label = ",".join(map(write, names))
-        self._mark(label, Place(self._now, percept.name, robot.name, where, label))
+        label = printable(",".join(map(write, names)))
+        self._mark(label, Place(self._now, printable(percept.name), robot.name, where, label))
 
     def _status(self, agent: str, status: ActionStatus) -> None:
         self._actions.status(agent, status, self._now, _tell_nobody)
@@ -176,7 +176,7 @@ class SceneReader:
             if where is not None:
                 self._mark(f"{robot.name} {where[0]:.7f} {where[1]:.7f}", Place(self._now, TARGET, robot.name, where))
         if status.name.startswith(DROPS) and status.state == "succeeded" and robot.position is not None:
-            self._mark(status.id, Place(self._now, status.name, robot.name, robot.position))
+            self._mark(status.id, Place(self._now, printable(status.name), robot.name, robot.position))
 
     def _mark(self, name: str, place: Place) -> None:
         if len(self._places) < MAX_PLACES:
@@ -191,9 +191,9 @@ class SceneReader:
             if len(self._messages) >= MAX_MESSAGES:
                 self._lost += 1
                 return
-            sender, receiver = (deed.other, agent) if deed.kind == "received" else (agent, deed.other)
-            text, answers = printable(deed.text), bool(deed.in_reply_to)
-            seen = MessageSeen(name, sender, receiver, deed.performative, text, answers=answers)
+            other, performative, text = map(printable, (deed.other, deed.performative, deed.text))
+            sender, receiver = (other, agent) if deed.kind == "received" else (agent, other)
+            seen = MessageSeen(name, sender, receiver, performative, text, answers=bool(deed.in_reply_to))
             self._messages[name] = seen
         match deed.kind:
             case "sent":
@@ -201,7 +201,7 @@ class SceneReader:
             case "received":
                 seen.received = at
             case _:
-                seen.undelivered = deed.reason or "not delivered"
+                seen.undelivered = printable(deed.reason) or "not delivered"
                 seen.sent = at if seen.sent is None else seen.sent
         if seen.sent is not None and seen.received is not None and seen.received < seen.sent:
             seen.received = (

@@ -43,6 +43,8 @@ class Setup:
     """Folder for what simulators write for a referee."""
     recording: RunRecording | None = None
     """Where all that is said is recorded."""
+    links: Mapping[str, str] = field(default_factory=dict)
+    """Of the robots that the mission file names no link for: the one that was found."""
 
     @property
     def file(self) -> str:
@@ -103,8 +105,9 @@ def _simulator(setup: Setup, robot: str) -> list[str]:
 def _bridge(setup: Setup, robots: str) -> list[str]:
     served = robots.split()
     twins = [] if setup.real.intersection(served) else ["--simulated"]
-    where = [*_router(setup, _board_of_robots(setup, robots)), *_speed(setup), *_state(setup)]
-    return ["bridged", "serve", setup.file, *served, *where, *twins]
+    found = [word for name in served if name in setup.links for word in ("--link", setup.links[name])]
+    where = [*_router(setup, _board_of_robots(setup, robots)), *found, *_speed(setup), *_state(setup)]
+    return ["bridged", "serve", setup.file, *served, *where, "--until-home", *twins]
 
 
 def _agents(setup: Setup, agents: str) -> list[str]:

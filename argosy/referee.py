@@ -1,7 +1,8 @@
 """`argosy referee`: what became of a search and rescue, judged by nothing that the fleet says of itself.
 
 It knows the victims from the seed of the mission's world, and what fell from the copters from the servo logs of their
-simulators. Each victim is to get exactly one buoy, within 5 m, and no buoy is to fall anywhere else.
+simulators. Of real copters, which have none, it has a recording of what the vehicles told of themselves. Each victim is
+to get exactly one buoy, within 5 m, and no buoy is to fall anywhere else.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class Drop:
 
     robot: str
     at: float
-    """Seconds since the copter was switched on."""
+    """Seconds since the copter was switched on, or since the recording began."""
     lat: float
     lon: float
 
@@ -75,10 +76,10 @@ class Verdict:
         return "\n".join([*lines, f"{'PASSED' if self.good else 'FAILED'}: {told}"])
 
 
-def drops_of(robot: str, moves: Iterable[ServoMove]) -> list[Drop]:
-    """Return the buoys that fell from a copter, which begins with one: its latch opened while it held a buoy."""
+def drops_of(robot: str, moves: Iterable[ServoMove], *, loaded: bool = True) -> list[Drop]:
+    """Return the buoys that fell from a copter: its latch opened while it held one. `loaded`: it begins with one."""
     drops: list[Drop] = []
-    loaded, shut = True, True
+    shut = True
     for move in moves:
         if move.output != LATCH:
             continue
@@ -115,16 +116,41 @@ def judge_run(mission: Mission, report: Path) -> Verdict:
     return judge(victims(mission.world), drops)
 
 
+def judge_recording(mission: Mission, file: Path) -> Verdict:
+    """Judge what was recorded of a flight. Without a `world` the victims are those that a camera told of.
+
+    Raises ValueError and OSError in words.
+    """
+    from argosy.recorded_drops import copters_of, latch_field  # needs the extra `record`, which logs do not
+    from argosy.recording.reader import open_recording
+
+    recording = open_recording(file)
+    if recording.missing:
+        print(f"warning: {recording.missing}", file=sys.stderr)
+    copters, seen = copters_of(mission, recording, LATCH)
+    if not copters:
+        raise ValueError(f"{mission.path}: no robot's manifest has a percept of {'.'.join(latch_field(LATCH))}")
+    everybody = seen if mission.world is None else victims(mission.world)
+    if not everybody:
+        raise ValueError(f"{file}: no camera told of a victim, and the mission has no `world`")
+    drops: list[Drop] = []
+    for name, copter in copters.items():
+        moves = list(copter.moves(name, LATCH))
+        drops += drops_of(name, moves, loaded=moves[0].pulse < OPEN)
+    return judge(everybody, drops)
+
+
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy referee`."""
     parser.add_argument("mission", help="mission file, with the `world` that was flown in")
-    parser.add_argument("report", type=Path, help="folder of `argosy run --report`")
+    parser.add_argument("report", type=Path, help="folder of `argosy run --report`, or file of `argosy record`")
 
 
 def run(args: Namespace) -> int:
     """Judge a run. Returns the exit code: 0 only if every victim got exactly one buoy."""
     try:
-        verdict = judge_run(load_mission(args.mission), args.report)
+        mission = load_mission(args.mission)
+        verdict = (judge_recording if args.report.is_file() else judge_run)(mission, args.report)
     except Findings as findings:
         print(findings, file=sys.stderr)
         return EXIT_BAD_INPUT

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from schemas.mission import Mission
+from schemas.records import Health
 
 KNOWN = {
     "failsafe: none": (
         "if the vehicle's own ground-station failsafe (FS_GCS_ENABLE) is to watch this bridge: "
-        "`failsafe: {gcs: bridge}` at the robot in the mission (docs/mavlink.md)"
+        "`failsafe: {gcs: bridge}` at the robot in the mission, else `human` or `none` (docs/mavlink.md)"
     ),
     "failsafe: the vehicle does not tell": "is it an ArduPilot? `failsafe: {gcs: none}` for vehicles that have none",
     "failsafe: FS_GCS_ENABLE is 0": "set FS_GCS_ENABLE on the vehicle, or say `failsafe: {gcs: none}` in the mission",
@@ -16,6 +19,26 @@ KNOWN = {
     "link ": "see `vehicles`: cable, device, baud rate or address of the robot's `link` in the mission",
 }
 """What to do by how a note begins."""
+
+BY_CODE = {
+    "autopilot_unknown": "is this the right vehicle at the robot's `link` and `sysid`? Only ArduPilot is flown "
+    "(docs/mavlink.md)",
+    "foreign_packets": "who speaks there? Sign the vehicle's link (docs/mavlink.md, signing)",
+    "two_vehicles": "give each its own MAV_SYSID; if there is only one, somebody forges it: sign its link",
+    "session_id_forged": "whose keys are these, and who has a copy? `argosy keys revoke` (docs/security.md)",
+    "link_renewed": "was its commd stopped, or without processor? Nothing is to be done (docs/fleets.md, restarts)",
+    "mail_went_back": "was a backup restored? Mail that was taken since then is lost: its senders are to send it again "
+    "(docs/mail.md)",
+    "robot_unattended": "`argosy why AGENT` tells what its program did last; `argosy stop land|rtl` acts now",
+}
+"""What to do about a note with a code."""
+GRAVE = frozenset({"autopilot_unknown", "robot_unattended", "session_id_forged"})
+"""Codes of notes that are errors: nothing flies until they end, something flies by itself, or somebody means harm."""
+
+
+def level_of(note: str, health: Health) -> Literal["warning", "error"]:
+    """Return how bad a note of a daemon is."""
+    return "error" if any(one.code in GRAVE for one in health.coded if one.text == note) else "warning"
 
 
 def remedy_of(note: str, otherwise: str) -> str:

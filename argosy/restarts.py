@@ -33,9 +33,12 @@ class Restarts:
         self._coming: dict[str, Child] = {}
         """What was started again and has not shown itself yet."""
 
-    def died(self, child: Child) -> None:
-        """A process has ended although nobody told it to: see that it comes again, if that is wanted and may help."""
-        if not self._on or self._over.is_set() or not child.process.kind.daemon:
+    def died(self, child: Child, *, anyway: bool = False) -> None:
+        """A process has ended although nobody told it to: see that it comes again, if that is wanted and may help.
+
+        `anyway`: it is wanted whatever the mission says.
+        """
+        if not (self._on or anyway) or self._over.is_set() or not child.process.kind.daemon:
             return
         if child.handle.returncode in (EXIT_DONE, EXIT_BAD_INPUT):  # it would end in the same way again
             return

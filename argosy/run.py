@@ -8,28 +8,33 @@ import os
 import sys
 import tempfile
 from argparse import ArgumentParser, Namespace
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, Self, TextIO
 
-from argosy.boards import NoPort, places
-from argosy.check import check_mission
+import msgspec
+
+from agentd.progress import loading, told_if_long
+from argosy.boards import NoPort, free_after, places
+from argosy.check import at_start, check_mission
 from argosy.endings import Ending
 from argosy.endpoint import endpoint, in_use, link_in_use
 from argosy.flight import Flight
 from argosy.journal import Entry, Journal
-from argosy.links import address_of, bound_links, group_of, ports_of
+from argosy.links import address_of, bound_links, free_links, group_of, ports_of
 from argosy.measure import Meter
 from argosy.picture import Picture
 from argosy.processes import Setup, real_robots
 from argosy.recording.of_a_run import NoRecording, RunRecording, recording_of
-from argosy.report import write_report
-from argosy.simulators import only_real
+from argosy.report import FIGURE, write_report
+from argosy.simulators import only_real, vehicle_of
 from argosy.status import Status
 from argosy.summary import summary
 from bridged.manifests import load_robot_manifest
 from commd.clock import Clock
+from commd.local_runs import announced, starting
 from commd.process import EXIT_BAD_INPUT, EXIT_FAILED
 from schemas.mission import Mission
 
@@ -84,22 +89,33 @@ class Refused(Exception):
 
 def run(args: Namespace) -> int:
     """Run a mission. Returns the exit code: 0 only if the mission was done."""
-    mission, findings = check_mission(args.mission)
+    with told_if_long(loading([args.mission])):
+        mission, findings = check_mission(args.mission, restarts=args.restart)
+    findings = at_start(findings)
     for finding in findings:
         print(finding, file=sys.stderr)
     if mission is None or any(finding.severity == "error" for finding in findings):
         return EXIT_BAD_INPUT
     with ExitStack() as stack:
+        ports = stack.enter_context(ExitStack())
+        wanted = args.router or mission.router.endpoint
+        if not mission.router.external:
+            told = f"waiting for another run that starts at {wanted}"
+            ports.enter_context(starting(wanted, lambda: print(told, file=sys.stderr, flush=True)))
         try:
             setup = _setup(mission, args, Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="argosy-"))))
             log = _open_log(args.report, stack)
             setup, unrecorded = _recording(setup, args)
             _check_ports(setup)
+            if setup.real and not args.yes:  # a person may take his time
+                ports.close()
             _consent(setup, args)
+            if args.router is None:  # who names a router names it to the other commands, too
+                stack.enter_context(announced(mission.fleet, setup.router))
         except Refused as refused:
             print(f"error: {refused}", file=sys.stderr)
             return refused.code
-        return _fly(setup, args, log, unrecorded)
+        return _fly(setup, args, log, unrecorded, ports.close)
 
 
 def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
@@ -112,6 +128,7 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
         where = f"{name} on {link}" if (link := mission.robots[name].link) else name
         together = ",".join(group_of(mission, name))
         raise Refused(f"{where}: {why}; fly the real one with --real {together}")
+    mission, links = _linked(mission, real)
     speed = args.speed if args.speed is not None else 1.0 if real else mission.speed
     if real and mission.radio is not None:
         line = mission.positions.of(("radio",))[0]
@@ -119,19 +136,37 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
         raise Refused(f"{mission.path}:{line}: {told}: take it out to fly real ones")
     if real and speed != 1:
         raise Refused(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")
-    router = args.router or mission.router.endpoint
     try:
+        router = args.router or _router(mission)
         routers = places(mission, router, ports_of(mission))
     except NoPort as error:
         raise Refused(str(error), EXIT_FAILED) from None
     restart = args.restart or mission.restart == "on-failure"
-    setup = Setup(mission, router, speed, real, state, _telling(mission), routers, restart, args.report)
+    setup = Setup(mission, router, speed, real, state, _telling(mission), routers, restart, args.report, links=links)
     if mixed := setup.mixed():
         real_ones, others = ([one for one in mixed if (one in real) == wanted] for wanted in (True, False))
         link = mission.robots[mixed[0]].link
         told = f"{', '.join(real_ones)} is real, and {', '.join(others)} on the same link {link} would be simulated"
         raise Refused(f"{told}: fly all of them with --real {','.join(mixed)}")
     return setup
+
+
+def _linked(mission: Mission, real: frozenset[str]) -> tuple[Mission, dict[str, str]]:
+    """Return the mission with a link for each simulated vehicle that it names none for, and those links by robot."""
+    open_ones = [name for name, robot in mission.robots.items() if vehicle_of(robot) == "copter" and not robot.link]
+    if wanted := [name for name in open_ones if name in real]:
+        raise Refused(f"--real {wanted[0]}: the mission names no `link` to it")
+    links = free_links(open_ones)
+    robots = {name: msgspec.structs.replace(mission.robots[name], link=link) for name, link in links.items()}
+    return replace(mission, robots=mission.robots | robots), links
+
+
+def _router(mission: Mission) -> str:
+    """Return the first board's router: the mission's; of one that names none the next free port. Raises NoPort."""
+    named = ("router", "endpoint") in mission.positions.values or mission.router.external
+    if named or not in_use(mission.router.endpoint):
+        return mission.router.endpoint
+    return next(free_after(mission.router.endpoint, ports_of(mission)))
 
 
 def _recording(setup: Setup, args: Namespace) -> tuple[Setup, str]:
@@ -198,13 +233,13 @@ def _deeds(setup: Setup) -> str:
     return " and ".join(said)
 
 
-def _fly(setup: Setup, args: Namespace, log: TextIO | None, unrecorded: str) -> int:
+def _fly(setup: Setup, args: Namespace, log: TextIO | None, unrecorded: str, bound: Callable[[], None]) -> int:
     clock = Clock(setup.speed)
     journal = Journal(clock.now, log)
     picture = Picture(setup.mission, journal, clock.now)
     status = Status(setup, picture, journal, Meter(), [], clock.now, recorded=unrecorded)
     _bus_log_to(journal)
-    flight = Flight(status)
+    flight = Flight(status, bound)
     with _view(status, args.plain) as view:
         journal.shown = view.show
         ending = asyncio.run(flight.fly(view.refresh))
@@ -217,10 +252,13 @@ def _tell(flight: Flight, ending: Ending, report: Path | None) -> int:
         print(f"\n{text}", end="", flush=True)
     if report is not None:
         try:
-            write_report(report, flight.status, text, flight.finished or flight.status.now())
+            recording = flight.status.setup.recording
+            without = write_report(report, None if recording is None else recording.path, text)
         except OSError as error:
             print(f"error: --report {report}: {error.strerror}", file=sys.stderr)
             return ending.code or EXIT_FAILED
+        if without:
+            print(f"note: no {FIGURE}: {without}", file=sys.stderr)
     if ending.code:
         with suppress(OSError):
             print(f"error: {ending.text}", file=sys.stderr)

@@ -11,6 +11,7 @@ from typing import Literal
 
 from argosy.journal import Level, printable
 from argosy.track import Track
+from bridged.drivers.mavlink.modes import COMING_HOME
 from schemas.records import ActionStatus, Perception, State
 from schemas.terms import Atom, Term, to_float
 from schemas.text import write
@@ -85,8 +86,11 @@ class ActionsSeen:
         held.forgotten = self.forgotten
         return held
 
-    def status(self, agent: str, status: ActionStatus, now: float, tell: Tell) -> ActionSeen | None:
-        """Take what became of an action. Returns it, or None if it had ended already."""
+    def status(self, agent: str, status: ActionStatus, now: float, tell: Tell, speed: float = 1.0) -> ActionSeen | None:
+        """Take what became of an action. Returns it, or None if it had ended already.
+
+        `speed` is in mission seconds per second of `now`: how long an action took is told in mission seconds.
+        """
         id = _short(status.id)
         seen = self.by_id.get(id)
         if seen is None:
@@ -108,7 +112,7 @@ class ActionsSeen:
             self.end(seen, status.state, seen.reason, now)
             why = f": {seen.reason}" if seen.reason else ""
             level: Level = "good" if status.state == "succeeded" else "warning"
-            tell(agent, f"{seen.text} {status.state} after {seen.age(now):.1f} s{why}", level)
+            tell(agent, f"{seen.text} {status.state} after {seen.age(now) * speed:.1f} s{why}", level)
         return seen
 
     def end(self, action: ActionSeen, state: State | Literal["unknown"], reason: str, now: float) -> None:
@@ -163,12 +167,21 @@ class RobotSeen:
     """The order of an operator that stands above the robot's agents now."""
     holder: str = ""
     """The agent that has the robot, of several that share it; empty: nobody, or it has one agent only."""
+    unattended: bool = False
+    """It was in the air with nobody in charge, and no agent has begun an action with it since."""
+    paused: bool = False
+    """An operator has paused it: it holds, and what its agents ask for waits."""
     override: str = ""
     """The mode into which somebody else, such as its pilot, has put it."""
     told: dict[str, str] = field(default_factory=dict)
     """Of a robot that tells no vehicle's state: the last percept of each name, as its agent would write it."""
     heard: float = 0.0
     """When a percept last told something of the vehicle, in seconds of the observer's clock."""
+
+    @property
+    def coming_home(self) -> bool:
+        """Whether its own mode brings it home or down, whoever set it."""
+        return self.connected and self.armed and self.mode in COMING_HOME
 
     @property
     def lost(self) -> bool:
@@ -202,8 +215,12 @@ class RobotSeen:
         """Take what an agent of the robot perceived."""
         if percept.update == "remove":
             self.told.pop(percept.name, None)
-            if percept.name in ("holder", "override"):
-                setattr(self, percept.name, "")
+            match percept.name:
+                case "holder" | "override":
+                    setattr(self, percept.name, "")
+                case "paused" if self.paused:
+                    self.paused = False
+                    tell(self.name, "goes on: it is not paused any longer", "warning")
             return
         if not self.mode and (percept.name, len(percept.parameters)) != ("state", 3):
             self._no_vehicle(percept, now)
@@ -232,9 +249,22 @@ class RobotSeen:
                 self.velocity = None if None in parts else parts  # type: ignore[assignment]
             case "holder", (agent,):
                 self.holder = _short(plain(agent))
+                return  # this and `paused` a bridge knows before it has heard the vehicle
+            case "paused", (_,):
+                if not self.paused:
+                    tell(
+                        self.name,
+                        f"paused by the operator; `argosy stop continue {self.name}` lets it go on",
+                        "warning",
+                    )
+                self.paused = True
+                return
             case "override", (mode,):
                 self.override = _short(plain(mode))
-                tell(self.name, f"somebody else took control: {self.override}", "warning")
+                if self.override in COMING_HOME:
+                    tell(self.name, f"comes home: others have set {self.override} (pilot, failsafe)", "warning")
+                else:
+                    tell(self.name, f"somebody else took control: {self.override}", "warning")
             case _:
                 return
         if self.connected:

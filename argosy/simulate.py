@@ -13,7 +13,7 @@ from argparse import ArgumentParser, Namespace
 from contextlib import suppress
 from pathlib import Path
 
-from argosy.check import check_mission
+from argosy.check import at_start, check_mission
 from argosy.endpoint import endpoint, link_in_use
 from argosy.links import MEETING, address_of, peer_of
 from argosy.processes import Kind, Process, python_command, real_robots
@@ -57,7 +57,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(args: Namespace) -> int:
     """Simulate until ctrl-C. Returns the exit code: 1 if a simulator ended by itself."""
     mission, findings = check_mission(args.mission)
-    errors = [finding for finding in findings if finding.severity == "error"]
+    errors = [finding for finding in at_start(findings) if finding.severity == "error"]
     try:
         if mission is None or errors:
             raise Findings(errors)

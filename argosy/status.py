@@ -13,6 +13,7 @@ from argosy.picture import Picture
 from argosy.processes import Setup
 from argosy.recording.of_a_run import STARTED
 from argosy.supervise import Child
+from schemas.records import RunPhase, RunState
 
 
 @dataclass
@@ -26,10 +27,13 @@ class Status:
     children: list[Child]
     now: Callable[[], float]
     """Mission seconds since the start."""
-    phase: str = "starting"
-    """starting, flying, idle, ending: in words for people."""
+    phase: RunPhase = "starting"
+    why: str = ""
+    """Why the run has failed, or why it brings its vehicles home."""
+    ended: float | None = None
+    """Mission time at which the run was done or had failed."""
     waiting_for: str = ""
-    """What the startup waits for now."""
+    """What the run waits for now, in words."""
     timeout_at: float | None = None
     """Mission time at which the run ends by its timeout; known once everything is up."""
     up: set[str] = field(default_factory=set)
@@ -46,6 +50,24 @@ class Status:
 
     restarts: Counter[str] = field(default_factory=Counter)
     """How often each process was started again, by its name."""
+
+    def record(self) -> RunState:
+        """Return how far the run has come, for the bus."""
+        setup = self.setup
+        return RunState(
+            phase=self.phase,
+            why=self.why,
+            mission_time=self.now() if self.ended is None else self.ended,
+            speed=setup.speed,
+            report="" if setup.logs is None else str(setup.logs.resolve()),
+            dead=tuple(
+                f"{child.process.kind.name} {name}"
+                for child in self.children
+                if child.dead
+                for name in child.process.subject.split()
+            ),
+            recording="" if setup.recording is None else str(setup.recording.path.resolve()),
+        )
 
     def serves(self, child: Child) -> bool:
         """Whether a process has come so far that it does its work."""

@@ -28,6 +28,8 @@ def line(row: Row) -> str:
             "errors": health.errors,
             "last_error": _quoted(health.last_error),
         }
+        if health.paused:
+            told["paused"] = "yes"
     if not row.in_mission:
         told["in_mission"] = "no"
     words = " ".join(f"{name}={value}" for name, value in told.items() if value != "")
@@ -69,6 +71,8 @@ def _row_to_json(row: Row) -> dict[str, Any]:
         health = row.now
         names = ("version", "pid", "uptime", "cpu", "lag", "drops", "bad_input", "restarts", "errors")
         told |= {name: getattr(health, name) for name in (*names, "last_error", "last_error_age", "counters")}
+        if row.daemon == "bridged":
+            told["paused"] = health.paused
         told["age"] = None if row.age is None else round(row.age, 1)
     return told
 

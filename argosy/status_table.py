@@ -45,6 +45,8 @@ def table(fleet: str, rows: Sequence[Row], *, away: bool = False) -> RenderableT
 def _cells(row: Row, board: str) -> list[Text]:
     dim, title = "" if row.well else "dim", printable(row.title)
     mark = Text.assemble("● " if row.well else "✖ ", row.standing, style=STYLES[row.standing])
+    if row.now is not None and row.now.paused:
+        mark.append(" PAUSED", style="bold yellow")
     name = Text(title, style="bold") if row.in_mission else Text(f"{title} (not in the mission)", style="yellow")
     cells = [Text(printable(board), style="bold"), Text(printable(row.daemon)), name, mark]
     health = row.now

@@ -6,6 +6,7 @@ import asyncio
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from contextlib import aclosing
+from typing import get_args
 
 from argosy.journal import printable
 from argosy.operator_bus import ANY, Where, add_fleet_arguments, bridges, on_the_bus, unreached
@@ -14,19 +15,23 @@ from commd.process import EXIT_DONE, EXIT_FAILED
 from schemas import keys
 from schemas.mission import load_mission
 from schemas.positions import did_you_mean
-from schemas.records import Outcome, StopOrder
+from schemas.records import OperatorOrder, Outcome, StopOrder
 
 ANSWER_TIMEOUT = 15.0
 """Wall seconds that a bridge has to see the order confirmed by its vehicle; it gives up after 10 s itself."""
 
-ORDERS = ("hold", "land", "rtl", "release")
+ORDERS: tuple[OperatorOrder, ...] = get_args(OperatorOrder)
+HELP = (
+    "`hold`, `land` and `rtl` fail every action, and none begins until `release`; "
+    "`pause` holds the robot and keeps its actions, which go on at `continue`"
+)
 UNANSWERED = "its bridge did not answer"
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy stop`."""
     words = f"{{{','.join(ORDERS)}}}"
-    parser.add_argument("order", type=_order, metavar=words, help="`release` lets the agents act again")
+    parser.add_argument("order", type=_order, metavar=words, help=HELP)
     parser.add_argument(
         "robot",
         nargs="*",

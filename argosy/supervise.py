@@ -37,7 +37,8 @@ class Child:
         self.pid = handle.pid
         self.lines: deque[str] = deque(maxlen=KEPT_LINES)
         self.started = time.monotonic()
-        self.told_to_leave = False
+        self.told_to_leave = self.killed = False
+        """Whether it was told to leave, and whether it was killed as it did not."""
         self.died: float | None = None
         self.replaced = False
         """Whether it died and another one is, or is to be, started in its place."""
@@ -53,8 +54,10 @@ class Child:
 
     @property
     def dead(self) -> bool:
-        """Whether it ended although nobody told it to, and for good."""
-        return self.died is not None and not self.told_to_leave and not self.replaced
+        """Whether it ended although nobody told it to, or by a signal that nobody here sent, and for good."""
+        code = self.handle.returncode
+        crashed = code is not None and code < 0 and code != -signal.SIGTERM and not self.killed
+        return self.died is not None and not self.replaced and (crashed or not self.told_to_leave)
 
     def how_it_ended(self) -> str:
         """Return in words how it ended, with its own last word if it had one."""
@@ -66,6 +69,16 @@ class Child:
         last = next((line for line in reversed(self.lines) if "error" in line.lower()), "")
         said = f": {last.strip()}" if last else ""
         return f"ended by itself with exit code {code}{said}{self.in_vain}"
+
+    def tell_to_leave(self) -> None:
+        """Let it end in its own way."""
+        self.told_to_leave = True
+        self.signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it here and now, as nothing waits for what it would still do."""
+        self.told_to_leave = self.killed = True
+        self.signal(signal.SIGKILL)
 
     def signal(self, number: signal.Signals) -> None:
         """Send a signal to the process, if it still runs."""
@@ -127,22 +140,22 @@ class Supervisor:
         """
         leaving = [child for child in children if child.alive]
         for child in leaving:
-            child.told_to_leave = True
-            child.signal(signal.SIGTERM)
+            child.tell_to_leave()
         until, hurried = time.monotonic() + patience, False
         while (late := [child for child in leaving if child.alive]) and time.monotonic() < until:
             if hurry.is_set() and not hurried:
                 until, hurried = min(until, time.monotonic() + HURRIED), True
             await asyncio.sleep(0.02)
         for child in late:
-            child.signal(signal.SIGKILL)
+            child.kill()
         await self._gone(late)
         return late
 
     async def close(self) -> None:
         """Kill what still runs, and what the processes themselves may have left."""
         for child in self.children:
-            child.told_to_leave |= child.alive
+            if child.alive:
+                child.kill()
             child.kill_group()
         await self._gone(self.children)
         for child in self.children:

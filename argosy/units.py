@@ -10,6 +10,9 @@ from pathlib import Path
 
 from argosy.board_files import files_of, secrets_of
 from argosy.board_guide import guide
+from argosy.check import check_mission
+from argosy.check_fleet import AFTER_RESTART
+from argosy.firewall import firewall_files
 from argosy.unit_files import VENV, Board, unit_files
 from commd import router_config
 from commd.daemon import chosen
@@ -18,7 +21,7 @@ from schemas.findings import Finding, Findings
 from schemas.mission import Mission, load_mission
 
 GUIDE = "INSTALL.md"
-TAKEN = {"router.json5", "board.env", "keys"}
+TAKEN = {"router.json5", "board.env", "firewall.nft", "keys"}
 """What stands beside the files of a mission on a board."""
 
 
@@ -48,6 +51,9 @@ def run(args: Namespace) -> int:
         where = f"{error.filename}: " if error.filename else ""
         print(f"error: {where}{error.strerror or error}", file=sys.stderr)
         return EXIT_FAILED
+    for finding in check_mission(args.mission, restarts=True)[1]:
+        if finding.kind == AFTER_RESTART:  # systemd starts every daemon again
+            print(finding, file=sys.stderr)
     units = ", ".join((board.target, *board.units))
     print(f"{args.out}: {written} files for board {board.name}: {units}\nwhat to do with them: {args.out / GUIDE}")
     return EXIT_DONE
@@ -61,7 +67,7 @@ def write(board: Board, out: Path) -> int:
     check(board.mission)
     secrets = secrets_of(board.mission, board.name)
     _check_secrets(board.mission, secrets)
-    texts: dict[str, str | bytes] = dict(unit_files(board))
+    texts: dict[str, str | bytes] = dict(unit_files(board) | firewall_files(board))
     keys = None if board.keys is None else Path(board.keys)
     settings = router_config.router_settings(board.mission, board.name, socket=board.socket, keys=keys)
     texts[f"{board.folder[1:]}/router.json5"] = router_config.write(settings)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
+from collections.abc import Collection
 from math import inf
 from pathlib import Path
 
@@ -29,10 +30,12 @@ class Watchdog:
         self._since: dict[int, float] = {}
         """By process id: since when it does nothing."""
 
-    def look(self) -> None:
-        """Kill what has done nothing for too long."""
+    def look(self, kinds: Collection[str] | None = None) -> None:
+        """Kill what has done nothing for too long, of these kinds (None: of all)."""
         now = time.monotonic()
         for child in self._status.children:
+            if kinds is not None and child.process.kind.name not in kinds:
+                continue
             stopped = is_stopped(child.pid)
             if not (child.alive and child.process.kind.daemon and (stopped or self._is_silent(child))):
                 self._since.pop(child.pid, None)

@@ -51,7 +51,7 @@ def _record(key: str, text: str) -> Record:
             return Perception(name=name, parameters=parameters, update=update)  # type: ignore[arg-type]
         case ["cancel"], [identity]:
             return Cancel(id=identity)
-        case ["stop"], ["hold" | "land" | "rtl" | "release" as order]:
+        case ["stop"], ["hold" | "land" | "rtl" | "release" | "pause" | "continue" as order]:
             return StopOrder(order=order)
         case ["control"], [("pause" | "step" | "resume" | "goal" | "belief") as do, *rest]:
             return MindOrder(do=do, text="".join(rest))

@@ -32,12 +32,14 @@ def read_arguments(
 
     Raises BadArgument for the first that is wrong.
     """
-    if len(parameters) != entry.arity:
-        raise BadArgument(f"{signature(name, entry)} takes {entry.arity} arguments, got {len(parameters)}")
+    allowed = entry.arities
+    if len(parameters) not in ((allowed,) if isinstance(allowed, int) else allowed):
+        taken = allowed if isinstance(allowed, int) else f"{allowed.start} to {entry.arity}"
+        raise BadArgument(f"{signature(name, entry)} takes {taken} arguments, got {len(parameters)}")
     reader = _Reader(name, values)
-    return {
-        parameter.name: reader.read(parameter.name, parameter, term)
-        for parameter, term in zip(entry.params, parameters, strict=True)
+    given = zip(entry.params, parameters, strict=False)  # those left out have a default
+    return {one.name: one.default for one in entry.params if one.default is not None} | {
+        parameter.name: reader.read(parameter.name, parameter, term) for parameter, term in given
     }
 
 

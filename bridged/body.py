@@ -6,18 +6,19 @@ import asyncio
 import logging
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from weakref import WeakKeyDictionary
 
 from bridged.arguments import read_call
 from bridged.drivers import find_driver
-from bridged.drivers.robot import Driver, Execution, Order, Outcome, Reading, Setup, Value
+from bridged.drivers.robot import Driver, Execution, Order, Outcome, Pausable, Reading, Setup, Value, defers
 from bridged.upkeep import Upkeep, may_come
 from commd.notify import Loop
 from schemas.findings import Findings
 from schemas.manifest import ActionEntry, Manifest
+from schemas.records import Note
 
 HOLD_PATIENCE = 10.0
 """Wall seconds in which a robot must hold that was told so by an action of its manifest."""
@@ -52,6 +53,7 @@ class Body:
         """Whether a motion was begun, for a robot that cannot tell itself."""
         self._halt: Execution | None = None
         """The order since then that is to end it."""
+        self._halt_order: Order = "hold"
         self._halt_until = math.inf
         """When the halt must have ended, in wall seconds, if nobody else sees to it."""
         self.alone = True
@@ -84,12 +86,39 @@ class Body:
         return refusal or (self.own.refuses(entry) if entry.motion and driver is not self.own else "")
 
     def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
-        """Begin an order by the robot's driver, or by the action that the manifest names for it; actions end."""
+        """Begin an order by the robot's driver, or by the action that the manifest names for it; actions end.
+
+        One that does not `insist` leaves a safer motion alone.
+        """
         by_itself = order in self.own.orders
+        if not (by_itself or insist) and defers(order, self.under_way):
+            execution = Execution(order)
+            execution.end(Outcome("succeeded", f"{self.under_way} is under way"))
+            return execution
         for execution, begun in list(self._of.items()):
             if not (by_itself and begun.driver is self.own):  # whose driver ends them itself
                 self._end(execution, reason)
         return self.own.order(order, reason, insist=insist) if by_itself else self._by_action(order)
+
+    def pause(self, interrupted: Collection[Execution]) -> Execution:
+        """Hold the robot until `resume`; `interrupted` end without a word, other actions go on."""
+        for execution in interrupted:
+            begun = self._of.get(execution)
+            if begun is not None and not (begun.driver is self.own and isinstance(self.own, Pausable)):
+                self._end(execution, "paused by the operator")
+        if isinstance(self.own, Pausable):
+            return self.own.pause(interrupted)
+        if "hold" in self.own.orders:
+            return self.own.order("hold", "paused by the operator", insist=True)
+        return self._by_action("hold")
+
+    def resume(self) -> Execution:
+        """Bring the robot back into the state before the pause, if its driver can."""
+        if isinstance(self.own, Pausable):
+            return self.own.resume()
+        execution = Execution("continue")
+        execution.end(Outcome("succeeded"))
+        return execution
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
         """End an execution by its driver; a robot that cannot hold by itself does it by the manifest's `orders`.
@@ -117,6 +146,18 @@ class Body:
             return self.own.active
         halt = None if self._halt is None else self._halt.outcome
         return self._moving and bool(self._manifest.orders) and (halt is None or halt.state != "succeeded")
+
+    @property
+    def airborne(self) -> bool:
+        """Whether the robot is armed and off the ground."""
+        return self.own.airborne
+
+    @property
+    def under_way(self) -> Order | None:
+        """The order that is being carried out: as the robot shows itself, or the last one by an action."""
+        if self.own.orders:
+            return self.own.under_way
+        return None if self._halt is None or _not_done(self._halt) else self._halt_order
 
     @property
     def arms(self) -> bool:
@@ -174,9 +215,9 @@ class Body:
             counters.update(driver.counters())
         return dict(counters)
 
-    def notes(self) -> list[str]:
+    def notes(self) -> list[str | Note]:
         """Warnings of all drivers, and of those that do not run."""
-        notes = [upkeep.problem for upkeep in self._upkeep.values() if upkeep.problem]
+        notes: list[str | Note] = [upkeep.problem for upkeep in self._upkeep.values() if upkeep.problem]
         notes += [note for driver in self._drivers.values() for note in driver.notes()]
         if self._halt is not None and (said := _not_done(self._halt)):
             notes.append(f"the robot may be moving: {said}")
@@ -256,7 +297,7 @@ class Body:
             return execution
         name, arguments = read_call(self._manifest, said)
         execution = self.perform(name, self._manifest.actions[name], arguments)
-        self._halt, self._halt_until = execution, math.inf
+        self._halt, self._halt_order, self._halt_until = execution, order, math.inf
         return execution
 
 

@@ -23,7 +23,7 @@ from commd.notify import Loop
 from schemas.manifest import Manifest
 from schemas.manifest_rules import FUNCTOR
 from schemas.mission import Mission
-from schemas.records import ActionStatus, Health
+from schemas.records import ActionStatus, Health, Note
 from schemas.terms import Atom
 
 UNREADABLE = ("bad_checksums", "unreadable_packets", "samples_unreadable")
@@ -93,7 +93,7 @@ class Bridge:
             speed=speed,
         )
         self.live = RunningManifest(manifest, self._adopt, partial(order_findings, mission, robot))
-        self.orders = Orders(self.desk, self.driver, clock)
+        self.orders = Orders(self.desk, self.driver, clock, mission.robots[robot].idle_after)
         self.lease.restore(*self.ledger.held())  # whoever had the robot in our last life is still answered for
         if self.lease.answers:
             self.driver.may_be_moving()
@@ -142,10 +142,16 @@ class Bridge:
             bad_input=int(sum(counters.get(name, 0) for name in UNREADABLE)),
             counters=counters,
             percepts={agent: present.digest() for agent, present in self.board.sets.items()},
+            paused=self.desk.paused,
             notes=self.notes(),
+            coded=tuple(note for note in self._warnings() if isinstance(note, Note)),
         )
 
     def notes(self) -> tuple[str, ...]:
         """Warnings that hold now, in words."""
+        return tuple(note.text if isinstance(note, Note) else note for note in self._warnings())
+
+    def _warnings(self) -> list[str | Note]:
         blocked = [f"no action is taken: {self.desk.blocked}"] if self.desk.blocked else []
-        return (*self.driver.notes(), *self.orders.notes(), *blocked)
+        ledger = [self.ledger.note] if self.ledger.note else []
+        return [*self.driver.notes(), *self.orders.notes(), *blocked, *ledger]

@@ -38,6 +38,11 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--speed", type=float, metavar="X", help="instead of the mission's; simulation only")
     parser.add_argument("--state", type=Path, metavar="DIR", help="where action ids are kept")
     parser.add_argument("--link", help="link to the robots instead of the mission's")
+    parser.add_argument(
+        "--until-home",
+        action="store_true",
+        help="when told to end, stay until the robots are disarmed, `bring_home` of the mission at most",
+    )
     parser.add_argument("--simulated", action="store_true", help="the robots are their simulated twins")
 
 
@@ -60,7 +65,8 @@ def _settle() -> None:
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member | None = None) -> int:
     """Put `{agent}/percept/*` and `{agent}/status/*`; serve percept repair, actions, cancels and `{robot}/stop`.
 
-    Watches the tokens of each robot's agents. When told to stop, it first leaves each robot as `on_shutdown` says.
+    Watches the tokens of each robot's agents. When told to stop, it first leaves each robot as `on_shutdown` says, and
+    with `until_home` stays with it until it is disarmed.
     """
     clock = Clock(args.speed or mission.speed)
     unit = unit or Unit.of_environment().member("bridged")
@@ -87,11 +93,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         work = [asyncio.create_task(bridge.driver.run()) for bridge in bridges]
         for part, bridge in zip(parts, bridges, strict=True):
             work.append(asyncio.create_task(report_health(bus, part.name, clock, bridge.health)))
-            work.append(
-                asyncio.create_task(
-                    watch_agents(bus, part.agents, mission.mailboxes, bridge, part.steps, part.silence, clock)
-                )
-            )
+            work.append(asyncio.create_task(watch_agents(bus, part, mission.mailboxes, bridge, clock)))
             log.info("serving %s on %s for %s", part.name, part.where, ", ".join(part.agents))
         unit.ready(in_words(bridges, bus))
         work.append(asyncio.create_task(tell(unit, bridges, bus)))
@@ -100,7 +102,9 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
             log.info("speed %g: for simulated vehicles only", clock.speed)
         await asyncio.wait([ended, *work], return_when=asyncio.FIRST_COMPLETED)
         unit.stopping(f"leaving {', '.join(bridge.name for bridge in bridges)} as on_shutdown says")
-        await asyncio.gather(*(leave(bridge, mission) for bridge in bridges))
+        stay = float(mission.bring_home) if args.until_home else 0.0
+        stop.clear()  # told again it leaves
+        await asyncio.gather(*(leave(bridge, mission, stay, stop) for bridge in bridges))
         return await finish([ended, *work], bridges)
 
 
@@ -131,6 +135,7 @@ async def bind(
         said = f"robot {part.name} cannot be served: {why}"
         raise Findings([mission.positions.finding(("robots", part.name), said)]) from error
     service.open(bridge.board, bridge.desk, bridge.orders, bridge.live)
+    bridge.orders.restore()
     return bridge
 
 
@@ -156,10 +161,10 @@ async def tell(unit: Member, bridges: list[Bridge], bus: Bus) -> None:
         unit.status(in_words(bridges, bus))
 
 
-async def leave(bridge: Bridge, mission: Mission) -> None:
-    """Leave a robot as the mission's `on_shutdown` says, and tell how."""
+async def leave(bridge: Bridge, mission: Mission, stay: float, told_again: asyncio.Event) -> None:
+    """Leave a robot as the mission's `on_shutdown` says, staying for `stay` mission seconds at most; tell how."""
     try:
-        left = await bridge.orders.shut_down(mission.robots[bridge.name].on_shutdown)
+        left = await bridge.orders.shut_down(mission.robots[bridge.name].on_shutdown, stay, told_again)
     except Exception as error:  # one robot's defect must not keep the others from their way home
         asyncio.get_running_loop().call_exception_handler({"message": f"leaving {bridge.name}", "exception": error})
         left = "not known, for a defect"

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 from msgspec.structs import replace
 
@@ -15,19 +16,21 @@ from bridged.arguments import BadArgument, read_arguments
 from bridged.board import PerceptBoard
 from bridged.body import Body
 from bridged.drivers import OURS
-from bridged.drivers.robot import Execution, Order, Outcome
+from bridged.drivers.robot import Execution, Order, Outcome, defers
 from bridged.guarded import Guarded
 from bridged.jobs import Follower, Job
 from bridged.lease import Lease
 from bridged.ledger import Ledger
+from bridged.pause import Pause
 from bridged.progress import Progress
-from bridged.statuses import MAX_ID, Statuses
+from bridged.statuses import MAX_ID, MAX_REASON, Statuses, legible
 from schemas.built_in import ACTIONS
+from schemas.keys import STATUS_EVERY
 from schemas.manifest import ActionEntry, Argument, Manifest
 from schemas.records import Action, ActionStatus
 
-FEEDBACK_EVERY = 1.0
-"""Wall seconds between two `running` statuses of one action."""
+CAUSE_AFTER = 1.5
+"""Wall seconds after which what hinders an action is worth a line of the log."""
 MAX_RUNNING = 8
 """Actions that may run at once, counted over all agents."""
 log = logging.getLogger("actions")
@@ -55,12 +58,19 @@ class ActionDesk:
         """Why no action is taken now (the operator, or the end of the bridge); empty = they are."""
         self.lease = lease
         """Which agent has the robot."""
+        self.on_control: Callable[[], None] = lambda: None
+        """Called when an action that moves the robot or sets its mode is accepted, before it begins."""
+        self.by_hand = False
+        """Whether the last such action was asked for by hand: somebody flies the robot in the name of an agent."""
         self._manifest, self._driver, self._board, self._ledger = manifest, driver, board, ledger
         self._calls = Guarded(driver)
         self._statuses = Statuses(robot, boot, stamp, board)
         self._publish = publish
         self.robot, self._boot, self._now = robot, boot, now
-        self._feedback_every = FEEDBACK_EVERY * speed
+        self._pause = Pause(ledger, board, robot, now)
+        self._holding: Execution | None = None
+        """What holds the robot while it is paused."""
+        self._feedback_every = STATUS_EVERY * speed
         self._jobs: dict[str, Job] = {}
         self._by_hand = 0
 
@@ -73,6 +83,11 @@ class ActionDesk:
     def running(self) -> list[str]:
         """Names of the actions that run now."""
         return [job.action.name for job in self._jobs.values()]
+
+    @property
+    def paused(self) -> bool:
+        """Whether the operator has paused the robot."""
+        return self._pause.lasts
 
     def ask(self, agent: str, name: str, request: Action, follower: Follower) -> None:
         """Answer a request: `follower` hears the present status of a known id, or the whole life of a new one."""
@@ -130,11 +145,71 @@ class ActionDesk:
         """
         if block:
             self.blocked = reason
+        self._pause.end()
         execution = self._calls.order(order, reason, insist=insist)
         self.step()
         for job in list(self._jobs.values()):
             self._end(job, Outcome("failed", reason), hold=False)
         return execution
+
+    @property
+    def ordered(self) -> Order | None:
+        """The operator's order that stands until `release`, of this life of the bridge or one before."""
+        return self._ledger.ordered
+
+    def stand(self, order: Order | None) -> None:
+        """Keep the operator's order that stands from now on: it outlives a bridge that is killed; None: none does."""
+        try:
+            self._ledger.order(order)
+        except OSError as error:
+            log.error("robot=%s the operator's order cannot be kept on disk: %s", self.robot, error.strerror)
+
+    def end_pause(self) -> None:
+        """End a pause without asking for anything again."""
+        self._pause.end()
+
+    @property
+    def of_before_boot(self) -> bool:
+        """Whether the operator ordered or paused before the machine was started."""
+        return self._ledger.before_boot
+
+    def pause(self) -> Execution:
+        """Hold the robot until `resume`: what moves, arms or sets the mode is interrupted, and nothing begins.
+
+        Returns what holds it. Other actions that run go on.
+        """
+        self.step()
+        self._pause.begin()
+        interrupted = []
+        if "hold" in self._driver.orders:
+            for job in self._jobs.values():
+                if not job.held and (job.entry.motion or job.entry.confirm in ("armed", "mode")):
+                    interrupted.append(job.execution)
+                    job.execution = _held(job.action.name, job.execution.feedback)
+                    job.held = True
+        self._holding = self._calls.pause(interrupted)
+        self._tell_all()
+        return self._holding
+
+    def resume(self) -> Execution:
+        """Bring the robot back into the state before the pause; `go_on` is to follow when it is."""
+        return self._calls.resume()
+
+    def go_on(self) -> None:
+        """End the pause: what it has interrupted is asked for again by the same rules, what has waited begins."""
+        self._pause.end()
+        for job in [job for job in self._jobs.values() if job.held]:
+            if reason := self._driver.refuses(job.entry):
+                self._end(job, Outcome("refused", reason), hold=False)
+            else:
+                self._perform(job)
+        self._tell_all()
+
+    def _tell_all(self) -> None:
+        """Tell of every action how it is, whenever that was told last."""
+        for job in self._jobs.values():
+            job.told_at = -math.inf
+        self.step()
 
     def end_all(self, agent: str, outcome: Outcome) -> None:
         """End every action of an agent that is no more; an empty name is every agent."""
@@ -143,20 +218,25 @@ class ActionDesk:
 
     def step(self) -> None:
         """Pass on what executions have come to, feedback, and deadlines that are over."""
-        now = self._now()
+        now, elapsed = self._now(), self._pause.elapsed
         for job in list(self._jobs.values()):
             if job.execution.outcome is not None:
                 self._finish(job, job.execution.outcome)
-            elif now >= job.deadline_at:
+            elif elapsed >= job.deadline_at:
                 waits = f"; it waited for {job.execution.waits_for}" if job.execution.waits_for else ""
                 outcome = Outcome("timed_out", f"not done within {job.deadline:g} s{waits}")
-                self._end(job, outcome, hold=job.entry.cancel == "hold")
-            elif now - job.told_at >= self._feedback_every:
-                job.told_at = now
+                holds = job.entry.cancel == "hold" and not defers("hold", self._driver.under_way)
+                self._end(job, outcome, hold=holds)
+            elif now - job.told_at >= self._feedback_every or job.execution.cause != job.cause:
+                job.told_at, job.cause = now, job.execution.cause
                 running = self._statuses.make(job.action, "running", job.execution.waits_for, job.execution.feedback)
-                self._tell(job, replace(running, deadline=max(0.0, job.deadline_at - now)))
-                job.progress.show(running.feedback)
-        self.lease.step(active=self._driver.active, heard=self._driver.heard, busy=bool(self._jobs), now=now)
+                self._tell(job, replace(running, deadline=max(0.0, job.deadline_at - elapsed), paused=job.held))
+                job.progress.show(running.feedback, legible(job.cause, MAX_REASON))
+                self._log_cause(job, elapsed)
+        self.lease.step(
+            active=self._driver.active, heard=self._driver.heard, busy=bool(self._jobs) or self.paused, now=now
+        )
+        self._look_at_pause()
 
     def _identified(self, agent: str, request: Action) -> Action:
         """Return a request with an id: by hand there may be none."""
@@ -167,9 +247,11 @@ class ActionDesk:
 
     def _asker(self, action: Action) -> str:
         """Name who asked for an action: an agent, or somebody in its name, by hand."""
+        return f"{action.agent}, by hand" if self._is_by_hand(action) else action.agent
+
+    def _is_by_hand(self, action: Action) -> bool:
         unsigned = action.id.startswith(f"{action.agent}:{self._boot}:hand")
-        by_hand = unsigned or action.header.source not in ("", action.agent)
-        return f"{action.agent}, by hand" if by_hand else action.agent
+        return unsigned or action.header.source not in ("", action.agent)
 
     def _used_otherwise(self, action: Action) -> str:
         """Say what else an id was used for, empty if for nothing: the answer to another action is none to this one."""
@@ -185,7 +267,7 @@ class ActionDesk:
     def _known(self, action: Action, follower: Follower) -> bool:
         """Answer a request for an id that was begun before."""
         if (job := self._jobs.get(action.id)) is not None:
-            job.join(follower)
+            job.join(action.header.source, follower)
             return True
         if (entry := self._ledger.find(action.id)) is None:
             return False
@@ -208,12 +290,12 @@ class ActionDesk:
             self._refuse(action, f"deadline: expected more than 0 s, got {action.deadline:g}", follower)
             return
         now = self._now()
-        held = self.lease.refuses(action.agent, ", ".join(self.running), now)
+        lent = self.lease.refuses(action.agent, ", ".join(self.running), now)
         if action.name in ACTIONS:
-            self._answer_built_in(action, arguments, self.blocked or held, follower)
+            self._answer_built_in(action, arguments, self.blocked or lent, follower)
             return
         rival = self.lease.holder not in ("", action.agent)
-        if reason := self.blocked or held or self._driver.refuses(entry) or self._busy(action, entry, rival):
+        if reason := self.blocked or lent or self._driver.refuses(entry) or self._busy(action, entry, rival):
             self._refuse(action, reason, follower)
             return
         try:
@@ -229,20 +311,21 @@ class ActionDesk:
         for other in self._superseded(entry):
             self._end(other, Outcome("cancelled", f"superseded by {action.name} of {self._asker(action)}"), hold=False)
         self.lease.take(action.agent, now)
+        if entry.motion or entry.supersedes or entry.confirm == "mode":
+            self.by_hand = self._is_by_hand(action)
+            self.on_control()
         deadline = min(float(entry.deadline), action.deadline or math.inf)
-        accepted = replace(self._statuses.make(action, "accepted"), deadline=deadline)
+        accepted = replace(self._statuses.make(action, "accepted"), deadline=deadline, paused=self.paused)
         follower(accepted)
         self._publish(action.agent, accepted)
-        unknown = self._manifest.driver_of(entry) not in OURS
-        if unknown:
-            self._say_begun(action, arguments)  # first: should its driver not return, the log names the action
-        execution = self._calls.perform(action.name, entry, arguments)
-        progress = Progress(self._board, action.agent, action.name, entry)
-        job = Job(
-            action, entry, execution, now + deadline, deadline, accepted, now, progress, arguments, [follower], unknown
-        )
+        progress, until = Progress(self._board, action.agent, action.name, entry), self._pause.elapsed + deadline
+        held = _held(action.name)
+        job = Job(action, entry, held, until, deadline, accepted, now, progress, arguments, held=True)
+        job.followers.append((action.header.source, follower))
         self._jobs[action.id] = job
-        if execution.outcome is not None and execution.outcome.state != "succeeded":
+        if not self.paused:
+            self._perform(job)
+        if job.execution.outcome is not None and job.execution.outcome.state != "succeeded":
             self._hold_for(taken)
         self.step()
         self._note(job)
@@ -250,6 +333,26 @@ class ActionDesk:
             self._ledger.keep()
         except OSError as error:
             log.error("robot=%s the id of %s may not outlive a power loss: %s", self.robot, action.id, error.strerror)
+
+    def _perform(self, job: Job) -> None:
+        """Let the driver carry an action out: now that it is asked for, or when a pause is over."""
+        action, entry, job.held = job.action, job.entry, False
+        if self._manifest.driver_of(entry) not in OURS:
+            self._note(job)  # first: should its driver not return, the log names the action
+        job.execution = self._calls.perform(action.name, entry, job.arguments)
+
+    def _look_at_pause(self) -> None:
+        """End a pause when others fly the robot: it is theirs, and what has waited has failed."""
+        if not self.paused or not (mode := self._driver.overridden):
+            return
+        if self._holding is not None and not self._holding.over:
+            return
+        who = "(pilot, ground station or failsafe)"
+        reason = f"the mode became {mode} while the operator had paused the robot; nobody here asked for it {who}"
+        log.warning("robot=%s %s", self.robot, reason)
+        self._pause.end()
+        for job in [job for job in self._jobs.values() if job.held]:
+            self._end(job, Outcome("failed", reason), hold=False)
 
     def _answer_built_in(self, action: Action, arguments: dict[str, Argument], reason: str, follower: Follower) -> None:
         """`release` and `hand_over`: done at once, and never while an action of the holder runs."""
@@ -310,7 +413,7 @@ class ActionDesk:
         return status
 
     def _end(self, job: Job, outcome: Outcome, *, hold: bool) -> ActionStatus:
-        self._calls.stop(job.execution, outcome, hold=hold)
+        self._calls.stop(job.execution, outcome, hold=hold and not job.held)
         return self._finish(job, job.execution.outcome or outcome)
 
     def _finish(self, job: Job, outcome: Outcome) -> ActionStatus:
@@ -325,6 +428,13 @@ class ActionDesk:
         self._note(job)
         log.info("robot=%s action %s %s %s %s", self.robot, job.action.id, job.action.name, status.state, status.reason)
         return status
+
+    def _log_cause(self, job: Job, elapsed: float) -> None:
+        """Write into the log what hinders an action, and each change of it; what is over in a moment is left out."""
+        begun = job.deadline_at - job.deadline
+        if job.cause and job.cause != job.logged_cause and elapsed - begun >= CAUSE_AFTER * self._feedback_every:
+            job.logged_cause = job.cause
+            log.warning("robot=%s action %s %s waits: %s", self.robot, job.action.id, job.action.name, job.cause)
 
     def _note(self, job: Job) -> None:
         """Write into the log that an action has begun; of one that is over at once, after its agent was told."""
@@ -344,3 +454,8 @@ class ActionDesk:
             self._ledger.finish(action.agent, status)
         except OSError as error:
             log.error("robot=%s how %s ended cannot be kept on disk: %s", self.robot, status.id, error.strerror)
+
+
+def _held(name: str, feedback: Mapping[str, float] = MappingProxyType({})) -> Execution:
+    """What stands for an action that waits for the end of a pause."""
+    return Execution(name, feedback=dict(feedback), waits_for="paused by the operator")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from bridged.body import Body
 from bridged.drivers.robot import Execution, Order, Outcome, Value
@@ -31,6 +31,20 @@ class Guarded:
             return self._driver.order(order, reason, insist=insist)
         except Exception as error:
             return _failed(order, error)
+
+    def pause(self, interrupted: Collection[Execution]) -> Execution:
+        """Begin to hold the robot; `interrupted` are over then, whatever the driver does."""
+        try:
+            return self._driver.pause(interrupted)
+        except Exception as error:
+            return _failed("pause", error)
+
+    def resume(self) -> Execution:
+        """Begin to bring the robot back into the state before the pause."""
+        try:
+            return self._driver.resume()
+        except Exception as error:
+            return _failed("continue", error)
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
         """End an execution; it is over then, whatever the driver does."""

@@ -11,8 +11,9 @@ from msgspec.structs import replace
 from bridged.drivers.mavlink.mavros import CALLS, TOPICS, Heard, Into, below_mavros
 from schemas.files import read_text
 from schemas.findings import Finding, Findings
-from schemas.ini_manifest import IniAction, IniPercept, read_actions, read_percepts
+from schemas.ini_manifest import IniAction, IniPercept, read_actions, read_percepts, value_of
 from schemas.manifest import ActionEntry, Field, FieldValue, Manifest, Parameter, PerceptEntry, RobotEntry, Value
+from schemas.manifest_rules import default_problem
 from schemas.positions import did_you_mean
 
 VEHICLE = "arducopter"
@@ -149,31 +150,34 @@ def _action(action: IniAction, problem: Problem) -> ActionEntry:
         problem("method", f"mavros/{below} is a {taken.method}, not a {action.method}")
     fields: dict[str, Value | FieldValue] = dict(taken.entry.fields)
     params: list[Parameter] = []
+    given: set[str] = set()
     for param in action.params:
-        into = taken.fields.get(param.name)
+        into = taken.fields.get(taken.older.get(param.name, param.name))
         if into is None:
             known = ", ".join(taken.fields) or "none"
             problem("params_name", f"mavros/{below} has no field `{param.name}` here; there is {known}")
             continue
         if action.typed and param.types[0] not in FITS[into.type]:
             problem("params_type", f"`{param.name}` of mavros/{below} is a {into.type}, not a {param.types[0]}")
-        if any(other != param.name and taken.fields[other].field == into.field for other in _names(params)):
+        if into.field in given:
             problem("params_name", f"`{param.name}` of mavros/{below} says the same as another field here")
         params.append(_parameter(param, into, typed=action.typed))
+        if wrong := default_problem(params[-1]):
+            problem("defaults", f"`{param.name}` of mavros/{below}: {wrong}")
+        given.add(into.field)
         fields[into.field] = into.value(param.name)
-    for lacking in [name for name in taken.needed if name not in _names(action.params) and not action.wrong]:
+    for lacking in [name for name in taken.needed if taken.fields[name].field not in given and not action.wrong]:
         problem("params_name", f"mavros/{below} needs `{lacking}`")
     return replace(taken.entry, driver="mavlink", params=tuple(params), fields=fields)
 
 
-def _names(params: Iterable[Parameter]) -> list[str]:
-    return [param.name for param in params]
-
-
 def _parameter(param: Parameter, into: Into, *, typed: bool) -> Parameter:
     """The parameter with the range of the field that it goes into, and its type where the manifest names none."""
-    kind = param.type if typed else into.type
-    return replace(param, type=kind, unit=into.unit, min=into.min, max=into.max)
+    param = replace(param, unit=into.unit, min=into.min, max=into.max)
+    if typed:
+        return param
+    read = value_of(into.type, param.default) if isinstance(param.default, str) else None
+    return replace(param, type=into.type, default=param.default if read is None else read)
 
 
 def _on_zenoh(action: IniAction) -> ActionEntry:

@@ -1,4 +1,7 @@
-"""The action ids of the last hour, on disk: an id is executed once, whatever happens to the bridge in between."""
+"""The action ids of the last hour and who has the robot, on disk: a bridge that is killed goes on from there.
+
+An id is executed once, whatever happens to the bridge in between; what the operator ordered stands.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,14 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from zlib import crc32
 
 import msgspec
+from msgspec.structs import replace
 
+from bridged.drivers.robot import Order
+from commd.lives import machine_life
+from commd.state import make_private_file, make_private_folder
 from schemas.records import FINAL_STATES, Action, ActionStatus, Header, State
 
 KEEP = 3600.0
@@ -20,8 +28,8 @@ MAX_ENTRIES = 20_000
 REWRITE_AT = 4 * 1024 * 1024
 """Bytes of the file below which it is not worth leaving out what is older than an hour; then it is when the file has
 doubled."""
-_LEASE = ""
-"""In the place of an id: the line tells who has the robot."""
+_STANDING = ""
+"""In the place of an id: the line tells who has the robot, agent and operator. The last such line counts."""
 log = logging.getLogger("ledger")
 
 
@@ -41,9 +49,15 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
     """Seq of the last percept before its end, in the life of the bridge that `boot` names."""
     boot: str = ""
     holder: str = ""
-    """Of the one line without an id: which agent answers for the robot."""
+    """Of a line without an id: which agent answers for the robot, since `at`."""
     free: bool = False
     """Whether any other agent may take it."""
+    order: Order | None = None
+    """The operator's order that stands until `release`."""
+    paused: bool = False
+    """Whether the operator has paused the robot."""
+    machine: str = ""
+    """The life of the machine in which the operator said so last."""
 
     @property
     def final(self) -> ActionStatus | None:
@@ -61,6 +75,9 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
         )
 
 
+_NOBODY = Entry(_STANDING, 0.0)
+
+
 class Ledger:
     """Append-only file of ids; a line that was cut off by a power loss is left out when it is read.
 
@@ -71,16 +88,20 @@ class Ledger:
     def __init__(self, path: Path, wall: Callable[[], float] = time.time) -> None:
         """Open the file, or make it with its directory. Raises OSError."""
         self.path = path
+        self.note = ""
+        """What was wrong with the file at the start, in words."""
         self._wall = wall
+        self._standing = _NOBODY
+        """Who has the robot."""
         self._entries: dict[str, Entry] = {}
         self._syncer = ThreadPoolExecutor(1, thread_name_prefix="ledger")
         self._sync: Future[None] | None = None
         self._unsynced = False
         """An id was begun since a sync was asked for."""
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_private_folder(path.parent)
         self._read()
         self._fresh = path.with_suffix(".new")
-        _write(self._fresh, list(self._entries.values()))
+        _write(self._fresh, self._kept())
         self._fresh.replace(path)
         self._file = path.open("ab")
         self._rewriting: Future[None] | None = None
@@ -122,16 +143,45 @@ class Ledger:
 
     def hold(self, agent: str, free: bool) -> None:
         """Note which agent answers for the robot from now on, and whether another may take it. Raises OSError."""
-        self._append(Entry(_LEASE, self._wall(), holder=agent, free=free))
+        self._append(replace(self._standing, at=self._wall(), holder=agent, free=free))
 
     def held(self) -> tuple[str, bool]:
         """Return what was noted by `hold`; if that is older than an hour, whose action was begun last."""
-        if lease := self._entries.get(_LEASE):
-            return lease.holder, lease.free
+        if self._standing.at and self._standing.at >= self._wall() - KEEP:
+            return self._standing.holder, self._standing.free
         for entry in reversed(self._entries.values()):
             if entry.state != "refused":
                 return entry.agent, False
         return "", False
+
+    @property
+    def ordered(self) -> Order | None:
+        """The operator's order that stands until `release`, of this life or one before, however old."""
+        return self._standing.order
+
+    @property
+    def paused(self) -> bool:
+        """Whether the operator has paused the robot, in this life or one before, however long ago."""
+        return self._standing.paused
+
+    @property
+    def before_boot(self) -> bool:
+        """Whether the machine was started since the operator ordered or paused."""
+        return self._standing.machine != machine_life()
+
+    def order(self, order: Order | None) -> None:
+        """Note which order of the operator stands from now on; None: none does. Raises OSError."""
+        self._stand(replace(self._standing, order=order))
+
+    def pause(self, paused: bool) -> None:
+        """Note whether the operator has paused the robot. Raises OSError."""
+        self._stand(replace(self._standing, paused=paused))
+
+    def _stand(self, standing: Entry) -> None:
+        """Note what the operator has said, if it is news; it is to outlive a power loss, too."""
+        if standing != self._standing:
+            self._append(replace(standing, machine=machine_life()))
+            self._keep_through_power_loss()
 
     def close(self) -> None:
         """Close the file; a sync under way ends by itself."""
@@ -140,11 +190,11 @@ class Ledger:
 
     def _append(self, entry: Entry) -> None:
         self._remember(entry)
-        self._file.write(msgspec.json.encode(entry) + b"\n")
+        self._file.write(_line(entry))
         self._file.flush()
         if self._rewriting is None and self._file.tell() > self._rewrite_at:
             self._copied = self._file.tell()
-            self._rewriting = self._syncer.submit(_write, self._fresh, list(self._entries.values()))
+            self._rewriting = self._syncer.submit(_write, self._fresh, self._kept())
         elif self._rewriting is not None and self._rewriting.done():
             self._replace(self._rewriting)
             self._rewriting = None
@@ -155,7 +205,13 @@ class Ledger:
         if not waits:
             self._sync = self._syncer.submit(_sync, os.dup(self._file.fileno()))
 
+    def _kept(self) -> list[Entry]:
+        return [*self._entries.values(), *([] if self._standing == _NOBODY else [self._standing])]
+
     def _remember(self, entry: Entry) -> None:
+        if entry.id == _STANDING:
+            self._standing = entry
+            return
         self._entries.pop(entry.id, None)
         self._entries[entry.id] = entry
         oldest = self._wall() - KEEP
@@ -170,11 +226,18 @@ class Ledger:
             lines = self.path.read_bytes().split(b"\n")
         except FileNotFoundError:
             return
-        for line in lines:
+        damaged = 0
+        for line in filter(None, lines):
             try:
-                self._remember(msgspec.json.decode(line, type=Entry))
-            except (msgspec.MsgspecError, UnicodeDecodeError):
-                continue
+                self._remember(decoded(line))
+            except (ValueError, msgspec.MsgspecError):
+                damaged += 1
+        if damaged:
+            self.note = (
+                f"{self.path}: {damaged} lines are damaged, or were cut off by a power failure: an action that is asked"
+                " for again may be done twice, and an order of the operator may be forgotten"
+            )
+            log.error("ledger_damaged %s", self.note)
 
     def _replace(self, rewriting: Future[None]) -> None:
         """Put the new file, with what was noted meanwhile, in the place of the old one, which stays on an error."""
@@ -197,11 +260,28 @@ class Ledger:
         self._rewrite_at = max(REWRITE_AT, 2 * self._file.tell())
 
 
+def _line(entry: Entry) -> bytes:
+    """A line of the file: the entry, and its checksum."""
+    data = msgspec.json.encode(entry)
+    return b"%s %08x\n" % (data, crc32(data))
+
+
+def decoded(line: bytes) -> Entry:
+    """Read a line. Raises ValueError for one that is damaged; one of an older version has no checksum."""
+    data, _, check = line.rpartition(b" ")
+    if line.endswith(b"}"):
+        data = line
+    elif check != b"%08x" % crc32(data):
+        raise ValueError("its checksum is another one")
+    return msgspec.json.decode(data, type=Entry)
+
+
 def _write(path: Path, entries: list[Entry]) -> None:
     """Write a new file."""
+    make_private_file(path)
     with path.open("wb") as file:
         for entry in entries:
-            file.write(msgspec.json.encode(entry) + b"\n")
+            file.write(_line(entry))
         file.flush()
         os.fsync(file.fileno())
 

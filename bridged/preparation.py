@@ -14,7 +14,7 @@ from bridged.manifests import load_robot_manifest
 from bridged.orders import Step, read_steps
 from schemas.findings import Finding, Findings
 from schemas.manifest import Manifest
-from schemas.mission import Mission, Robot
+from schemas.mission import NO_STEPS, Mission, Robot
 from schemas.positions import Steps, did_you_mean
 
 
@@ -26,6 +26,10 @@ class Part:
     manifest: Manifest
     steps: tuple[Step, ...]
     """What is done when its agent is lost."""
+    idle_steps: tuple[Step, ...]
+    """What is done when it is in the air and its agents intend nothing."""
+    idle_after: float
+    """Mission seconds after which that counts."""
     agents: list[str]
     silence: float
     """Wall seconds after which an agent that says nothing counts as lost."""
@@ -62,8 +66,9 @@ def prepare_all(mission: Mission, names: list[str], link: str | None, speed: flo
             findings += found.findings
             continue
         robot = mission.robots[name]
-        agents, silence = mission.agents_of(name), robot.agent_silence
-        parts.append(Part(name, manifest, steps, agents, silence, _where(robot, manifest)))
+        idle, agents = read_steps(mission, name, "on_idle"), mission.agents_of(name)
+        where = _where(robot, manifest)
+        parts.append(Part(name, manifest, steps, idle, robot.idle_after, agents, robot.agent_silence, where))
     if findings:
         raise Findings(findings)
     return mission, parts
@@ -82,7 +87,11 @@ def prepare(mission: Mission, name: str, link: str | None, speed: float) -> tupl
     manifest: Manifest | None = None
     steps: tuple[Step, ...] = ()
     try:
-        steps = read_steps(mission, name)
+        steps = read_steps(mission, name, "on_agent_loss")
+    except Findings as found:
+        findings += found.findings
+    try:
+        read_steps(mission, name, "on_idle")
     except Findings as found:
         findings += found.findings
     try:
@@ -116,10 +125,9 @@ def order_findings(mission: Mission, name: str, manifest: Manifest) -> list[Find
     if known is None:
         return []
     said: list[tuple[Steps, str]] = [(("robots", name, "on_shutdown"), robot.on_shutdown)]
-    said += [
-        (("robots", name, "on_agent_loss", index), step.partition(" ")[0])
-        for index, step in enumerate(robot.on_agent_loss)
-    ]
+    for field, steps in (("on_agent_loss", robot.on_agent_loss), ("on_idle", robot.on_idle)):
+        if steps != NO_STEPS:
+            said += [(("robots", name, field, index), step.partition(" ")[0]) for index, step in enumerate(steps)]
     has = ", ".join(sorted(known)) or "none; its manifest declares them under [orders]"
     return [
         positions.finding(where, f"{where[2]}: the robot has no order `{order}`, it has {has}")

@@ -7,11 +7,13 @@ from collections.abc import Mapping
 from bridged.board import PerceptBoard
 from schemas.manifest import ActionEntry
 from schemas.manifest_rules import FUNCTOR
-from schemas.terms import Atom, number
+from schemas.terms import Atom, Term, number
 
 MAX_FEEDBACK = 16
 """Figures of one action's progress that its agent perceives at most."""
 NAME = "feedback"
+CAUSE = "cause"
+"""What hinders the action, a text beside the figures."""
 KEY = (0, 1)
 """A figure takes the place of the one before it of the same action and kind."""
 
@@ -24,14 +26,16 @@ class Progress:
         self._board, self._agent, self._action, self._wanted = board, agent, Atom(action), entry.feedback
         self._shown: frozenset[str] = frozenset()
 
-    def show(self, feedback: Mapping[str, float]) -> None:
-        """Let the agent perceive these figures, and no others of this action."""
-        told = {what: value for what, value in feedback.items() if self._is_wanted(what)}
+    def show(self, feedback: Mapping[str, float], cause: str = "") -> None:
+        """Let the agent perceive these figures and what hinders the action, and nothing else of it."""
+        told: dict[str, Term] = {what: number(value) for what, value in feedback.items() if self._is_wanted(what)}
+        if cause and self._is_wanted(CAUSE):
+            told[CAUSE] = cause
         shown = sorted(told)[:MAX_FEEDBACK]
         for what in sorted(self._shown.difference(shown)):
             self._board.withdraw(self._agent, NAME, (self._action, Atom(what)))
         for what in shown:
-            self._board.show(self._agent, NAME, (self._action, Atom(what), number(told[what])), KEY)
+            self._board.show(self._agent, NAME, (self._action, Atom(what), told[what]), KEY)
         self._shown = frozenset(shown)
 
     def end(self) -> None:

@@ -146,11 +146,17 @@ class Service:
         return replace(live.told(self._robot, problems), header=self._bus.header("manifest", self._robot))
 
     def _stop(self, desk: ActionDesk, orders: Orders, query: Query[StopOrder]) -> Awaitable[None] | None:
-        """Let no action begin from now on, and carry the order out; or let them begin again."""
+        """Let no action begin from now on, and carry the order out; or let them begin again; or pause and continue."""
         if query.record is None or not query.concrete:
-            query.reply_error(query.error or 'expected an order: {"order": "hold"}, land, rtl or release')
+            query.reply_error(
+                query.error or 'expected an order: {"order": "hold"}, land, rtl, release, pause or continue'
+            )
             return None
         order = query.record.order
+        if order == "pause":
+            return self._answer(orders.pause(), query)
+        if order == "continue":
+            return self._answer(orders.resume(), query)
         if order == "release":
             if self._stops:  # one that came before it: it has its turn first
                 return self._release(orders, query)
@@ -162,6 +168,9 @@ class Service:
 
     async def _release(self, orders: Orders, query: Query[StopOrder]) -> None:
         _tell_outcome(query, orders.release())
+
+    async def _answer(self, outcome: Awaitable[OfOrder], query: Query[StopOrder]) -> None:
+        _tell_outcome(query, await outcome)
 
     async def _carry_out(self, orders: Orders, order: Order, query: Query[StopOrder]) -> None:
         self._stops -= 1

@@ -1,4 +1,4 @@
-"""Watching a robot's agents: when the one that acted last is gone, or hangs, its mission says what is done."""
+"""Watching a robot's agents: when the one that acted last is gone, hangs or is idle, its mission says what is done."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import logging
 from collections.abc import Mapping
 
 from bridged.bridge import Bridge
-from bridged.orders import Step
+from bridged.idle import Idleness
+from bridged.preparation import Part
 from commd.bus import Bus
 from commd.clock import Clock
 from commd.presence import Presence
@@ -21,26 +22,22 @@ WATCH_EVERY = 0.5
 log = logging.getLogger("bridged")
 
 
-async def watch_agents(
-    bus: Bus,
-    agents: list[str],
-    boards: Mapping[str, str],
-    bridge: Bridge,
-    steps: tuple[Step, ...],
-    patience: float,
-    clock: Clock,
-) -> None:
-    """When the agent that acted last is gone, do what the mission declares; when it is back, leave it to the agent.
+async def watch_agents(bus: Bus, part: Part, boards: Mapping[str, str], bridge: Bridge, clock: Clock) -> None:
+    """Do what the mission says when the agent that acted last is gone, or none intends anything with a flying robot.
 
-    `boards` says where each agent lives. One that says nothing for `patience` wall seconds is as good as gone.
+    `boards` says where each agent lives. One that says nothing for the robot's `agent_silence` is as good as gone.
     """
+    agents, patience = part.agents, part.silence
     presence, silence, changed = Presence(agents, boards.get), Silence(patience), asyncio.Event()
+    idleness = Idleness(part.idle_after)
     presence.expect(bridge.lease.answers, clock.wall())  # who had the robot in our last life may have died with it
 
     def token(key: str, alive: bool) -> None:
         if parsed := keys.parse(key):
             name, (daemon, boot) = parsed[1], parsed[2][-2:]
             presence.token(name, boot, alive, clock.wall())
+            if not alive:
+                idleness.gone(name)
             if daemon == "agentd":  # a client of another kind puts no health
                 silence.token(name, boot, alive, clock.wall())
             changed.set()
@@ -48,6 +45,7 @@ async def watch_agents(
     def word(key: str, health: Health) -> None:
         if parsed := keys.parse(key):
             silence.word(parsed[1], health.header.boot, clock.wall())
+            idleness.told(parsed[1], health.idle)
             if parsed[1] in lost:
                 changed.set()
 
@@ -75,13 +73,16 @@ async def watch_agents(
         bridge.lease.present = presence.there() - set(now_lost)
         for agent, why in now_lost.items():
             if agent not in lost and agent == bridge.lease.answers:
-                bridge.orders.agent_lost(agent, why, steps)
+                bridge.orders.agent_lost(agent, why, part.steps)
         for agent in lost - set(now_lost):
             log.info("agent %s is back", agent)
             if agent == bridge.lease.answers:
-                bridge.orders.call_off()
+                bridge.orders.agent_back(agent)
         lost = set(now_lost)
+        gone = bridge.lease.answers in lost
+        idle = idleness.look(bridge.lease.present, bridge.orders.unattended, clock.now(), clock.wall(), lost=gone)
+        bridge.orders.agents_idle(idle, part.idle_steps, lost=gone)
         somebody = bool(presence.known() - lost) or not bridge.driver.active
-        bridge.driver.speak_for_agent(bridge.lease.answers not in lost and somebody)
+        bridge.driver.speak_for_agent(not gone and somebody)
         changed.clear()
         await wait_at_most(changed, WATCH_EVERY)

@@ -19,15 +19,19 @@ from schemas.terms import Term
 log = logging.getLogger("actions")
 
 BUS_GRACE = 5.0
-"""Wall seconds without a word from the bridge before an action is given up: a router restart must not fail a flight."""
+"""Wall seconds without a word from the bridge before an action is given up, counted from the last word or from the last
+loss or return of the router: a router restart must not fail a flight."""
+SILENCE = 3 * keys.STATUS_EVERY
+"""Wall seconds without a status after which an action is asked for again: its query may be broken and never end."""
 ACCEPT_PATIENCE = 15.0
 """Wall seconds until a bridge has taken an action or refused it; only then its deadline is known."""
 ASKERS_MARGIN = 5.0
 """Wall seconds beyond the deadline that an outcome is waited for: the bridge ends the action, not we."""
 QUERY_TIMEOUT = 3600.0
 """Wall seconds after which the query of an action that still runs is asked again, with the same id."""
-AFTER_PATIENCE = 0.5
-"""Wall seconds that a status waits for the percepts which it follows."""
+AFTER_PATIENCE = 2.0
+"""Wall seconds that a status waits for the percepts which it follows: one that was lost with the router is repaired by
+an answer of the bridge, at the latest after its next health."""
 RETRY = 0.2
 _HANGS = "bridge_lost: the bridge is there and says nothing: it hangs"
 
@@ -65,10 +69,12 @@ class Acting:
     ) -> ActionStatus:
         """Ask for an action and return its final status; the bridge has `patience` wall seconds to take it.
 
-        Never raises and never waits for ever: without a word from the bridge for `BUS_GRACE` it has failed, and when
-        the deadline that the bridge has told is over. `on_status` hears of each status before the final one. `attempt`
-        above 1 follows what a former life has asked for: the bridge begins nothing, and refuses what it does not know.
-        `kept` is waited for when all is prepared: before it has ended nobody is asked.
+        Asks again by the same id when nothing is heard for `SILENCE`, when the router is lost and when it is back; the
+        bridge joins the query to what runs, or answers how it ended. Never raises and never waits for ever: without a
+        word from the bridge for `BUS_GRACE` it has failed, and when the deadline that the bridge has told is over.
+        `on_status` hears of each status before the final one. `attempt` above 1 follows what a former life has asked
+        for: the bridge begins nothing, and refuses what it does not know. `kept` is waited for when all is prepared:
+        before it has ended nobody is asked.
         """
         self._wanted[identity] = True
 
@@ -106,7 +112,13 @@ class Acting:
         def failed(why: str) -> ActionStatus:
             return ended("failed", why)
 
+        async def asked() -> bool:
+            wanted = await ready()
+            timer.reschedule(min(until, loop.time() + SILENCE))
+            return wanted
+
         while True:
+            taken = silent = False
             if not self._wanted[identity]:  # asked for again now, it could begin after its cancellation
                 return ended("cancelled", "the agent has dropped it")
             if self._bridge.hangs:
@@ -123,9 +135,8 @@ class Acting:
                 key = keys.action(self._bus.fleet, self._agent, name)
                 async with (
                     asyncio.timeout_at(until) as timer,
-                    aclosing(self._bus.query(key, action, ActionStatus, QUERY_TIMEOUT, ready=ready)) as replies,
+                    aclosing(self._bus.query(key, action, ActionStatus, QUERY_TIMEOUT, ready=asked)) as replies,
                 ):
-                    taken = False
                     self._timers.add(timer)
                     async for reply in replies:
                         if reply.record is None:
@@ -139,9 +150,8 @@ class Acting:
                         if reply.record.deadline is not None:
                             until = heard + self._to_wall(reply.record.deadline) + ASKERS_MARGIN
                             late = "no outcome within its deadline"
-                            timer.reschedule(until)
+                        timer.reschedule(min(until, heard + SILENCE))
                         reason = "bridge_lost: its answers ended without an outcome"
-                    attempt += taken  # what nobody has answered has reached nobody
                     if not taken and not self._wanted[identity]:
                         return ended("cancelled", "the agent has dropped it")
             except BadRecord as bad:
@@ -149,15 +159,18 @@ class Acting:
             except BusClosed as closed:
                 reason = f"bridge_lost: {closed}"
             except TimeoutError:
-                return failed(_HANGS if self._bridge.hangs else late)
+                if self._bridge.hangs:
+                    return failed(_HANGS)
+                silent = True  # the query is broken, or the bridge is busy: whether it hangs, its health tells
             finally:
                 self._timers.discard(timer)
             if self._bridge.gone:
                 return failed("bridge_lost: the bridge of this robot is not running")
-            if loop.time() - heard > BUS_GRACE:
-                return failed(reason)
-            if loop.time() > until:
+            if loop.time() >= until:
                 return failed(late)
+            if not silent and loop.time() - max(heard, self._bridge.router_since) > BUS_GRACE:
+                return failed(reason if self._bus.router_up else "bridge_lost: no router")
+            attempt += taken  # what was never answered may have reached nobody: it is still to begin
             self.counters["asked_again"] += 1
             await asyncio.sleep(RETRY)
 
@@ -171,11 +184,12 @@ class Acting:
         if identity in self._wanted:
             self._wanted[identity] = False
         key = keys.cancel(self._bus.fleet, self._agent)
-        until = asyncio.get_running_loop().time() + BUS_GRACE
-        while asyncio.get_running_loop().time() < until:
+        loop = asyncio.get_running_loop()
+        began = loop.time()
+        while loop.time() < min(max(began, self._bridge.router_since) + BUS_GRACE, began + ACCEPT_PATIENCE):
             with suppress(BusClosed):
                 request = Cancel(header=self._bus.header("cancel", self._agent), id=identity)
-                async with aclosing(self._bus.query(key, request, ActionStatus, BUS_GRACE)) as replies:
+                async with aclosing(self._bus.query(key, request, ActionStatus, SILENCE)) as replies:
                     async for reply in replies:
                         if reply.record is not None:  # "busy" or "Timeout" is no answer
                             return

@@ -10,9 +10,7 @@ from sqlite3 import Connection
 
 import msgspec
 
-from commd import facts
 from commd.letters import Letter, Waiting, letter, undelivered
-from commd.mail_clock import kernel_boot
 from schemas.codec import codec
 from schemas.mission import RESERVED
 from schemas.records import Message
@@ -26,8 +24,6 @@ NUMBERINGS = 2 * BATCH
 batch can bring: each of its messages may be of another life, and the whole batch may come again."""
 MAILBOX_BYTES = 256 * 1024 * 1024
 """Bytes that may wait for one receiver."""
-FULL_SYNCHRONOUS = 2
-"""What `PRAGMA synchronous` says of a file whose commits are on disk at once."""
 DEAD, DEAD_BYTES = 10_000, 64 * 1024 * 1024
 """Dead letters that are kept, and their bytes; the oldest go first."""
 TAKEN, AGAIN, FULL = "", "again", "mailbox full"
@@ -51,8 +47,9 @@ class Tally:
         self.dead = self.dead_bytes = 0
         self.next = 1
         """The place of the next message; no place is given twice while this process lives."""
-        self.numbering = ""
-        """This board's own, for messages that come without number."""
+        self.numbering = os.urandom(8).hex()
+        """This board's own, for messages that come without number. Each life of the board has another one: a file that
+        has gone back in time (a power cut, a backup) would give numbers again that receivers know."""
 
     def count(self, db: Connection) -> None:
         """Count what is in the file."""
@@ -67,7 +64,6 @@ class Tally:
         self.dead, self.dead_bytes = db.execute("SELECT count(*), coalesce(sum(size), 0) FROM dead").fetchone()
         (last,) = db.execute("SELECT coalesce(max(place), 0) FROM mail").fetchone()
         self.next = max(self.next, last + 1)
-        self.numbering = _own_numbering(db)
 
     def add(self, line: str, receiver: str, size: int, sign: int = 1) -> None:
         """Count a message that comes, or with sign -1 one that goes."""
@@ -123,20 +119,18 @@ def put(db: Connection, tally: Tally, letters: Iterable[Letter], now: float, bou
     return outcomes
 
 
-def _own_numbering(db: Connection) -> str:
-    """Return the board's own numbering.
-
-    It begins anew with each boot of the kernel unless each commit is on disk at once: a power cut takes the last
-    commits, and numbers given in them that receivers know would be given again.
-    """
-    kept, boot = facts.kept(db, "store"), kernel_boot().encode()
-    (synchronous,) = db.execute("PRAGMA synchronous").fetchone()
-    own = kept.get("numbering")
-    if own is None or (synchronous < FULL_SYNCHRONOUS and kept.get("boot", b"") != boot):
-        own = os.urandom(8).hex().encode()
-        facts.keep(db, "store", "numbering", own)
-        facts.keep(db, "store", "boot", boot)
-    return own.decode()
+def numbers_of(db: Connection, sender: str, former: str, left_out: Sequence[str] = ()) -> dict[str, int]:
+    """Return how much was taken of a sender's numbering and of those that it has begun later, by receiver."""
+    query = "SELECT receiver, numbering, number, age FROM numbers WHERE sender = ? ORDER BY age"
+    rows = db.execute(query, (sender,)).fetchall()
+    began: dict[str, int] = {}
+    for _, numbering, _, age in rows:
+        began.setdefault(numbering, age)
+    taken: Counter[str] = Counter()
+    for receiver, numbering, number, _ in rows:
+        if former in began and began[numbering] >= began[former] and numbering not in left_out:
+            taken[receiver] += number
+    return dict(taken)
 
 
 def _last(db: Connection, key: tuple[str, str, str]) -> int:

@@ -16,7 +16,8 @@ log = logging.getLogger("bridge")
 DEBOUNCE = 0.3
 """Wall seconds that a token must be absent under a live router before its daemon counts as dead."""
 ROUTER_GRACE = 5.0
-"""Wall seconds that the router has to come back, and daemons after it did: what they told is out of date by then."""
+"""Wall seconds that the router has to come back, and daemons after it did: what they told is out of date by then.
+One that comes and goes again begins them anew each time."""
 LOOK = 0.5
 """Wall seconds between two looks whether it still says something."""
 
@@ -48,7 +49,8 @@ class BridgeWatch:
         self._bus, self._robot, self._on_up, self._on_gone = bus, robot, on_up, on_gone
         self._tokens: set[str] = set()
         self._silence = Silence(SILENCE)
-        self._router_since = asyncio.get_running_loop().time()
+        self.router_since = asyncio.get_running_loop().time()
+        """When the router was lost or was back last."""
         self._routers_there: set[str] = set()
         """Tokens of the other board's commd."""
         self._board_since: float | None = None
@@ -86,9 +88,9 @@ class BridgeWatch:
         self._on_up()
 
     def _router(self, up: bool) -> None:
+        self.router_since = asyncio.get_running_loop().time()
         if up:
-            self._router_since = asyncio.get_running_loop().time()
-            self._silence.excuse(self._router_since, SILENCE)
+            self._silence.excuse(self.router_since, SILENCE)
 
     def _board(self, key: str, alive: bool) -> None:
         there = bool(self._routers_there)
@@ -102,8 +104,8 @@ class BridgeWatch:
     def _excused_until(self, lost_at: float) -> float:
         """Until when a token may be absent, since then, for the loss of our router or of the link to its board."""
         if not self._bus.router_up:
-            return lost_at + ROUTER_GRACE
-        until = self._router_since + ROUTER_GRACE if self._router_since > lost_at else lost_at
+            return max(lost_at, self.router_since) + ROUTER_GRACE
+        until = self.router_since + ROUTER_GRACE if self.router_since > lost_at else lost_at
         if self._board_since is None:
             return until
         if not self._routers_there:

@@ -12,6 +12,7 @@ import logging
 import os
 from collections import Counter, deque
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Collection, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager, contextmanager, suppress
 from functools import partial
 from threading import Thread
@@ -26,7 +27,7 @@ from commd.raw import RawBus, matching
 from commd.reach import why_not
 from commd.reminding import Reminder
 from commd.routers import addresses_to_come
-from commd.session import LEAVING, OPENING, session_config
+from commd.session import LEAVING, OPENING, session_config, set_id
 from commd.tasks import Tasks
 from commd.tls import Tls
 from commd.versions import Strangers
@@ -44,6 +45,10 @@ R = TypeVar("R", bound=Record)
 
 BACKLOG = 10_000
 """Samples and queries that may wait for the event loop before further ones are dropped and counted."""
+LOOKS = 64
+"""Queries of those who look on, such as for minds, that may be served at the same time, beside all others."""
+ANSWERING = 2
+"""Threads that send what may have to wait for its receiver."""
 QUERIES = 256
 """Queries that may be served at the same time."""
 CLOSE_PATIENCE = 2.0
@@ -60,6 +65,8 @@ STOP_PATIENCE = 1.5
 """Wall seconds that it has when we are told to stop."""
 LOOK_UP_PATIENCE = 3.0
 """Seconds that the name service has to find the address of this board."""
+ROUTER_LOST = "the router was lost before all had answered"
+"""What the last reply to a query says whose replies came by a router that is gone."""
 CLAIM_PATIENCE = 3.0
 """Seconds to wait for the token of a dead predecessor to go (the lease of a hung one) before refusing to start."""
 
@@ -94,6 +101,8 @@ class Query(Generic[R]):
         self._bus, self._query = bus, query
         self.key = str(query.key_expr)
         self.record, self.error = record, error
+        self.aside = False
+        """Whether a thread has sent a reply, and is to send the end of all replies, too."""
 
     @property
     def parameters(self) -> dict[str, str]:
@@ -110,6 +119,14 @@ class Query(Generic[R]):
     def reply(self, record: Record, key: str | None = None) -> None:
         """Send one reply, on `key` (the query's own by default). Raises BadRecord for what cannot be encoded."""
         self._bus._reply(self._query, key or self.key, record)
+
+    async def answer(self, record: Record, key: str | None = None) -> None:
+        """Send one reply as `reply` does, on a thread: Zenoh waits there while the way to the asker is full.
+
+        For what is large and for whoever looks on: an asker that does not read keeps its own answers waiting.
+        """
+        self.aside = True
+        await self._bus.aside(partial(self._bus._reply, self._query, key or self.key, record))
 
     def reply_error(self, text: str) -> None:
         """Tell the asker in words what was wrong with the query."""
@@ -154,6 +171,8 @@ class Bus:
         self._handover = Handover(self._loop, self.counters)
         self._seq: Counter[tuple[str, str]] = Counter()
         self._tasks = Tasks("serving a query")
+        self._aside = Tasks("answering who looks on")
+        self._threads = ThreadPoolExecutor(ANSWERING, "answering")
         self._held: dict[Token, str] = {}
         self._listened: list[tuple[Any, Any]] = []
         """Publishers and their matching listeners, which are gone when nobody holds them."""
@@ -166,6 +185,10 @@ class Bus:
         """Bytes on keys that are not Argosy's."""
         self.life: Life | None = None
         """What counts how often this daemon was started again, once it does."""
+        self._asked: set[asyncio.Queue[zenoh.Reply | str | float | None]] = set()
+        """Of the queries that wait for replies."""
+        self._had_router = False
+        """Since then queries end when it is lost or back; its first sight ends none."""
         self._routers: set[str] = set()
         self._on_router: list[Callable[[bool], None]] = []
         self._away = Reminder(lambda seconds: log.warning("router lost for=%.0fs: is commd running?", seconds))
@@ -281,28 +304,29 @@ class Bus:
         at_most: int = MAX_BYTES,
         urgent: bool = False,
         at_once: bool = False,
+        aside: bool = False,
     ) -> Callable[[], None]:
         """Serve queries: `handler(query)` runs as a task of its own and the query ends when it returns.
 
         With `at_once` it is a plain function, called when the query comes; if it returns something to be awaited, that
         is the task, and else the query has ended. A payload of more than `at_most` bytes is refused unread. What is
-        `urgent` has room of its own beside all other queries. Returns what ends the serving; without it, it lasts as
-        long as the session.
+        `urgent` has room of its own beside all other queries; what is served `aside`, to those who look on, has `LOOKS`
+        and takes nobody else's. Returns what ends the serving; without it, it lasts as long as the session.
         """
-        room = 2 * QUERIES if urgent else QUERIES
+        tasks, room = (self._aside, LOOKS) if aside else (self._tasks, 2 * QUERIES if urgent else QUERIES)
 
         def deliver(query: zenoh.Query) -> None:
             size = 0 if query.payload is None else len(query.payload)
             if size > at_most:
                 self._refuse(query, "bad_input", f"{record.__name__}: {size} bytes, expected at most {at_most}")
                 return
-            if len(self._tasks) >= room:
+            if len(tasks) >= room:
                 self._refuse(query, "dropped", "busy: too many queries at once")
                 return
             if at_once:
                 self._serve_at_once(query, record, handler)
             else:
-                self._tasks.spawn(self._serve(query, record, handler))
+                tasks.spawn(self._serve(query, record, handler))
 
         queryable = self._session.declare_queryable(key, self._hand_over(deliver, refuse=_drop_query))
         forget = self._declare("queryable", key)
@@ -330,6 +354,12 @@ class Bus:
             with self._told(ours):
                 if (rest := handler(ours)) is not None:
                     await rest
+            if ours.aside:
+                await self.aside(query.drop)
+
+    async def aside(self, work: Callable[[], object]) -> None:
+        """Do what Zenoh may be long about on one of the threads for that."""
+        await self._loop.run_in_executor(self._threads, work)
 
     def _serve_at_once(
         self, query: zenoh.Query, record: type[R], handler: Callable[[Query[R]], Awaitable[None] | None]
@@ -382,11 +412,12 @@ class Bus:
         """Ask all that serve `key` and yield each reply as it is made. No reply at all = nobody serves it.
 
         The key may have parameters, `key?a=b;c=d`, for those who serve it to read.
-        Ends when all have answered or after `timeout` wall seconds; a final reply that did not come is for the caller
-        to notice. At most `limit` replies wait to be taken; further ones are dropped and counted. `ready` is waited for
-        when all is prepared, for as long as it takes: `timeout` begins behind it. If it says no, nothing is asked.
+        Ends when all have answered, when the router is lost or back (the last reply says so: Zenoh may never end such a
+        query), or after `timeout` wall seconds; a final reply that did not come is for the caller to notice. At most
+        `limit` replies wait to be taken; further ones are dropped and counted. `ready` is waited for when all is
+        prepared, for as long as it takes: `timeout` begins behind it. If it says no, nothing is asked.
         """
-        replies: asyncio.Queue[zenoh.Reply | float | None] = asyncio.Queue()
+        replies: asyncio.Queue[zenoh.Reply | str | float | None] = asyncio.Queue()
         token = zenoh.CancellationToken()
 
         def arrived(reply: zenoh.Reply | None) -> None:
@@ -417,13 +448,19 @@ class Bus:
         except zenoh.ZError as error:
             raise BusClosed(f"cannot ask {key}: {error}") from None
         late = self._loop.call_later(timeout + LAST_WORD, replies.put_nowait, float(timeout))
+        self._asked.add(replies)
         try:
             while (reply := await replies.get()) is not None:
-                if isinstance(reply, float):
-                    self.counters["queries_unended"] += 1
-                    return
+                match reply:
+                    case float():
+                        self.counters["queries_unended"] += 1
+                        return
+                    case str():
+                        yield Reply(key.partition("?")[0], None, reply)
+                        return
                 yield self._read_reply(key.partition("?")[0], reply, answer)
         finally:
+            self._asked.discard(replies)
             late.cancel()
             self._loop.call_soon(token.cancel)  # who has what he wanted does not wait for that
 
@@ -447,6 +484,24 @@ class Bus:
     def links(self) -> Counter[str]:
         """Return how many links this session has to whom, by the names in their certificates; "" = who shows none."""
         return Counter(str(link.auth_identifier or "") for link in self._session.info.links())
+
+    def link_ends(self) -> list[tuple[str, str, str]]:
+        """Return the links of this session: the id of the other end, and the endpoints of both, ours first."""
+        return [(str(link.zid), str(link.src), str(link.dst)) for link in self._session.info.links()]
+
+    def on_link(self, handler: Callable[[str, str, str, bool], None]) -> None:
+        """Call `handler(id, address, name, up)` on a thread of Zenoh's for each link that is there, comes or goes.
+
+        The id and the name in the certificate ("" = it shows none) are those of the other end; so is the address.
+        """
+
+        def changed(event: zenoh.LinkEvent) -> None:
+            link = event.link
+            up = event.kind == zenoh.SampleKind.PUT
+            handler(str(link.zid), str(link.dst), str(link.auth_identifier or ""), up)
+
+        listener = zenoh.handlers.Callback(changed, indirect=False)
+        self._session.info.declare_link_events_listener(listener, history=True)
 
     async def round_trip(self, timeout: float) -> bool:
         """Ask the router for itself. Returns whether it said anything, if only that nobody answers, in wall seconds."""
@@ -636,6 +691,10 @@ class Bus:
             else:
                 self._routers.discard(zid)
             if was != self.router_up:
+                if self._had_router:
+                    for replies in self._asked:
+                        replies.put_nowait(ROUTER_LOST)
+                self._had_router = True
                 self._tell_router()
                 for handler in self._on_router:
                     handler(self.router_up)
@@ -659,6 +718,8 @@ class Bus:
             self._watching.cancel()
         self._away.end()
         await self._tasks.end()
+        await self._aside.end()
+        self._threads.shutdown(wait=False, cancel_futures=True)
         closed = asyncio.Event()
 
         def close() -> None:
@@ -777,6 +838,8 @@ async def open_bus(
         config = session_config(
             mode, endpoint, f"{daemon}/{name}", listen=listen, connect=connect, listen_late=bool(absent), tls=tls
         )
+    if mode == "router":
+        set_id(config, name)
     why, asked = "", -ASK_WHY
 
     def remind(seconds: float) -> None:

@@ -21,6 +21,7 @@ from commd.acting import Acting
 from commd.bus import AlreadyRunning, Bus, BusClosed, Denied, open_bus
 from commd.clock import Clock
 from commd.inbox import QUESTION, Inbox, Messages, Seen
+from commd.local_runs import router_of
 from commd.percepts import Percepts
 from commd.sending import MailboxFull, NoAnswer, NotSent, Sending, TooLarge, UnknownReceiver
 from schemas import keys
@@ -277,15 +278,15 @@ async def join(
         robots = {agent: robot for robot in declared.robots for agent in declared.agents_of(robot)}
         fleet, wire, speed = fleet or declared.fleet, declared.wire, declared.speed if speed is None else speed
         board = board or declared.mailboxes.get(name) or next(iter(declared.boards), THIS_MACHINE)
-        router = router or declared.router.endpoint
         if board not in (declared.boards or {THIS_MACHINE}):
             raise NotJoined(f"no board `{board}`{did_you_mean(board, declared.boards)}")
     if robot is not None:
         robots[name] = robot
     check_name(fleet)
+    router = router or router_of(fleet, DEFAULT_ROUTER if declared is None else declared.router.endpoint)
     clock = Clock(1.0 if speed is None else speed)
     seen = Seen(None if numbers is None else Path(numbers))
-    async with _bus(router or DEFAULT_ROUTER, fleet, name, clock, wire, patience) as bus:
+    async with _bus(router, fleet, name, clock, wire, patience) as bus:
         try:
             await _claim(bus, name)
         except Denied as denied:

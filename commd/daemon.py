@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Literal
 
 from commd import router_config
-from commd.bus import Bus, open_bus
+from commd.admission import Admission, open_admission
+from commd.bus import Bus, Query, open_bus
 from commd.checkup import Checkups
 from commd.clock import Clock
 from commd.directory import open_directory
+from commd.link_watchdog import open_link_watchdog
 from commd.links import open_links
 from commd.lives import begin_life
 from commd.mailroom import open_mailroom
@@ -33,10 +35,11 @@ from commd.refusals import hear_refusals
 from commd.routers import router_of
 from commd.state import state_directory
 from commd.tls import check_board
+from schemas import keys
 from schemas.findings import Finding, Findings
 from schemas.mission import Mission, load_mission
 from schemas.positions import did_you_mean
-from schemas.records import Health
+from schemas.records import Health, RunningMission
 
 ROUND_TRIP = 2.0
 """Wall seconds within which the router answers itself, or hangs."""
@@ -96,6 +99,13 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
     if tls is not None:
         check_board(tls, mission, board)
     secured = given is not None and given.secured
+    config = given.config if given is not None else None
+    admission: Admission | None = None
+    if tls is not None and not external and (public := [one for one in listen if one.startswith("tls/")]):
+        admission = Admission(public, mission)
+        listen = [*(one for one in listen if one not in public), *admission.inner]
+        if config is not None:
+            router_config.listen_at(config, endpoint, listen)
     open_to_its_machines = tls is not None and not secured
     if open_to_its_machines:
         log.warning("%s", NO_RULES)
@@ -112,7 +122,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         connect=connect,
         stop=stop,
         tls=tls,
-        config=given.config if given is not None else None,
+        config=config,
     ) as bus:
         await bus.claim(board)
         known = FixedDirectory(mission.mailboxes)
@@ -135,11 +145,18 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
             if gateway is not None:
                 await enter(gateway.serving(mailroom))
             Checkups(bus, board, mission.board_names, folder)
+            tell_mission(bus, board, mission)
+            if admission is not None:
+                await enter(open_admission(admission, bus))
             links = None
             if tls is not None and mode == "router":
                 most_links = given.most_links if given is not None else None
                 links = await enter(open_links(bus, mission, board, tls, most_links))
-            further = (gateway, air, links)
+            watchdog = None
+            if mode == "router":
+                others = [other for other in mission.boards if other != board]
+                watchdog = await enter(open_link_watchdog(bus, others))
+            further = (gateway, air, links, watchdog, admission)
             parts = [mailroom.health, directory.health, *(part.health for part in further if part is not None)]
             if open_to_its_machines:
                 parts.append(lambda: Health(notes=(NO_RULES,)))
@@ -156,6 +173,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
             stopping = asyncio.create_task(stop.wait())
             work: dict[asyncio.Task[None], str] = {health: "the router", turning: "the watch over the router"}
             work |= dict.fromkeys(directory.work, "the directory")
+            work |= dict.fromkeys([watchdog.running] if watchdog is not None else (), "the watch over the links")
             work |= dict.fromkeys(gateway.work if gateway is not None else (), "the gateway")
             work |= dict.fromkeys(air.work if air is not None else (), "the radio")
             await asyncio.wait((*work, stopping), return_when=asyncio.FIRST_COMPLETED)
@@ -168,6 +186,16 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
             turning.cancel()
             stopping.cancel()
     return EXIT_FAILED if broken else EXIT_DONE
+
+
+def tell_mission(bus: Bus, board: str, mission: Mission) -> None:
+    """Serve the mission file as it was read, so that whoever looks on knows what runs, not what a file says by now."""
+    key = keys.mission(mission.fleet, board)
+
+    def answer(query: Query[RunningMission]) -> None:
+        query.reply(RunningMission(header=bus.header("mission"), file=mission.path.name, text=mission.text), key)
+
+    bus.serve(key, RunningMission, answer, at_once=True)
 
 
 async def turn(bus: Bus, loop: Loop) -> None:
@@ -190,4 +218,5 @@ def together(parts: Sequence[Callable[[], Health]]) -> Health:
         bad_input=sum(health.bad_input for health in healths),
         counters=counters,
         notes=tuple(note for health in healths for note in health.notes),
+        coded=tuple(note for health in healths for note in health.coded),
     )

@@ -20,6 +20,8 @@ import msgspec
 from commd import facts, peers
 from commd.bus import Bus, BusClosed, Query
 from commd.clock import Clock
+from commd.mail_clock import MailClock
+from commd.mail_witness import MailWitness
 from commd.services import Notice, Own, Problem, Services, checked
 from commd.store import StoreFailed
 from commd.tasks import Tasks
@@ -69,6 +71,7 @@ class Post(Protocol):
 
     async def take(self, messages: Sequence[Message], also: Callable[[Connection], None] | None = None) -> Receipt: ...
 
+    clock: MailClock
     directory: peers.Directory
     ask_around: Callable[[], Awaitable[None]] | None
 
@@ -94,6 +97,7 @@ class Directory:
         """`notices` and `notices_refused`, `board_changes`, `left`: agents that were gone for good."""
         self._bus, self._board, self._store, self._post, self._clock = bus, board, store, post, clock
         self._secured = secured
+        self._witness = MailWitness(board, bus.boot, post.clock)
         self._homes = self.services.homes()
         self._one_at_a_time = asyncio.Lock()
         self._alive: dict[str, set[str]] = {}
@@ -145,7 +149,8 @@ class Directory:
         counters = {f"directory_{name}": float(count) for name, count in sorted(self.counters.items())}
         counters["boards_there"] = float(sum(map(bool, self._boards.values())))
         counters["names_known"] = float(len(self._homes))
-        return Health(counters=counters, notes=tuple(self.notes()))
+        coded = () if self._witness.note is None else (self._witness.note,)
+        return Health(counters=counters, notes=(*self.notes(), *(note.text for note in coded)), coded=coded)
 
     # --- its life ---
 
@@ -156,6 +161,7 @@ class Directory:
         """
         try:
             own, others = await self._store.read(lambda db: (facts.kept(db, _OWN), facts.kept(db, _BOARDS)))
+            await self._store.read(self._witness.load)
         except StoreFailed as failed:
             if not self._unread:
                 log.error("directory_unread why=%s: nobody can join or leave until it is read", failed)
@@ -309,6 +315,8 @@ class Directory:
             found=found,
             problem=problem,
             prefix=services.prefix,
+            mail_time=self._post.clock.saved,
+            mail_seen=dict(self._witness.seen),
         )
 
     def _put(self) -> None:
@@ -351,6 +359,7 @@ class Directory:
     async def _hear(self, said: BoardServices) -> None:
         """Take what another board says of itself, on disk first."""
         async with self._one_at_a_time:
+            await self._compare_mail(said)
             if not self.services.news(said):
                 return
             said = self._checked(said)
@@ -369,6 +378,14 @@ class Directory:
             for name in gone:
                 with suppress(StoreFailed):  # the mailroom gives up later what waits for nobody
                     await self._post.gone(name)
+
+    async def _compare_mail(self, said: BoardServices) -> None:
+        """Judge our mail file by what another board has seen of it, and remember what is seen of theirs."""
+        self._witness.judge(said)
+        if (seen := self._witness.news(said)) is not None:
+            with suppress(StoreFailed):  # it is said again
+                await self._store.write(lambda db: self._witness.keep(db, said.board, seen))
+                self._witness.seen = {**self._witness.seen, said.board: seen}
 
     def _board_token(self, key: str, alive: bool) -> None:
         if (parsed := keys.parse(key)) is None or parsed[1] not in self.services.boards:

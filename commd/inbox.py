@@ -16,6 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from commd.bus import Bus, Query
+from commd.state import make_private_file
 from schemas import keys
 from schemas.records import Mail, Message, Receipt
 
@@ -58,6 +59,7 @@ class Seen:
             lives.popitem(last=False)
         if self._file is not None:
             fresh = self._file.with_name(self._file.name + ".new")
+            make_private_file(fresh)
             fresh.write_text(json.dumps(self._last))
             os.replace(fresh, self._file)
 

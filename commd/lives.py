@@ -12,6 +12,8 @@ from pathlib import Path
 
 import msgspec
 
+from commd.state import make_private_file, make_private_folder
+
 log = logging.getLogger("lives")
 
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
@@ -37,9 +39,9 @@ class Life:
         self.before = ""
         """How the life before ended, in words, if nobody had told it to."""
         self._path = path
-        self._note = _Note(_machine() if machine is None else machine, running=True)
+        self._note = _Note(machine_life() if machine is None else machine, running=True)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_private_folder(path.parent)
             former = self._former()
             if former is not None and former.machine == self._note.machine:
                 self._note.restarts = former.restarts + former.running
@@ -71,6 +73,7 @@ class Life:
     def _write(self) -> None:
         """Write the note whole or not at all. It is not forced to the disk: without power nothing is counted anyway."""
         new = self._path.with_name(f".{self._path.name}.new")
+        make_private_file(new)
         new.write_bytes(msgspec.json.encode(self._note))
         os.replace(new, self._path)
 
@@ -90,7 +93,7 @@ def end_lives(words: str = "") -> None:
         _open.pop().end(words)
 
 
-def _machine() -> str:
+def machine_life() -> str:
     """Return which life of the machine this is, as its unit says, which may not see it itself; nothing if unknown."""
     if told := os.environ.get("ARGOSY_BOOT"):
         return told

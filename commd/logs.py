@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from commd.output import Output, stderr
+from schemas.terminal import escape_line
 
 BURST = 50
 """Lines of one kind that pass at once."""
@@ -34,7 +35,6 @@ LONGEST = 4_000
 PRIORITIES = {"DEBUG": 7, "INFO": 6, "WARNING": 4, "ERROR": 3, "CRITICAL": 2}
 """The levels as syslog and the journal number them."""
 _SUBJECT = re.compile(r"(?:agent|robot|board)=%s")
-_CONTROLS = {code: repr(chr(code))[1:-1] for code in (*range(32), *range(127, 160), 0x2028, 0x2029)}
 
 
 @dataclass
@@ -212,7 +212,5 @@ def subject_of(record: logging.LogRecord) -> str:
 
 def one_line(text: str) -> str:
     """Return a text without line breaks and what a terminal takes for a command, that is Unicode, of bounded length."""
-    text = text.rstrip("\n")
-    if not text.isprintable():  # half a surrogate pair is in the name of a file that is no UTF-8
-        text = text.translate(_CONTROLS).encode("utf-8", "backslashreplace").decode()
+    text = escape_line(text.rstrip("\n"))
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}… ({len(text) - LONGEST} characters more)"

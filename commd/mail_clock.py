@@ -49,7 +49,10 @@ class MailClock:
         self._since_boot, self._boot = since_boot, kernel_boot() if boot is None else boot
         self._zero = since_boot()
         """What the kernel's clock shows when this one shows 0."""
-        self._loaded = False
+        self.found: float | None = None
+        """What the file showed that it went on from, 0 for a new one; none = no file is open yet."""
+        self.saved = 0.0
+        """What the file shows now."""
 
     def now(self) -> float:
         """Return the time by which mail is dated."""
@@ -57,20 +60,22 @@ class MailClock:
 
     def load_once(self, db: Connection) -> None:
         """Go on from what a file says, unless that was done before."""
-        if not self._loaded:
+        if self.found is None:
             self.load(db)
-            self._loaded = True
 
     def load(self, db: Connection) -> None:
         """Go on from what a file says. In another boot at least the time since it began has passed in between."""
         found = facts.kept(db, "clock").get("mail")
+        self.found = 0.0
         if found is None:
             return
         shown = msgspec.json.decode(found, type=_Shown)
         same = bool(self._boot) and shown.boot == self._boot
+        self.found = shown.time
         self._zero = (shown.since_boot if same else 0.0) - shown.time
 
-    def save(self, db: Connection) -> None:
-        """Write down what the clock shows now."""
+    def save(self, db: Connection) -> float:
+        """Write down what the clock shows now. Returns it, for `saved` once it is on disk."""
         now = self._since_boot()
         facts.keep(db, "clock", "mail", msgspec.json.encode(_Shown(now - self._zero, now, self._boot)))
+        return now - self._zero

@@ -6,6 +6,7 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
+import msgspec
 from msgspec.structs import replace
 
 from commd.mail_clock import MailClock
@@ -15,6 +16,9 @@ from schemas.codec import BadRecord
 from schemas.findings import Finding, Findings
 from schemas.records import Mailboxes
 
+_DAMAGE = (sqlite3.Error, OSError, BadRecord, msgspec.MsgspecError, ValueError, TypeError)
+"""What reading a damaged file raises: its texts, and SQLite's own about it, may be no UTF-8, its values of any type."""
+
 
 def mailboxes_of_file(path: Path) -> Mailboxes:
     """Return what waits in a mail file, also beside the daemon that writes it. Raises Findings in words."""
@@ -23,7 +27,7 @@ def mailboxes_of_file(path: Path) -> Mailboxes:
             raise _unreadable(path, "there is no such file")
         with closing(_open(path)) as db:
             return _read(db, path)
-    except (sqlite3.Error, OSError, BadRecord) as error:
+    except _DAMAGE as error:
         raise _unreadable(path, f"it cannot be read as a board's mail: {error}") from None
 
 

@@ -59,7 +59,7 @@ class Mailroom:
         self.counters: Counter[str] = Counter()
         self.store = store
         """The board's file: its facts are kept there too."""
-        self._bus, self._tally, self._clock, self._rules = bus, tally, clock, rules
+        self._bus, self._tally, self.clock, self._rules = bus, tally, clock, rules
         self._peers = Peers(bus, clock, directory, air)
         self._undelivered = Undelivered(store, tally, clock, self._line)
         peers = self._peers
@@ -169,7 +169,7 @@ class Mailroom:
         `also(connection)` becomes part of the same transaction. Raises StoreFailed: nothing was taken.
         """
         self.counters["posted"] += len(messages)
-        now = self._clock.now()
+        now = self.clock.now()
         letters = [self._kept(one, self._line(one.sender, one.receiver), now, self._rules.ttl) for one in messages]
         # What this board's own offices tell stands in no mailbox's way: nobody keeps it until there is room.
         own = all(one.sender in RESERVED for one in messages)
@@ -180,8 +180,11 @@ class Mailroom:
         if query.record is None or not query.concrete:
             query.reply_error(query.error or "expected a Mail record on a concrete key")
             return
+        if query.record.numberings and not query.record.messages:
+            await self._tell_numbers(query, query.record.numberings)
+            return
         self.counters["posted"] += len(query.record.messages)
-        sender, now = keys.parse(query.key)[1], self._clock.now()  # type: ignore[index]
+        sender, now = keys.parse(query.key)[1], self.clock.now()  # type: ignore[index]
         if not self.everybody_known and any(self._line("", one.receiver) is None for one in query.record.messages):
             query.reply_error(f"board {self._bus.name} is still reading who joined it")
             return
@@ -195,6 +198,18 @@ class Mailroom:
         ]
         await self._answer(query, letters, now)
 
+    async def _tell_numbers(self, query: Query[Mail], numberings: tuple[str, ...]) -> None:
+        """Say how far this board has taken the mail of a sender."""
+        sender = keys.parse(query.key)[1]  # type: ignore[index]
+        try:
+            numbers = await self.store.read(
+                partial(boxes.numbers_of, sender=sender, former=numberings[0], left_out=numberings[1:])
+            )
+        except StoreFailed as failed:
+            query.reply_error(str(failed))
+            return
+        query.reply(Receipt(numbers=numbers))
+
     async def _receive(self, query: Query[Mail]) -> None:
         """Serve what another board brings for a receiver of this one."""
         if query.record is None or not query.concrete:
@@ -202,7 +217,7 @@ class Mailroom:
             return
         self.counters["received"] += len(query.record.messages)
         _, receiver, (_, sender) = keys.parse(query.key)  # type: ignore[misc]
-        now = self._clock.now()
+        now = self.clock.now()
         letters = [
             self._kept(one, receiver, now, None, SLACK)
             if (one.sender, one.receiver) == (sender, receiver)
@@ -273,7 +288,7 @@ class Mailroom:
     async def _list(self, query: Query[Mailboxes]) -> None:
         """Serve what waits here and what was given up."""
         try:
-            listed = await self.store.read(partial(list_mailboxes, now=self._clock.now(), state=self._lanes.state))
+            listed = await self.store.read(partial(list_mailboxes, now=self.clock.now(), state=self._lanes.state))
         except StoreFailed as failed:
             query.reply_error(str(failed))
             return
@@ -292,6 +307,7 @@ class Mailroom:
         counters["waiting"] = self.waiting
         counters["dead"] = self._tally.dead
         notes = [f"a corrupt mail file was set aside: {name}" for name in self.store.set_aside]
+        notes += [f"{self.store.path}: {told}" for told in self.store.damaged]
         if self.store.note:
             notes.append(self.store.note)
         return Health(counters={name: float(count) for name, count in sorted(counters.items())}, notes=tuple(notes))
@@ -320,7 +336,7 @@ async def open_mailroom(
 
     async with open_store(folder / f"{bus.name}.mail", rules.synchronous, count) as store:
         with suppress(StoreFailed):  # what is told of a message's age may be less than the truth then
-            await store.write(clock.save)
+            clock.saved = await store.write(clock.save)
         mailroom = Mailroom(bus, store, tally, clock, directory, rules, air)
         mailroom.everybody_known = everybody_known
         for name in directory.names():

@@ -16,6 +16,8 @@ import threading
 import time
 from functools import cache
 
+from schemas.terminal import escape_lines
+
 LINES = 10_000
 """Lines that may wait for their reader; further ones are dropped, and counted in the next line that gets through."""
 INFORMATIONAL = 6
@@ -51,6 +53,7 @@ class Output:
 
     def write(self, text: str, priority: int = INFORMATIONAL) -> None:
         """Write a line, or several that belong together, later; never waits."""
+        text = escape_lines(text)
         if self._to_journal:  # a text must not set a priority of its own
             text = "\n".join(f"<{priority}>{line}" for line in text.split("\n"))
         try:

@@ -14,6 +14,8 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
+from msgspec.structs import replace
+
 from commd.bus import AlreadyRunning, Bus, BusClosed
 from commd.clock import Clock
 from commd.hung import tell_when_aborted
@@ -163,12 +165,15 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
             counters=_with_unknown_fields(health.counters, bus.counters["unknown_fields"]),
             percepts=health.percepts,
             notes=tuple(one_line(str(note)) for note in notes[:NOTES]),
+            coded=tuple(replace(note, text=one_line(note.text)) for note in health.coded[:NOTES]),
             version=RELEASE,
             restarts=bus.life.restarts if bus.life is not None else None,
             lag=round(max(loop.worst, health.lag), 3),
             errors=errors,
             last_error=words,
             last_error_age=age,
+            idle=health.idle,
+            paused=health.paused,
         )
         if bad := _unreadable(told, bus.wire):
             bus.counters["unsendable"] += 1

@@ -21,12 +21,15 @@ PATIENCE = 2.0
 """Wall seconds that each step of an attempt may take: reaching the machine, and the handshake."""
 VERDICT = 0.5
 """Wall seconds in which the other side says that it does not accept our certificate; it says nothing if it does."""
+HANGS_UP = "it hangs up before it says who it is: overloaded, or a router without keys"
 _PLACE = re.compile(r"(tcp|tls)/(?:\[([^\]]+)\]|([^:/?#]+)):(\d+)")
 _UNIX = "unixsock-stream/"
 _attempts: dict[tuple[str, Tls | None], Future[str]] = {}
 """Those that are under way."""
 _lock = Lock()
 _OUR_DATES = {"SSLV3_ALERT_CERTIFICATE_EXPIRED"}
+_TRY_LATER = "TLSV1_ALERT_INTERNAL_ERROR"
+"""What `commd.admission` says to whom it lets begin no handshake for now."""
 _OUR_NAME = {
     "TLSV1_ALERT_UNKNOWN_CA",
     "SSLV3_ALERT_BAD_CERTIFICATE",
@@ -136,8 +139,17 @@ def _attempt_tls(connection: socket.socket, host: str, tls: Tls) -> str:
         text = "who is there has a certificate that our ca.pem does not believe: another fleet's, or a revoked one"
         text += ", or ours is older than it: `argosy keys` makes a new ca.pem when somebody is added"
         return f"{text} ({error.verify_message})"
-    except (ssl.SSLError, ConnectionError, TimeoutError):
-        return "what listens there speaks no TLS: a router without keys?"
+    except TimeoutError:
+        return f"it connects and says nothing within {PATIENCE:g} s: overloaded, hung, or a router without keys"
+    except ssl.SSLError as error:
+        if error.reason == _TRY_LATER:
+            text = "it takes no more handshakes from this address for some seconds: too many failed or are under way"
+            return f"{text}; its log says from whom"
+        if not isinstance(error, ssl.SSLEOFError):
+            return "what listens there speaks no TLS: a router without keys?"
+        return HANGS_UP
+    except ConnectionError:
+        return HANGS_UP
 
 
 def _judged(theirs: Identity, host: str) -> str:

@@ -42,6 +42,21 @@ REASONS = 100
 log = logging.getLogger("refusals")
 counters: Counter[str] = Counter()
 """What was refused in this process."""
+_told: dict[tuple[str, str], float] = {}
+_untold: Counter[tuple[str, str]] = Counter()
+
+
+def tell(why: str, address: str = "") -> None:
+    """Count a machine that was refused, and tell of it in the log unless the same was told lately."""
+    counters[COUNTED] += 1
+    reason = why, address
+    if len(_told) >= REASONS and reason not in _told and why not in dict(WORDS).values():
+        reason = "for another reason", ""
+    _untold[reason] += 1
+    if time.monotonic() - _told.get(reason, -TELL) >= TELL:
+        _told[reason] = time.monotonic()
+        whose = f" address={reason[1]}" if reason[1] else ""
+        log.warning("refused a machine that dials this board: %s count=%d%s", reason[0], _untold.pop(reason), whose)
 
 
 def hear_refusals() -> None:
@@ -61,20 +76,11 @@ def hear_refusals() -> None:
 
 
 def _read(descriptor: int) -> None:
-    told: dict[str, float] = {}
-    untold: Counter[str] = Counter()
     with open(descriptor, encoding="utf-8", errors="replace") as lines:
         for line in lines:
             if (said := _SAID.search(_COLOUR.sub("", line))) is None:
                 continue
-            why = in_words(said[1])
-            counters[COUNTED] += 1
-            if len(told) >= REASONS and why not in told and why not in dict(WORDS).values():
-                why = "for another reason"
-            untold[why] += 1
-            if time.monotonic() - told.get(why, -TELL) >= TELL:
-                told[why] = time.monotonic()
-                log.warning("refused a machine that dials this board: %s count=%d", why, untold.pop(why))
+            tell(in_words(said[1]))
 
 
 def in_words(said: str) -> str:

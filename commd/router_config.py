@@ -22,7 +22,7 @@ from schemas import access
 from schemas.access import Rights
 from schemas.codec import MAX_BYTES
 from schemas.findings import Finding, Findings
-from schemas.keys import ROOT
+from schemas.keys import ROOT, SIGHTS, Sight
 from schemas.mission import Mission
 
 MESSAGES = {
@@ -39,8 +39,8 @@ EVERY = [message for messages in MESSAGES.values() for message in messages]
 LARGEST_MESSAGE = 2 * MAX_BYTES
 """Bytes; the link of whoever sends a larger one is closed."""
 MOST_LINKS = 800
-"""Machines and daemons that are linked to a router at once, some 50 kB and a file each: systemd gives 1024 files. Zenoh
-counts the board's own daemons and other machines together, and can keep no room for either."""
+"""Machines and daemons that are linked to a router at once, some 50 kB each, and a file, or three for a machine
+(`commd.admission`). Zenoh counts both together, and can keep no room for either."""
 HERE = "on this board"
 """Subject of whoever connects by the board's socket: its file permissions are their password."""
 
@@ -103,24 +103,33 @@ def access_control(mission: Mission, board: str) -> dict[str, Any]:
         rules.extend(own)
         policies.append({"rules": [*(rule["id"] for rule in own), *further], "subjects": [subject]})
 
+    def hide(sight: Sight) -> list[str]:
+        """Return the name of the rule that tells nothing beyond what somebody sees, if anything is beyond."""
+        key_exprs, name = access.hidden(sight), f"beyond {sight}"
+        if key_exprs and all(rule["id"] != name for rule in rules):
+            rules.append(_out(name, key_exprs) | {"permission": "deny", "messages": ["put", "delete", "reply"]})
+        return [name] if key_exprs else []
+
     allow(HERE, access.of_member(mission, board), "out on this board")
     for other in mission.boards:
         if other != board:
             subject = f"board {other}"
             subjects.append({"id": subject, "cert_common_names": [other], "link_protocols": ["tls"]})
-            further = ["out"]
+            further = ["out", *hide(access.BOARD_SEES)]
             if simulated := access.robot_keys(mission, board, other):
                 further.append(f"{subject}: its robots")
                 rules.append(_rule(further[-1], EVERY, ["ingress", "egress"], simulated))
             allow(subject, access.of_board(mission, other), *further)
-    people = {
-        "operators": (mission.security.operators, access.of_operator(mission.inject)),
-        "observers": (mission.security.observers, access.of_observer()),
-    }
-    for subject, (names, rights) in people.items():
+
+    def people(subject: str, names: list[str], rights: Rights, sight: Sight) -> None:
         if names:
-            subjects.append({"id": subject, "cert_common_names": list(names), "link_protocols": ["tls"]})
-            allow(subject, rights, "out")
+            subjects.append({"id": subject, "cert_common_names": names, "link_protocols": ["tls"]})
+            allow(subject, rights, "out", *hide(sight))
+
+    people("operators", list(mission.security.operators), access.of_operator(mission.inject), "mail")
+    for sight in SIGHTS:
+        names = [name for name, its in mission.security.sights.items() if its == sight]
+        people(f"observers of {sight}", names, access.of_observer(sight), sight)
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -180,6 +189,12 @@ def read(file: Path) -> RouterFile:
         tls=Tls(*map(Path, files)) if all(files) else None,
         most_links=most_links,
     )
+
+
+def listen_at(config: zenoh.Config, endpoint: str, others: Sequence[str]) -> None:
+    """Change where a router listens: at its board's endpoint, which it must have, and at others."""
+    for key, value in listening_late(endpoint, others).items():
+        config.insert_json5(f"listen/{key}", json.dumps(value))
 
 
 def _in(subject: str, rights: Rights) -> Iterator[dict[str, Any]]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -14,3 +16,29 @@ def state_directory(given: Path | None) -> Path:
         return Path(systemd.partition(":")[0])
     base = os.environ.get("XDG_STATE_HOME") or (Path.home() / ".local" / "state" if "HOME" in os.environ else ".")
     return Path(base) / "argosy"
+
+
+def make_private_folder(path: Path) -> None:
+    """Make a folder and those above it that are missing, for this user alone (0700) whatever the umask.
+
+    A folder that exists stays as it is: it is its maker's. Raises OSError.
+    """
+    missing = [path, *path.parents]
+    for folder in reversed([one for one in missing if not one.exists()]):
+        folder.mkdir(mode=0o700, exist_ok=True)
+    if not path.is_dir():
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+
+
+def make_private_file(path: Path) -> None:
+    """Let a file be this user's alone (0600), made empty if it is not there, before anything is written into it.
+
+    SQLite gives the files beside a database, `-wal` and `-shm`, the database's mode. Raises OSError.
+    """
+    try:
+        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
+    except FileExistsError:
+        for one in (path, Path(f"{path}-wal"), Path(f"{path}-shm")):
+            with suppress(FileNotFoundError, PermissionError):  # another user's: its owner has settled that
+                if one.stat().st_mode & 0o077:
+                    one.chmod(0o600)

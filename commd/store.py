@@ -18,7 +18,21 @@ from threading import Condition, Thread
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from commd.mail_schema import TooNew, migrate
-from commd.store_file import CORRUPT, DISK, PASSING, alone, check, code_of, connect, may_pass, set_aside, words_for
+from commd.page_sums import PageSums, log_damage
+from commd.store_file import (
+    CORRUPT,
+    DISK,
+    LOG_BYTES,
+    PASSING,
+    alone,
+    check,
+    code_of,
+    connect,
+    corrupt,
+    may_pass,
+    set_aside,
+    words_for,
+)
 from schemas.findings import Finding, Findings
 
 T = TypeVar("T")
@@ -50,6 +64,9 @@ class Store:
         """What is wrong with the file now, in words."""
         self.set_aside: list[str] = []
         """Names of the corrupt files that were set aside, since the start."""
+        self.damaged: list[str] = []
+        """What is missing of the file that was found at the start, in words."""
+        self._sums = PageSums(path)
         self._count = count
         self._loop = asyncio.get_running_loop()
         self._waiting: deque[tuple[Transaction[Any], asyncio.Future[Any]]] = deque()
@@ -101,7 +118,7 @@ class Store:
                     self._reading[1].close()
                 self._reading = self._generation, connect(self.path, self.synchronous)
             return question(self._reading[1])
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:
             code = code_of(error)
             if code not in DISK:
                 raise
@@ -142,6 +159,8 @@ class Store:
             db.execute("BEGIN IMMEDIATE")
             outcomes = [self._run(db, transaction) for transaction in group]
             db.execute("COMMIT")
+            if self._sums.due(LOG_BYTES):
+                self._carry_over(db)
         except (sqlite3.Error, OSError, TooNew) as error:
             self._failed(error)
             return [StoreFailed(words_for(error))] * len(group)
@@ -185,6 +204,7 @@ class Store:
         try:
             if self._db is not None and self._db.in_transaction:
                 self._db.execute("ROLLBACK")
+                self._carry_over(self._db)  # the log may hold some of it
             if self._db is not None and code_of(error) in DISK - PASSING:
                 self._close()
                 if code_of(error) in CORRUPT:
@@ -197,14 +217,21 @@ class Store:
     def _open(self) -> sqlite3.Connection:
         """Open the file, or a new one if it is corrupt. Raises what SQLite and the file system say, and TooNew."""
         try:
+            damage = self._sums.damage()
+            if told_of_log := log_damage(self.path):
+                self.damaged.append(told_of_log)
+                log.error("mail_store_damaged file=%s why=%s", self.path, told_of_log)
+            self._sums.begin()
             db = connect(self.path, self.synchronous)
             try:
                 check(db)
-                migrate(db)
+                migrate(db)  # which refuses a newer version
+                if damage:
+                    raise corrupt(damage)
             except BaseException:
                 db.close()
                 raise
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:
             if code_of(error) not in CORRUPT:
                 raise
             return self._begin_anew(str(error))
@@ -213,19 +240,27 @@ class Store:
     def _begin_anew(self, why: str) -> sqlite3.Connection:
         """Set the file aside and make a new one."""
         self.set_aside.append(set_aside(self.path, why).name)
+        self._sums.begin()
         db = connect(self.path, self.synchronous)
         migrate(db)
         return self._opened(db)
 
     def _opened(self, db: sqlite3.Connection) -> sqlite3.Connection:
+        self._sums.carry_over(db)
         self._db = db
         self._generation += 1
         self._uncounted = True
         self._recount(db)
         return db
 
+    def _carry_over(self, db: sqlite3.Connection) -> None:
+        """Carry the log over into the file; what cannot be done now is done later."""
+        with suppress(sqlite3.Error, OSError):
+            self._sums.carry_over(db)
+
     def _close(self) -> None:
         if self._db is not None:
+            self._carry_over(self._db)
             self._db.close()
         self._db = None
 
@@ -253,6 +288,7 @@ class Store:
         if self._reading is not None:
             self._reader.submit(self._reading[1].close)
         await asyncio.to_thread(self._reader.shutdown)
+        self._sums.close()
 
 
 @asynccontextmanager

@@ -65,7 +65,7 @@ class Undelivered:
 
     async def sweep(self, lanes: Lanes) -> None:
         """Give up what has waited longer than it may, and write down the time meanwhile, for ever."""
-        saved, rounds = self._clock.now(), 0
+        saved, place, rounds = self._clock.now(), self._tally.next, 0
         while True:
             await asyncio.sleep(SWEEP_EVERY)
             rounds += 1
@@ -74,13 +74,13 @@ class Undelivered:
             try:
                 if rounds % LOOK_EVERY == 0:
                     await self._give_up_strangers(lanes)
-                if not self._tally.expiring:
-                    continue
                 now = self._clock.now()
-                if now - saved >= SAVE_EVERY:
-                    await self._store.write(self._clock.save)
+                if now - saved >= SAVE_EVERY and (self._tally.expiring or self._tally.next != place):
+                    place = self._tally.next
+                    self._clock.saved = await self._store.write(self._clock.save)
                     saved = now
-                await self._give_up_late(lanes)
+                if self._tally.expiring:
+                    await self._give_up_late(lanes)
             except StoreFailed:
                 self.counters["sweeps_failed"] += 1
 

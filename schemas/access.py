@@ -1,7 +1,8 @@
 """Who may put, serve, ask and see what, as the mission says: what routers enforce, link by link (docs/security.md).
 
-A name lives on one board. What is said under a name comes from its board alone, what is asked under it too; everybody
-of the fleet may look on. Pure data, derived from the table of channels; `commd.router_config` writes it for Zenoh.
+A name lives on one board. What is said under a name comes from its board alone, what is asked under it too. Everybody
+of the fleet may look at what robots do; minds and mail are for operators, and for observers that the mission names.
+Pure data, derived from the table of channels; `commd.router_config` writes it for Zenoh.
 """
 
 from __future__ import annotations
@@ -11,12 +12,14 @@ from dataclasses import dataclass, fields
 
 from schemas import keys
 from schemas.findings import Finding, Findings
-from schemas.keys import ROOT, Channel
+from schemas.keys import ROOT, SIGHTS, Channel, Sight
 from schemas.manifest import Manifest, load_manifest
 from schemas.mission import Mission
 
 UNDELIVERED = "mail"
 """The sender of what a board tells of mail that it gave up: it goes to senders on other boards too."""
+BOARD_SEES: Sight = "telemetry"
+"""What a board sees of the agents of others."""
 ZENOH = "zenoh"
 """The driver whose robots speak on keys of their own."""
 
@@ -46,20 +49,30 @@ class Rights:
         )
 
 
-def of_observer() -> Rights:
-    """See everything that is told, ask only what changes nothing."""
+def of_observer(sight: Sight) -> Rights:
+    """Ask only what changes nothing, and hear what is told, except for what is `hidden`."""
     everything = (f"{ROOT}/**",)
-    reads = tuple(f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if _is_read(channel))
-    return Rights(asks=reads, hears=everything, watches=everything)
+    seen = SIGHTS[: SIGHTS.index(sight) + 1]
+    reads = (
+        f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if _is_read(channel) and channel.sight in seen
+    )
+    return Rights(asks=tuple(reads), hears=everything, watches=everything)
+
+
+def hidden(sight: Sight) -> tuple[str, ...]:
+    """Return the keys on which nothing is told to whoever sees no more than this."""
+    beyond = SIGHTS[SIGHTS.index(sight) + 1 :]
+    return _once([f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if channel.sight in beyond])
 
 
 def of_operator(inject: bool = False) -> Rights:
-    """See everything, stop robots, read and change their manifests, list the mail.
+    """See everything, stop robots, read and change their manifests, list the mail, tell of their run of a mission.
 
     Where the mission says `inject`, act and tell percepts in the place of any agent, too.
     """
     orders = (f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if _is_order(channel))
-    rights = of_observer() + Rights(asks=tuple(orders))
+    told = (f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if channel.source == "operator")
+    rights = of_observer("mail") + Rights(puts=tuple(told), asks=tuple(orders))
     if not inject:
         return rights
     anybody = keys.percept("*", "*", "**"), keys.action("*", "*", "**"), keys.cancel("*", "*")
@@ -67,7 +80,10 @@ def of_operator(inject: bool = False) -> Rights:
 
 
 def of_board(mission: Mission, board: str) -> Rights:
-    """Speak and act for the names that live on a board: at its own router and at those of all other boards."""
+    """Speak and act for the names that live on a board: at its own router and at those of all other boards.
+
+    Of agents of other boards it sees `BOARD_SEES`: their minds hold what others have told them.
+    """
     puts, serves, asks, holds = list[str](), list[str](), list[str](), list[str]()
     for channel in keys.CHANNELS:
         said = list(_said_by(mission, board, channel))
@@ -80,7 +96,7 @@ def of_board(mission: Mission, board: str) -> Rights:
                 serves += said
                 asks += _asked_by(mission, board, channel)
     own = Rights(puts=_once(puts), serves=_once(serves), asks=_once(asks), holds=_once(holds))
-    return of_observer() + own
+    return of_observer(BOARD_SEES) + own
 
 
 def of_member(mission: Mission, board: str) -> Rights:
@@ -141,7 +157,7 @@ def check(mission: Mission) -> None:
 
 
 def _is_read(channel: Channel) -> bool:
-    """Whether a query changes nothing and tells what is no secret."""
+    """Whether a query changes nothing and is not the operator's alone."""
     return channel.kind == "query" and channel.carries is None and not _is_order(channel)
 
 
@@ -173,6 +189,8 @@ def _names(mission: Mission, board: str, source: str, named: str) -> Collection[
     """For whom the daemons of a board may stand in the first chunk of a row with this source."""
     robots = [name for name, robot in mission.robots.items() if robot.board == board]
     match source, named:
+        case "operator", _:
+            return []
         case _, "{board}":
             return [board]
         case _, "{robot}":

@@ -11,6 +11,15 @@ ACTIONS: dict[str, ActionEntry] = {
 }
 """`release` lets go of the robot, `hand_over(Agent)` gives it to another of its agents (docs/actions.md)."""
 ACTION_ARITIES: dict[str, int] = {name: entry.arity for name, entry in ACTIONS.items()}
-PERCEPTS: dict[str, int] = {"bridge": 1, "override": 1, "restarted": 1, "holder": 1, "feedback": 3, "link": 1}
+PERCEPTS: dict[str, int] = {
+    "bridge": 1,
+    "override": 1,
+    "restarted": 1,
+    "holder": 1,
+    "feedback": 3,
+    "link": 1,
+    "paused": 1,
+}
 """Beliefs that a program may ask for although no manifest declares them, with their numbers of arguments:
-`bridge(up)`, `override(Mode)`, `restarted(N)`, `holder(Agent)`, `feedback(Action, What, Value)`, `link(State)`."""
+`bridge(up)`, `override(Mode)`, `restarted(N)`, `holder(Agent)`, `feedback(Action, What, Value)`, `link(State)`,
+`paused(Who)`."""

@@ -77,7 +77,10 @@ class Codec(Generic[R]):
     def unknown_fields(self, payload: bytes, encoding: str = "") -> list[str]:
         """Return the top-level fields of a payload that decodes which this version of the record does not know."""
         probe = self._probe if self._wire(encoding) == "json" else self._probe_msgpack
-        return sorted(set(probe.decode(payload)) - self._known)
+        try:
+            return sorted(set(probe.decode(payload)) - self._known)
+        except UnicodeDecodeError:  # a name that decoding has passed over unread
+            return ["\ufffd"]
 
     def _wire(self, encoding: str) -> Wire:
         name = self.record.__name__

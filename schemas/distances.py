@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import re
+import sys
+from typing import Final
 
+_LARGEST: Final = sys.float_info.max
+"""A TOML or YAML integer may be larger than any float."""
 _UNITS = {"m": 1.0, "km": 1000.0}
 _SHAPE = re.compile(r"(\d+(?:\.\d+)?)\s*(m|km)?")
 
@@ -14,7 +18,7 @@ class Distance(float):
     @classmethod
     def read(cls, value: object) -> Distance:
         """Read a distance. Raises ValueError that says what was expected."""
-        if isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < float("inf"):
+        if isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= _LARGEST:
             return cls(value)
         if isinstance(value, str) and (found := _SHAPE.fullmatch(value.strip())):
             metres = float(found[1]) * _UNITS[found[2] or "m"]

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import re
+import sys
+from typing import Final
 
 from schemas.distances import Distance
 
+_LARGEST: Final = sys.float_info.max
+"""A TOML or YAML integer may be larger than any float."""
 _UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 _SHAPE = re.compile(r"(\d+(?:\.\d+)?)\s*(ms|s|min|m|h)?")
 
@@ -16,7 +20,7 @@ class Duration(float):
     @classmethod
     def read(cls, value: object) -> Duration:
         """Read a duration. Raises ValueError that says what was expected."""
-        if isinstance(value, int | float) and not isinstance(value, bool) and value >= 0 and value < float("inf"):
+        if isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= _LARGEST:
             return cls(value)
         if isinstance(value, str) and (found := _SHAPE.fullmatch(value.strip())):
             seconds = float(found[1]) * _UNITS[found[2] or "s"]

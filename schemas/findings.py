@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
+from schemas.terminal import escape_line
+
 
 @dataclass(frozen=True, order=True)
 class Finding:
@@ -26,7 +28,7 @@ class Finding:
             where += f":{self.line}"
             if self.column:
                 where += f":{self.column}"
-        return f"{where}: {self.severity}: {self.message}"
+        return escape_line(f"{where}: {self.severity}: {self.message}")
 
 
 class Findings(Exception):

@@ -46,6 +46,17 @@ def read_names(text: str) -> tuple[str, ...]:
     return tuple(_path(entry) for entry in split(text))
 
 
+def read_defaults(text: str) -> tuple[tuple[str, str], ...]:
+    """Return the fields that `defaults` names, and the text of each value. Raises BadList."""
+    found: list[tuple[str, str]] = []
+    for entry in split(text):
+        path, equals, value = entry.partition("=")
+        if not equals or not value.strip():
+            raise BadList(f"expected a field and its value such as `width=3`, got `{entry}`")
+        found.append((_path(path.strip()), value.strip()))
+    return tuple(found)
+
+
 def read_parameter(name: str, text: str) -> Parameter:
     """Return the parameter of an action with the type that `text` names. Raises BadList."""
     listed = _LISTED.fullmatch(text)

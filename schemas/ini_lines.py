@@ -10,7 +10,7 @@ from schemas.findings import Finding
 DEFAULT = "DEFAULT"
 """The section whose options hold in every other one."""
 _SECTION = re.compile(r"\[([^\]]*)\]\s*")
-_OPTION = re.compile(r"([^=:\s][^=:]*?)\s*[=:]\s*(.*)")
+_OPTION = re.compile(r"([^=:\s][^=:]*)[=:]\s*(.*)")
 _REMARK = re.compile(r"(^|\s)[#;].*")
 
 
@@ -93,7 +93,7 @@ class _Reader:
             self._problem(number, f"expected `option = value`, got `{text}`")
         elif self._section is None:
             self._problem(number, f"expected a section such as `[takeoff]` before `{text}`")
-        elif earlier := self._section.options.get(name := found[1].lower()):
+        elif earlier := self._section.options.get(name := found[1].rstrip().lower()):
             self._problem(number, f"`{name}` stands there twice, first at line {earlier.line}")
         else:
             self._section.options[name] = Option(found[2], number)

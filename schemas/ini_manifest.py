@@ -8,19 +8,25 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
-from schemas.findings import Finding
-from schemas.ini_arguments import BadList, read_fields, read_names, read_parameter, split
-from schemas.ini_lines import DEFAULT, Option, Section, read_ini
-from schemas.manifest_entries import Field, Parameter
-from schemas.manifest_rules import RESERVED
-from schemas.positions import did_you_mean
+from msgspec.structs import replace
 
-ACTION_OPTIONS = ("method", "name", "msg_type", "dependencies", "params_name", "params_type", "latch")
+from schemas.findings import Finding
+from schemas.ini_arguments import BadList, read_defaults, read_fields, read_names, read_parameter, split
+from schemas.ini_lines import DEFAULT, Option, Section, read_ini
+from schemas.manifest_entries import Field, Parameter, ParameterType, Value
+from schemas.manifest_rules import RESERVED, needs_default
+from schemas.positions import MAX_FINDINGS, did_you_mean
+
+ACTION_OPTIONS = ("method", "name", "msg_type", "dependencies", "params_name", "params_type", "defaults", "latch")
 PERCEPT_OPTIONS = ("name", "msg_type", "dependencies", "args", "buf", "rate", "method")
-ONLY_ACTIONS, ONLY_PERCEPTS = frozenset({"params_name", "params_type", "latch"}), frozenset({"args", "buf", "rate"})
+ONLY_ACTIONS, ONLY_PERCEPTS = (
+    frozenset({"params_name", "params_type", "defaults", "latch"}),
+    frozenset({"args", "buf", "rate"}),
+)
 """Options by which a file shows which of the two it is."""
 PAPERS_RATE = 30.0
 """Hz at which the paper's bridge told percepts again at most, where `[DEFAULT]` names no `rate`."""
@@ -108,6 +114,8 @@ class _Reader:
         self._unknown(self.ini.defaults, f"[{DEFAULT}]")
         found: list[T] = []
         for section in self.ini.sections:
+            if len(self.findings) >= MAX_FINDINGS:
+                break
             if not _FUNCTOR.fullmatch(section.name):
                 said = f"`[{section.name}]`: expected the name of a belief or action, such as `[battery]`"
                 self.findings.append(Finding(self.file, section.line, 0, said))
@@ -123,7 +131,7 @@ class _Reader:
 
     def _unknown(self, section: Section, where: str) -> None:
         for name, option in section.options.items():
-            if name not in self.known:
+            if name not in self.known and len(self.findings) < MAX_FINDINGS:
                 said = f"{where}: no option `{name}`{did_you_mean(name, self.known)}"
                 self.findings.append(Finding(self.file, option.line, 0, said))
 
@@ -134,13 +142,15 @@ class _Options:
     def __init__(self, section: Section, defaults: Section, file: str, findings: list[Finding]) -> None:
         self.section, self.file, self.findings = section, file, findings
         self.options: dict[str, Option] = defaults.options | section.options
+        self._told: set[Finding] = set()
         self.lines = {"": section.line} | {name: option.line for name, option in self.options.items()}
 
     def problem(self, message: str, option: str = "") -> None:
         line = self.lines.get(option, self.section.line)
         what = f"[{self.section.name}] {option}".rstrip()
         finding = Finding(self.file, line, 0, f"{what}: {message}")
-        if finding not in self.findings:
+        if finding not in self._told:
+            self._told.add(finding)
             self.findings.append(finding)
 
     def text(self, name: str) -> str:
@@ -215,7 +225,44 @@ def _action(options: _Options) -> IniAction | None:
     return IniAction(options.section.name, way, target, params, typed, bool(latch), options.lines, wrong)
 
 
+def value_of(kind: ParameterType, text: str) -> Value | None:
+    """Return the value of a type that a text is, None if it is none."""
+    match kind:
+        case "boolean":
+            return truth(text)
+        case "string":
+            return text
+        case "int" | "float":
+            with suppress(ValueError):
+                number = int(text) if kind == "int" else float(text)
+                return number if math.isfinite(number) else None
+    return None
+
+
 def _parameters(options: _Options, typed: bool) -> tuple[Parameter, ...]:
+    """The parameters that the section names, and those of `defaults` that it does not name."""
+    params = {param.name: param for param in _named_parameters(options, typed)}
+    for name, text in options.listed("defaults", read_defaults):
+        param = params[name] if name in params else _of_literal(name, text)
+        value = next((one for kind in param.types if (one := value_of(kind, text)) is not None), None)
+        if value is None:
+            options.problem(f"expected `{name}`: {param.expected()}, got `{text}`", "defaults")
+        params[name] = replace(param, default=value)
+    found = tuple(params.values())
+    for count in range(len(found)):
+        if lacking := needs_default(found[: count + 1]):
+            options.problem(lacking, "defaults")
+    return found
+
+
+def _of_literal(name: str, text: str) -> Parameter:
+    """A parameter of the type that the text of its default is."""
+    if value_of("float", text) is not None:
+        return Parameter(name=name, type=("int", "float"))
+    return Parameter(name=name, type="boolean" if text.lower() in ("true", "false") else "string")
+
+
+def _named_parameters(options: _Options, typed: bool) -> tuple[Parameter, ...]:
     before = len(options.findings)
     names = options.listed("params_name", read_names)
     for repeated in sorted({name for name in names if names.count(name) > 1}):

@@ -7,7 +7,7 @@ enforced by access control.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from schemas.minds import MindDecisions, MindDeeds, MindInputs, MindOrder, MindView
 from schemas.records import (
@@ -26,11 +26,18 @@ from schemas.records import (
     Perception,
     Receipt,
     Record,
+    RunningMission,
+    RunState,
     ServiceRequest,
     StopOrder,
 )
 
 ROOT = "argosy"
+Sight: TypeAlias = Literal["telemetry", "minds", "mail"]
+"""How much of what is said an observer sees; each includes those before it."""
+SIGHTS: tuple[Sight, ...] = ("telemetry", "minds", "mail")
+STATUS_EVERY = 1.0
+"""Wall seconds between two `running` statuses of an action, by which its bridge says that it still carries it out."""
 
 
 @dataclass(frozen=True)
@@ -50,33 +57,39 @@ class Channel:
     """Who subscribes, or asks."""
     rate: float | None
     """Hz at most in normal operation; none = as things happen."""
+    sight: Sight | None
+    """What an observer has to be allowed to see it; none = it is between source and sink."""
 
 
 CHANNELS = (
-    Channel("{agent}/percept/{name}", "put", Perception, None, "bridged", "agentd", 50),
-    Channel("{agent}/percept/**", "query", None, Perception, "bridged", "agentd", None),
-    Channel("{agent}/action/{name}", "query", Action, ActionStatus, "bridged", "agentd", None),
-    Channel("{agent}/cancel", "query", Cancel, ActionStatus, "bridged", "agentd", None),
-    Channel("{agent}/status/{name}", "put", ActionStatus, None, "bridged", "observers", 2),
-    Channel("{agent}/outbox", "query", Mail, Receipt, "commd", "agentd", None),
-    Channel("{agent}/inbox", "query", Mail, Receipt, "agentd", "commd", None),
-    Channel("{receiver}/mail/{sender}", "query", Mail, Receipt, "commd", "commd", None),
-    Channel("{board}/services", "query", None, BoardServices, "commd", "agentd, commd", None),
-    Channel("{board}/services/{agent}", "query", ServiceRequest, BoardServices, "commd", "agentd", None),
-    Channel("{board}/services", "put", BoardServices, None, "commd", "agentd, commd", 10),
-    Channel("{board}/mailboxes", "query", None, Mailboxes, "commd", "operator", None),
-    Channel("{board}/checkup", "query", Checkup, BoardReport, "commd", "operator, commd", None),
-    Channel("{agent}/mind", "query", None, MindView, "agentd", "observers", 4),
-    Channel("{agent}/trace/inputs", "put", MindInputs, None, "agentd", "observers", 4),
-    Channel("{agent}/trace/inputs", "query", None, MindInputs, "agentd", "observers", None),
-    Channel("{agent}/trace/decisions", "put", MindDecisions, None, "agentd", "observers", 4),
-    Channel("{agent}/trace/deeds", "put", MindDeeds, None, "agentd", "observers", 4),
-    Channel("{agent}/control", "query", MindOrder, Outcome, "agentd", "operator", None),
-    Channel("{robot}/manifest", "query", ManifestChange, LiveManifest, "bridged", "operator", None),
-    Channel("{robot}/manifest", "put", LiveManifest, None, "bridged", "observers", None),
-    Channel("{robot}/stop", "query", StopOrder, Outcome, "bridged", "operator", None),
-    Channel("{name}/alive/{daemon}/{boot}", "token", None, None, "every daemon", "every daemon", None),
-    Channel("{name}/health/{daemon}", "put", Health, None, "every daemon", "bridged, agentd, observers", 1),
+    Channel("{agent}/percept/{name}", "put", Perception, None, "bridged", "agentd", 50, "telemetry"),
+    Channel("{agent}/percept/**", "query", None, Perception, "bridged", "agentd", None, "telemetry"),
+    Channel("{agent}/action/{name}", "query", Action, ActionStatus, "bridged", "agentd", 1 / STATUS_EVERY, None),
+    Channel("{agent}/cancel", "query", Cancel, ActionStatus, "bridged", "agentd", None, None),
+    Channel("{agent}/status/{name}", "put", ActionStatus, None, "bridged", "observers", 2, "telemetry"),
+    Channel("{agent}/outbox", "query", Mail, Receipt, "commd", "agentd", None, None),
+    Channel("{agent}/inbox", "query", Mail, Receipt, "agentd", "commd", None, None),
+    Channel("{receiver}/mail/{sender}", "query", Mail, Receipt, "commd", "commd", None, None),
+    Channel("{board}/services", "query", None, BoardServices, "commd", "agentd, commd", None, "telemetry"),
+    Channel("{board}/services/{agent}", "query", ServiceRequest, BoardServices, "commd", "agentd", None, None),
+    Channel("{board}/services", "put", BoardServices, None, "commd", "agentd, commd", 10, "telemetry"),
+    Channel("{board}/mailboxes", "query", None, Mailboxes, "commd", "operator", None, None),
+    Channel("{board}/mission", "query", None, RunningMission, "commd", "observers", None, "telemetry"),
+    Channel("{board}/checkup", "query", Checkup, BoardReport, "commd", "operator, commd", None, None),
+    Channel("{agent}/mind", "query", None, MindView, "agentd", "observers", 4, "minds"),
+    Channel("{agent}/trace/inputs", "put", MindInputs, None, "agentd", "observers", 4, "mail"),
+    Channel("{agent}/trace/inputs", "query", None, MindInputs, "agentd", "observers", None, "mail"),
+    Channel("{agent}/trace/decisions", "put", MindDecisions, None, "agentd", "observers", 4, "minds"),
+    Channel("{agent}/trace/deeds", "put", MindDeeds, None, "agentd", "observers", 4, "mail"),
+    Channel("{agent}/control", "query", MindOrder, Outcome, "agentd", "operator", None, None),
+    Channel("{robot}/manifest", "query", ManifestChange, LiveManifest, "bridged", "operator", None, None),
+    Channel("{robot}/manifest", "put", LiveManifest, None, "bridged", "observers", None, "telemetry"),
+    Channel("{robot}/stop", "query", StopOrder, Outcome, "bridged", "operator", None, None),
+    Channel("{operator}/run", "put", RunState, None, "operator", "observers", 1, "telemetry"),
+    Channel("{name}/alive/{daemon}/{boot}", "token", None, None, "every daemon", "every daemon", None, "telemetry"),
+    Channel(
+        "{name}/health/{daemon}", "put", Health, None, "every daemon", "bridged, agentd, observers", 1, "telemetry"
+    ),
 )
 
 
@@ -130,6 +143,11 @@ def mailboxes(fleet: str, board: str) -> str:
     return f"{ROOT}/{fleet}/{board}/mailboxes"
 
 
+def mission(fleet: str, board: str) -> str:
+    """The mission file that a board runs; `*` for all boards."""
+    return f"{ROOT}/{fleet}/{board}/mission"
+
+
 def checkup(fleet: str, board: str) -> str:
     """How a board is, and its links to the others."""
     return f"{ROOT}/{fleet}/{board}/checkup"
@@ -158,6 +176,11 @@ def manifest(fleet: str, robot: str) -> str:
 def stop(fleet: str, robot: str) -> str:
     """Where the operator stops a robot."""
     return f"{ROOT}/{fleet}/{robot}/stop"
+
+
+def run(fleet: str, operator: str) -> str:
+    """How far the run of a mission has come, told by whoever runs it; `*` for anybody."""
+    return f"{ROOT}/{fleet}/{operator}/run"
 
 
 def alive(fleet: str, name: str, daemon: str, boot: str) -> str:

@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -32,7 +33,7 @@ from schemas.manifest_entries import (
     Values,
 )
 from schemas.manifest_rules import RULES, name_problems
-from schemas.positions import did_you_mean
+from schemas.positions import MAX_FINDINGS, did_you_mean
 from schemas.shapes import misfits
 from schemas.shipped import shipped, shipped_names
 from schemas.toml_lines import line_of, toml_lines
@@ -129,9 +130,8 @@ class _Reader:
         self.problems: list[Finding] = []
 
     def manifest(self, document: dict[str, Any], check: Check | None) -> Manifest:
-        for key in document:
-            if key not in TABLES:
-                self.problem(f"there is no such table{did_you_mean(key, TABLES)}", key)
+        for key in islice((key for key in document if key not in TABLES), MAX_FINDINGS):
+            self.problem(f"there is no such table{did_you_mean(key, TABLES)}", key)
         robot = None
         if "robot" not in document:
             self.problem("a `[robot]` table with its `driver` is missing")
@@ -174,7 +174,7 @@ class _Reader:
         if not isinstance(content, dict):
             self.problem(f"expected a table `[{'.'.join(path)}]`", *path)
             return None
-        wrong = list(misfits(content, kind, decode_hook))
+        wrong = list(islice(misfits(content, kind, decode_hook), MAX_FINDINGS))
         bad = {where[0] for where, _ in wrong if where}
         try:
             entry = first_use.convert(

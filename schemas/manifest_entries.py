@@ -103,6 +103,8 @@ class Parameter(_Entry, frozen=True, kw_only=True):
     each: tuple[Parameter, ...] = ()
     """Of type `list`: what each element holds, in this order; the paper's `Type[](a, b)`. An element is a list itself,
     or the bare value where it holds a single one. None of them: any list."""
+    default: Value | None = None
+    """The value where the agent leaves the argument out; arguments that have one are the last."""
 
     @property
     def types(self) -> tuple[ParameterType, ...]:
@@ -110,7 +112,8 @@ class Parameter(_Entry, frozen=True, kw_only=True):
         return (self.type,) if isinstance(self.type, str) else self.type
 
     def __str__(self) -> str:
-        return f"{self.name}: {self.expected()}"
+        text = f"{self.name}: {self.expected()}"
+        return text if self.default is None else f"{text} = {msgspec.json.encode(self.default).decode()}"
 
     def expected(self) -> str:
         """What the argument must be, for people: `float 1..120 m`, `list of [x: float, y: float]`."""
@@ -202,8 +205,14 @@ class ActionEntry(_Entry, frozen=True, kw_only=True):
 
     @property
     def arity(self) -> int:
-        """Number of arguments."""
+        """Number of arguments, those that may be left out included."""
         return len(self.params)
+
+    @property
+    def arities(self) -> int | range:
+        """The numbers of arguments that it takes: several, if some have a default."""
+        least = sum(parameter.default is None for parameter in self.params)
+        return self.arity if least == self.arity else range(least, self.arity + 1)
 
     def ways(self) -> dict[str, str]:
         """By which of the ways that exclude one another it is carried out: there must be one."""
@@ -266,9 +275,9 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         """Each percept's name and number of arguments."""
         return {name: entry.arity for name, entry in self.percepts.items()}
 
-    def action_arities(self) -> dict[str, int]:
-        """Each action's name and number of arguments."""
-        return {name: entry.arity for name, entry in self.actions.items()}
+    def action_arities(self) -> dict[str, int | range]:
+        """Each action's name and the numbers of arguments that it takes."""
+        return {name: entry.arities for name, entry in self.actions.items()}
 
 
 class ActionDescription(Record, frozen=True, kw_only=True):

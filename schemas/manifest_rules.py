@@ -8,10 +8,19 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
-from schemas.manifest_entries import ActionEntry, Field, FieldValue, Parameter, PerceptEntry, RobotEntry
+from schemas.manifest_entries import (
+    ActionEntry,
+    Field,
+    FieldValue,
+    Parameter,
+    ParameterType,
+    PerceptEntry,
+    RobotEntry,
+    Value,
+)
 
 Wrong = tuple[tuple[str, ...], str]
 """Where below the entry, and what."""
@@ -23,6 +32,7 @@ RESERVED = {
         "bridge": "whether it is there",
         "feedback": "what the bridge itself tells of running actions",
         "holder": "which of its agents has the robot",
+        "paused": "that the operator has paused the robot",
     },
     "actions": {
         "hand_over": "how an agent hands the robot to another one",
@@ -92,6 +102,42 @@ def _ttl(entry: PerceptEntry) -> Iterator[Wrong]:
 
 def _params(entry: ActionEntry) -> Iterator[Wrong]:
     yield from _parameters(entry.params, ("params",))
+    for index, parameter in enumerate(entry.params):
+        here = ("params", str(index), "default")
+        if problem := default_problem(parameter):
+            yield here, problem
+        if lacking := needs_default(entry.params[: index + 1]):
+            yield here, lacking
+
+
+def default_problem(parameter: Parameter) -> str:
+    """Say why the default of a parameter is no such argument, empty if it is one."""
+    value, low, high = parameter.default, parameter.min, parameter.max
+    if value is None:
+        return ""
+    fits = any(_is_a(kind, value) for kind in parameter.types)
+    if isinstance(value, int | float):
+        fits &= (low is None or low <= value) and (high is None or value <= high)
+    return "" if fits else f"expected {parameter.expected()}, got `{str(value)[:40]}`"
+
+
+def needs_default(parameters: Sequence[Parameter]) -> str:
+    """Say why the last of these needs a default and has none, empty if it has one or needs none."""
+    if not parameters or parameters[-1].default is not None:
+        return ""
+    before = next((one.name for one in parameters if one.default is not None), "")
+    return f"`{parameters[-1].name}` needs a default, because `{before}` before it has one" if before else ""
+
+
+def _is_a(kind: ParameterType, value: Value) -> bool:
+    match kind:
+        case "boolean" | "string":
+            return isinstance(value, bool if kind == "boolean" else str)
+        case "int":
+            return isinstance(value, int) and not isinstance(value, bool)
+        case "float":
+            return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return False
 
 
 def _parameters(parameters: tuple[Parameter, ...], where: tuple[str, ...]) -> Iterator[Wrong]:
@@ -107,6 +153,8 @@ def _parameters(parameters: tuple[Parameter, ...], where: tuple[str, ...]) -> It
         yield from _range(parameter, here)
         if parameter.each and "list" not in parameter.types:
             yield (*here, "each"), '`each` is for `type = "list"`'
+        if any(one.default is not None for one in parameter.each):
+            yield (*here, "each"), "only an argument can have a default"
         yield from _parameters(parameter.each, (*here, "each"))
 
 

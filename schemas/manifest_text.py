@@ -14,7 +14,7 @@ from schemas.manifest_entries import Manifest
 LINE = 110
 """Characters beyond which a list is written with an element a line."""
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+", re.ASCII)
-_AS_WRITTEN = frozenset({"fields", "value"})
+_AS_WRITTEN = frozenset({"fields", "value", "default"})
 """Where a whole number may be meant as one, so that 1.0 stays 1.0; all other figures are of one type."""
 
 

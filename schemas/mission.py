@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 import msgspec
 
@@ -14,6 +14,7 @@ from schemas.durations import Duration, decode_hook
 from schemas.endpoints import check_endpoint, host_and_port
 from schemas.files import read_text
 from schemas.findings import Finding, Findings
+from schemas.keys import Sight
 from schemas.names import check_name
 from schemas.positions import Positions, Steps, convert, did_you_mean, read_yaml
 from schemas.shipped import mission_file, shipped_names
@@ -28,8 +29,25 @@ RESERVED = frozenset(("df", "mail", "percept", "self"))
 LEAST_SILENCE = Duration(3)
 """The shortest `agent_silence`: two words of an agent may be lost or late."""
 
+ANYBODY = "*"
+"""In `accepts`: every sender that is not named."""
+ALL = "all"
+"""In `accepts`: every performative."""
+PERFORMATIVES = frozenset(
+    (
+        *("tell", "untell", "achieve", "unachieve", "signal"),
+        *("askOne", "askIf", "askAll", "askHow", "tellHow", "untellHow"),
+    )
+)
+"""Those that agents handle without a plan of their own."""
+
+NO_STEPS = "none"
+"""What `on_idle` says to switch it off."""
+
 M = TypeVar("M", bound="FileModel")
 Order = Literal["hold", "land", "rtl"]
+Accepted: TypeAlias = tuple[str, ...] | Literal["all"]
+"""Performatives."""
 Latitude = Annotated[float, msgspec.Meta(ge=-90, le=90)]
 Longitude = Annotated[float, msgspec.Meta(ge=-180, le=180)]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -61,12 +79,21 @@ class Agent(FileModel, frozen=True, kw_only=True):
     presence: bool = False
     on_restart: str = "resume"
     """resume, fresh, or `goal(g)`."""
+    accepts: dict[str, Accepted] = {}
+    """Performatives that it takes, by sender; `*` = from every agent and program that is not named. A line replaces the
+    rule that holds without it (docs/security.md)."""
 
 
 class Failsafe(FileModel, frozen=True, kw_only=True):
     """Whose heartbeats the vehicle's own ground-station failsafe watches."""
 
-    gcs: Literal["bridge", "human", "none"] = "none"
+    gcs: Literal["bridge", "human", "none"] | None = None
+    """None: not declared. `none`: nobody's, on purpose."""
+
+    @property
+    def watches(self) -> bool:
+        """Whether the mission relies on it."""
+        return self.gcs in ("bridge", "human")
 
 
 class Limits(FileModel, frozen=True, kw_only=True):
@@ -147,6 +174,10 @@ class Robot(FileModel, frozen=True, kw_only=True):
     on_agent_loss: tuple[str, ...] = ("hold 5s", "rtl")
     agent_silence: Duration = Duration(5)
     """Wall seconds after which an agent that is there and says nothing counts as lost: it hangs."""
+    on_idle: tuple[str, ...] | Literal["none"] = ("rtl",)
+    """What is done when it is in the air and its agents are there and intend nothing; `none`: only the alarm."""
+    idle_after: Duration = Duration(10)
+    """Mission seconds after which that is so; also what an agent that was lost and is back has to take control."""
     on_shutdown: Order = "rtl"
     simulate: Simulate | None = None
 
@@ -219,9 +250,15 @@ class Security(FileModel, frozen=True, kw_only=True):
     """Who may reach the boards' routers besides the boards, each by a certificate of the fleet with that name."""
 
     operators: tuple[str, ...] = ()
-    """They see everything, stop robots, change their manifests and list the mail."""
-    observers: tuple[str, ...] = ()
-    """They see everything and change nothing."""
+    """They see everything, mail too, stop robots, change their manifests and list the mail."""
+    observers: tuple[str, ...] | dict[str, Sight] = ()
+    """They change nothing, and see `telemetry`, or what stands with their name: `{laptop: minds}`."""
+
+    @property
+    def sights(self) -> dict[str, Sight]:
+        """What each observer sees."""
+        observers = self.observers
+        return dict(observers) if isinstance(observers, dict) else dict.fromkeys(observers, "telemetry")
 
 
 class MissionFile(FileModel, frozen=True, kw_only=True):
@@ -235,6 +272,10 @@ class MissionFile(FileModel, frozen=True, kw_only=True):
     done: str | tuple[str, ...] = ()
     failed: str | tuple[str, ...] = ()
     timeout: Duration = Duration(900)
+    grace: Duration = Duration(10)
+    """Wall seconds that programs have to bring armed vehicles home by themselves before a failure ends the mission."""
+    bring_home: Duration = Duration(300)
+    """Mission seconds within which vehicles that are armed at the end of the mission are brought home."""
     speed: Annotated[float, msgspec.Meta(gt=0, le=100)] = 1.0
     restart: Literal["never", "on-failure"] = "never"
     wire: Literal["json", "msgpack"] = "json"
@@ -244,7 +285,7 @@ class MissionFile(FileModel, frozen=True, kw_only=True):
     mail: MailRules = MailRules()
     radio: Radio | None = None
     world: World | None = None
-    security: Security = Security()
+    security: Security | None = None
     inject: bool = False
 
 
@@ -271,6 +312,10 @@ class Mission:
     """The mission has failed when one of them holds."""
     timeout: float
     """Mission seconds."""
+    grace: float
+    """Wall seconds."""
+    bring_home: float
+    """Mission seconds."""
     speed: float
     restart: Literal["never", "on-failure"]
     wire: Literal["json", "msgpack"]
@@ -282,9 +327,13 @@ class Mission:
     """None: mail between boards meets the real network alone."""
     world: World | None
     security: Security
+    secured: bool
+    """The mission has `security`: who may do what is judged by keys, and mail between boards by the rule for that."""
     inject: bool
     path: Path
     positions: Positions
+    text: str = ""
+    """The file as it was read."""
 
     def relative(self, path: str) -> Path:
         """Return a path of the mission file as seen from here: they are relative to the mission file."""
@@ -340,6 +389,8 @@ def read_mission(text: str, path: Path) -> Mission:
         done=_endings(top.done),
         failed=_endings(top.failed),
         timeout=float(top.timeout),
+        grace=float(top.grace),
+        bring_home=float(top.bring_home),
         speed=top.speed,
         restart=top.restart,
         wire=top.wire,
@@ -349,10 +400,12 @@ def read_mission(text: str, path: Path) -> Mission:
         mail=top.mail,
         radio=top.radio,
         world=top.world,
-        security=top.security,
+        security=top.security or Security(),
+        secured=top.security is not None,
         inject=top.inject,
         path=path,
         positions=positions,
+        text=text,
     )
     if findings := _check(mission):
         raise Findings(findings)
@@ -400,6 +453,7 @@ def _check(mission: Mission) -> list[Finding]:
     for name, agent in mission.agents.items():
         if not (agent.on_restart in ("resume", "fresh") or agent.on_restart.startswith("goal(")):
             wrong(("agents", name, "on_restart"), f"expected resume, fresh or goal(...), got `{agent.on_restart}`")
+        _check_accepts(mission, name, wrong)
     homes: dict[str, Mapping[str, Agent | Robot | Client]] = {
         "agents": mission.agents,
         "robots": mission.robots,
@@ -468,6 +522,21 @@ def _check_gateway(mission: Mission, gateway: Gateway, wrong: Any) -> None:
             host_and_port(address)
         except ValueError as error:
             wrong(("gateway", *path), f"gateway.{'.'.join(path)}: {error}")
+
+
+def _check_accepts(mission: Mission, agent: str, wrong: Any) -> None:
+    made = tuple(f"{board}_" for board in mission.board_names)
+    for sender, accepted in mission.agents[agent].accepts.items():
+        where: Steps = ("agents", agent, "accepts", sender)
+        if sender in RESERVED:
+            text = f"accepts: `{sender}` sends notices alone, which every agent takes: leave it out"
+            wrong(where, text, True)
+        elif sender != ANYBODY and sender not in mission.mailboxes and not sender.startswith(made):
+            hint = did_you_mean(sender, mission.mailboxes)
+            wrong(where, f"accepts: there is no agent, client or node `{sender}`{hint}", True)
+        for one in accepted if accepted != ALL else ():
+            if one not in PERFORMATIVES and (hint := did_you_mean(one, PERFORMATIVES)).startswith(", did"):
+                wrong(where, f"accepts: no agent handles `{one}` by itself{hint}")
 
 
 def _check_lease(mission: Mission, robot: str, wrong: Any) -> None:

@@ -75,6 +75,8 @@ class ActionStatus(Record, frozen=True, kw_only=True):
     """Seq of the last percept that was published before this status."""
     deadline: float | None = None
     """Mission seconds from this status until the action will have ended; none = it has."""
+    paused: bool = False
+    """The operator has paused the robot: the action waits for `continue`, and its deadline does not run."""
     name: str = ""
     parameters: tuple[Term, ...] = ()
 
@@ -113,6 +115,9 @@ class Mail(Record, frozen=True, kw_only=True):
     """A batch of messages: outbox, inbox and mail queries carry them, those of a pair in the order of their numbers."""
 
     messages: tuple[Message, ...] = ()
+    numberings: tuple[str, ...] = ()
+    """Of an outbox's query without messages: a numbering of the sender's, of which and of all later ones the board is
+    to say how much it has taken, and the present one, which is left out."""
 
 
 class Receipt(Record, frozen=True, kw_only=True):
@@ -125,6 +130,8 @@ class Receipt(Record, frozen=True, kw_only=True):
     later: dict[int, str] = {}
     """Place in the batch to the reason why that message is to be sent again (`mailbox full`). Of a pair, all that
     follow one of these are among them, so that order is kept."""
+    numbers: dict[str, int] = {}
+    """Receiver to how many messages the board has taken, of the numberings that were asked about."""
 
 
 class ServiceRequest(Record, frozen=True, kw_only=True):
@@ -136,6 +143,17 @@ class ServiceRequest(Record, frozen=True, kw_only=True):
     service: str = ""
     stays: bool = False
     """Of `join`: it keeps its mailbox while it is away; else it has left when it has been gone for a minute."""
+
+
+class MailSeen(Record, frozen=True, kw_only=True):
+    """How far the mail file of a board had come, as another board has seen it."""
+
+    boot: str = ""
+    """The life of the board's `commd`."""
+    time: float = 0.0
+    """The latest `mail_time` of that life."""
+    former: float = 0.0
+    """The latest of the lives before it."""
 
 
 class BoardServices(Record, frozen=True, kw_only=True):
@@ -153,6 +171,10 @@ class BoardServices(Record, frozen=True, kw_only=True):
     """In an answer: why the request is not fulfilled; empty if it is."""
     prefix: str = ""
     """What the names of agents made on this board at run time begin with; empty = anything."""
+    mail_time: float = 0.0
+    """How far its mail file has come: seconds of a clock of its own that are on disk; 0 = it does not say."""
+    mail_seen: dict[str, MailSeen] = {}
+    """What it has seen of the mail files of other boards."""
 
 
 class Queue(Record, frozen=True, kw_only=True):
@@ -194,10 +216,45 @@ class Mailboxes(Record, frozen=True, kw_only=True):
     """All that are kept."""
 
 
+RunPhase = Literal["starting", "flying", "bringing_home", "done", "failed"]
+"""`done` and `failed` are final: nothing flies any more, or nobody here can bring it home."""
+
+
+class RunState(Record, frozen=True, kw_only=True):
+    """How far a run of a mission has come: put by `argosy run` at each change and once a second."""
+
+    header: Header = Header()
+    phase: RunPhase = "starting"
+    why: str = ""
+    """Why the run has failed, or why it brings its vehicles home."""
+    mission_time: float = 0.0
+    """Mission seconds since the run began; from `done` or `failed` on, when it ended."""
+    speed: float = 1.0
+    """Mission seconds in a wall second."""
+    report: str = ""
+    """Folder of the report; empty = none is written."""
+    recording: str = ""
+    """File of the recording; empty = none is made."""
+    dead: tuple[str, ...] = ()
+    """What ended although nobody told it to, and was not started again: daemon and name with a blank between them."""
+
+
+class RunningMission(Record, frozen=True, kw_only=True):
+    """The mission file as a board has read it at its start."""
+
+    header: Header = Header()
+    file: str = ""
+    """Name of the file, without its folder."""
+    text: str = ""
+
+
+OperatorOrder = Literal["hold", "land", "rtl", "release", "pause", "continue"]
+
+
 class StopOrder(Record, frozen=True, kw_only=True):
     """An operator's order to a robot; it stands above every agent."""
 
-    order: Literal["hold", "land", "rtl", "release"]
+    order: OperatorOrder
 
 
 class Outcome(Record, frozen=True, kw_only=True):
@@ -233,6 +290,20 @@ class LiveManifest(Record, frozen=True, kw_only=True):
     """Why a change was refused, all of it; none = it is in effect."""
 
 
+class Note(Record, frozen=True, kw_only=True):
+    """A warning that programs act on."""
+
+    code: str
+    """What programs know it by: `autopilot_unknown`, `robot_unattended` (its figure: for so many mission seconds),
+    `session_id_forged`, `two_vehicles`, `foreign_packets` (its figure: so many so far), `vehicle_moved`,
+    `signatures_forgotten`, `state_damaged`, `state_went_back`, `set_aside`, `link_renewed`, `mail_went_back` (its
+    figure: by so many seconds)."""
+    text: str
+    """For people."""
+    value: float | None = None
+    """The figure that it is about."""
+
+
 class Health(Record, frozen=True, kw_only=True):
     """How a daemon is, at most once a second."""
 
@@ -250,8 +321,12 @@ class Health(Record, frozen=True, kw_only=True):
     counters: dict[str, float] = {}
     percepts: dict[str, str] = {}
     """Digest of the present percept set per agent (bridges only)."""
+    paused: bool = False
+    """The operator has paused the robot (bridges only)."""
     notes: tuple[str, ...] = ()
     """Warnings in words that hold now."""
+    coded: tuple[Note, ...] = ()
+    """Those of the notes that programs act on."""
     version: str = ""
     """Of Argosy; empty = it does not say."""
     restarts: int | None = None
@@ -265,6 +340,8 @@ class Health(Record, frozen=True, kw_only=True):
     """The newest of them; or how the life before ended, if nobody had told it to."""
     last_error_age: float | None = None
     """Seconds since then; none = not known, as it was before this life."""
+    idle: bool | None = None
+    """Of an agent: it has no intention, nothing waits for it and nothing is due; none = it does not say."""
 
 
 class Checkup(Record, frozen=True, kw_only=True):

@@ -15,13 +15,17 @@ from collections.abc import Callable, Iterator
 from hashlib import sha256
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, is_hypothesis_test, settings
+from xdist.scheduler.loadfile import LoadFileScheduling
 
 from commd.session import sessions_under_way, still_there
 from tests.support import ports
+from tests.support.amount import some_of
 
 settings.register_profile("exploring", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.register_profile("reproducible", settings.get_profile("exploring"), derandomize=True, database=None)
+settings.register_profile(
+    "reproducible", settings.get_profile("exploring"), derandomize=True, database=None, max_examples=some_of(100, 2)
+)
 settings.load_profile("reproducible")
 
 # Under nohup or in the background they are ignored, which all that tests start would inherit.
@@ -39,23 +43,54 @@ SESSION_PATIENCE = 5.0
 
 
 LONGEST = (
+    "tests/docs/test_following.py",
+    "tests/boards/test_mail.py",
     "tests/test_wheel.py",
     "tests/argosy/test_fleets.py",
     "tests/argosy/test_flight.py",
+    "tests/argosy/recording/test_replay.py",
+    "tests/argosy/watch/test_terminal.py",
     "tests/argosy/test_rescue.py",
+    "tests/agentd/test_restart.py",
+    "tests/bridged/test_ground_stations.py",
     "tests/test_by_hand.py",
 )
-"""Files that take a minute or more: of several files at a time, these may not be the last."""
+"""Files that take a minute or more, the longest first: of several files at a time, these may not be the last."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the longest files first, and mix the others: most of one folder compute, of another wait for processes."""
+    """Put the longest files first, and mix the others: most of one folder compute, of another wait for processes.
 
-    def turn(item: pytest.Item) -> tuple[bool, str]:
+    Mark as `generated` what makes as many inputs as `tests.support.amount` says.
+    """
+
+    def turn(item: pytest.Item) -> tuple[int, str]:
         file = item.nodeid.partition("::")[0]
-        return file not in LONGEST, sha256(file.encode()).hexdigest()
+        return LONGEST.index(file) if file in LONGEST else len(LONGEST), sha256(file.encode()).hexdigest()
 
     items.sort(key=turn)  # stable: those of a file stay in their order
+    for item in items:
+        module = getattr(item, "module", None)
+        if hasattr(module, "some_of") or hasattr(module, "THOROUGH") or is_hypothesis_test(getattr(item, "obj", None)):
+            item.add_marker("generated")
+
+
+SPREAD = ("tests/docs/test_following.py",)
+"""Files that take minutes and whose tests share nothing: of several files at a time, each of their tests is one."""
+
+
+class Spreading(LoadFileScheduling):
+    """A file at a time goes to a process, as by `--dist loadfile`, but for those of `SPREAD`."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file: str = super()._split_scope(nodeid)
+        return nodeid if file in SPREAD else file
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> Spreading | None:
+    """Spread the tests that `make test` runs."""
+    return Spreading(config, log) if config.getoption("dist") == "loadfile" else None
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

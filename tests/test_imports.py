@@ -26,8 +26,10 @@ COMMAND_LINE: Final = {"argparse", "gettext"}
 MISSION: Final = {"copy", "dataclasses", "fnmatch", "ipaddress", "ntpath", "pathlib", "tomllib", "urllib", "yaml"}
 """To read the mission and manifests; `pathlib` brings most of them."""
 THREADS: Final = {"concurrent", "queue", "resource"}
-"""Work that may block, beside the event loop; `resource` tells what the process uses."""
+"""Work that may block, such as answers to slow readers, beside the loop; `resource` tells what the process uses."""
 DIGESTS: Final = {"hashlib"}
+CHECKSUMS: Final = {"zlib"}
+"""Of what is kept on disk."""
 KEPT: Final = {"sqlite3"}
 """Mail and minds on disk."""
 LINK: Final = {"fastcrc", "gc", "hmac", "pymavlink", "termios", "tty"}
@@ -37,9 +39,9 @@ REASONING: Final = {"bisect", "encodings", "random", "zlib"}
 
 DAEMON: Final = COMMAND_LINE | MISSION | THREADS
 ALLOWED: Final[dict[str, set[str]]] = {
-    "client": MISSION | DIGESTS | {"commd", "schemas"},
-    "commd": DAEMON | KEPT | {"commd", "schemas"},
-    "bridged": DAEMON | DIGESTS | LINK | {"bridged", "commd", "schemas"},
+    "client": MISSION | DIGESTS | {"commd", "concurrent", "queue", "schemas"},
+    "commd": DAEMON | CHECKSUMS | DIGESTS | KEPT | {"commd", "schemas"},
+    "bridged": DAEMON | CHECKSUMS | DIGESTS | LINK | {"bridged", "commd", "schemas"},
     "agentd": DAEMON | DIGESTS | KEPT | REASONING | {"agentd", "commd", "schemas"},
     "board": DAEMON | DIGESTS | KEPT | LINK | REASONING | {"agentd", "argosy", "bridged", "commd", "schemas"},
 }

@@ -39,12 +39,12 @@ def action_types(
     """Arguments written out in the program that the bridge would refuse; of those that go as texts, only numbers."""
     for action in survey.actions:
         expected = parameters.get(action.name, ())
-        if len(expected) == action.arity:
+        if sum(one.default is None for one in expected) <= action.arity <= len(expected):
             yield from _wrong_arguments(action, expected, values)
 
 
 def _wrong_arguments(action: Mention, expected: Sequence[Parameter], values: Values) -> Iterator[Finding]:
-    for parameter, term in zip(expected, action.literal.args, strict=True):
+    for parameter, term in zip(expected, action.literal.args, strict=False):  # those left out have a default
         if values == "text" and not (
             isinstance(term, Number | Arithmetic) and {"float", "int"}.issuperset(parameter.types)
         ):

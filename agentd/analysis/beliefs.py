@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from agentd.analysis.arities import Arities, arguments, takes
 from agentd.analysis.elsewhere import RAISED_BY_AGENTD, Elsewhere
-from agentd.analysis.kinds import Kind, finding, warning
+from agentd.analysis.kinds import Kind, warning
 from agentd.analysis.mentions import Mention, Survey
 from agentd.language.spelling import near
 from schemas.findings import Finding
@@ -17,14 +17,14 @@ _TRUTH = {("true", 0), ("false", 0)}
 def beliefs_never_added(survey: Survey, percepts: Arities | None, elsewhere: Elsewhere) -> Iterator[Finding]:
     """Tests of beliefs that are no percept and that no line adds.
 
-    Beliefs that another agent may tell look the same, so these are warnings; a percept with another number of arguments
-    is an error, since no agent tells those. Where percepts are not known only what looks misspelt is told.
+    Beliefs that another agent may tell look the same, and a program may be written for several robots, so these are
+    warnings. Where percepts are not known only what looks misspelt is told.
     """
     held = _held(survey, elsewhere.beliefs)
     by_name: dict[str, set[int]] = {}
-    for name, arity in held:
+    for name, arity in held - RAISED_BY_AGENTD:
         by_name.setdefault(name, set()).add(arity)
-    known = percepts is not None or (elsewhere.complete and not survey.actions)
+    known = percepts is not None or (elsewhere.complete and elsewhere.no_percepts and not survey.actions)
     for test, tested_as_goal in [*((m, False) for m in survey.tested), *((m, True) for m in survey.asked)]:
         if test.indicator in held or test.from_others or test.indicator in _TRUTH:
             continue
@@ -33,12 +33,12 @@ def beliefs_never_added(survey: Survey, percepts: Arities | None, elsewhere: Els
             if not takes(perceived, test.arity):
                 text = f"the percept {test.name} has {arguments(perceived)}, not {test.arity}"
                 text = f"{text}: {_consequence(test, tested_as_goal)}"
-                yield finding(Kind.PERCEPT_ARITY, test.position, text)
+                yield warning(Kind.PERCEPT_ARITY, test.position, text)
             continue
         if survey.open_beliefs or elsewhere.open_beliefs:
             continue
         hint = _hint(test, by_name, percepts)
-        if known or hint:
+        if known or (hint and _base(test.name) not in map(_base, by_name)):
             text = f"nothing adds the belief {test.name}/{test.arity}"
             if percepts is not None:
                 text += ", and no percept has its name: unless an agent or a mission tells it, "
@@ -63,7 +63,7 @@ def events_never_perceived(survey: Survey, percepts: Arities, elsewhere: Elsewhe
                 yield warning(Kind.UNKNOWN_PERCEPT, place, text)
         elif not takes(arities, placed.arity):
             text = f"the percept {placed.name} has {arguments(arities)}, not {placed.arity}: this plan never runs"
-            yield finding(Kind.PERCEPT_ARITY, place, text)
+            yield warning(Kind.PERCEPT_ARITY, place, text)
 
 
 def _held(survey: Survey, beliefs: Iterable[tuple[str, int]]) -> set[tuple[str, int]]:
@@ -73,6 +73,11 @@ def _held(survey: Survey, beliefs: Iterable[tuple[str, int]]) -> set[tuple[str, 
         if placed.event in ("+", "+?") and placed.name is not None:
             held.add((placed.name, placed.arity))
     return held
+
+
+def _base(name: str) -> str:
+    """A name without its namespace."""
+    return name.rpartition("::")[2]
 
 
 def _consequence(test: Mention, tested_as_goal: bool) -> str:

@@ -21,6 +21,11 @@ class Elsewhere:
     complete: bool = False
     open_beliefs: bool = False
     open_goals: bool = False
+    open_plans: bool = False
+    no_percepts: bool = False
+    """Whether it is known that no environment gives percepts: without it they may be of any name."""
+    ends_goals: bool = False
+    """Whether one of them can end the goals of another, or the other itself, while it runs."""
 
 
 RAISED_BY_AGENTD = frozenset(
@@ -51,4 +56,6 @@ def from_team(surveys: Iterable[Survey]) -> Elsewhere:
         complete=True,
         open_beliefs=any(each.open_told for each in surveys),
         open_goals=any(each.open_wanted for each in surveys),
+        open_plans=any(each.teaches for each in surveys),
+        ends_goals=any(each.ends_others for each in surveys),
     )

@@ -13,6 +13,7 @@ from agentd.language.signatures import DEFAULT
 from agentd.language.spelling import near
 from agentd.language.syntax import Directive, InternalAction, Item, Position, String, Structure
 from agentd.paths import SourcePaths
+from agentd.testing.cases import OF_JASON
 from schemas.findings import Finding
 
 
@@ -32,6 +33,10 @@ class Includes:
     def __init__(self, file: str, paths: SourcePaths, findings: list[Finding]) -> None:
         self._file, self._paths, self._findings = file, paths, findings
         self._seen = {(os.path.abspath(file), DEFAULT)}
+        self._includers: dict[str, frozenset[str]] = {}
+        """By file, the files that lead to it: one of these cannot be included by it."""
+        self.harness = False
+        """Whether Jason's test harness is included, which `agentd test` takes the place of."""
         self.missing = False
         """Whether a file could not be read: then nothing can be said of what the program lacks."""
 
@@ -39,19 +44,30 @@ class Includes:
         """The items of the file that a directive names, or an `.include` while the agent runs."""
         match what:
             case InternalAction(args=(String(name), *_)) if "\0" not in name:
-                return self._items(name, self._file, namespace, what.position)
+                return self._items(name, self._file, namespace, what.position, at_run_time=True)
             case Directive(name=Structure(args=(String(name), *_))) if "\0" not in name:
                 return self._items(name, what.position.file, namespace, what.position)
             case _:
                 return ()  # told as a wrong directive
 
-    def _items(self, name: str, beside: str, namespace: str, position: Position) -> Iterable[Item]:
+    def _items(
+        self, name: str, beside: str, namespace: str, position: Position, *, at_run_time: bool = False
+    ) -> Iterable[Item]:
         try:
             path = self._paths.find(name, beside)
             key = (os.path.abspath(path), namespace)
+            within = self._includers.get(os.path.abspath(position.file), frozenset()) | {os.path.abspath(position.file)}
+            if key[0] in within and not at_run_time:
+                text = f'cannot include "{name}": files include one another without end'
+                self._findings.append(finding(Kind.FILE, position, text))
+                return ()
             if key in self._seen:
                 return ()
             self._seen.add(key)
+            self._includers[key[0]] = within
+            if path == str(OF_JASON):
+                self.harness = True
+                return ()
             program = parse_file(path)
         except SyntaxErrors as errors:
             self._findings += errors.findings

@@ -38,13 +38,28 @@ class Kind(enum.Enum):
         "a variable that is compared or computed with before anything can give it a value",
     )
     KNOWN_WHEN_RUN = "known-when-run", "a file that only the run knows or makes: what it could hold is not checked"
-    ENDLESS_ASK = "endless-ask", "a synchronous ask without a time limit"
+    ENDLESS_ASK = "endless-ask", "a synchronous ask without a time limit by which an atomic plan asks its own agent"
     UNKNOWN_PERFORMATIVE = "unknown-performative", "a performative that is nearly one of those that exist"
     FORMULA_AS_ACTION = "formula-as-action", "a test without its ? in a body: performed as an action, it fails"
     BUSY_LOOP = "busy-loop", "a loop without end that never waits"
 
     def __init__(self, label: str, meaning: str) -> None:
         self.label, self.meaning = label, meaning
+
+
+FAILS_WHERE_REACHED = frozenset(
+    kind.label
+    for kind in (
+        Kind.UNKNOWN_INTERNAL_ACTION,
+        Kind.UNKNOWN_FUNCTION,
+        Kind.INTERNAL_ACTION_ARITY,
+        Kind.UNKNOWN_ACTION,
+        Kind.ACTION_ARITY,
+        Kind.ACTION_TYPE,
+        Kind.GOAL_WITHOUT_PLAN,
+    )
+)
+"""Errors that fail the plan that reaches them, as in Jason. The agent starts with them; with others it does not."""
 
 
 def finding(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
+from agentd.analysis.elsewhere import Elsewhere
 from agentd.analysis.kinds import Kind, warning
 from agentd.analysis.mentions import PlacedPlan, Survey
 from agentd.language.syntax import (
@@ -31,8 +32,13 @@ _CHANGES: Final = frozenset(
 _GOALS: Final = (Operator.ACHIEVE, Operator.ACHIEVE_NEW_FOCUS)
 
 
-def busy_loops(survey: Survey) -> Iterator[Finding]:
-    """Only those that surely are: ``while (true)``, and a goal that its only plan sets again, with nothing to wait."""
+def busy_loops(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
+    """Only those that surely are: ``while (true)``, and a goal that its only plan sets again, with nothing to wait.
+
+    What another intention or agent may end is none.
+    """
+    if survey.ends_goals or elsewhere.ends_goals:
+        return
     events = {placed.name for placed in survey.plans if placed.event in ("+", "-")}
     for body in survey.bodies:
         for formula in body.formulas:
@@ -71,7 +77,8 @@ def _repeats(placed: PlacedPlan, survey: Survey, events: set[str | None]) -> boo
     plan = placed.plan
     if placed.event != "+!" or not _unconditional(plan) or not plan.body.formulas:
         return False
-    alone = sum(other.indicator == placed.indicator and "!" in other.event for other in survey.plans) == 1
+    rivals = [other for other in survey.plans if "!" in other.event and other.name in (None, placed.name)]
+    alone = [other for other in rivals if other.name is None or other.indicator == placed.indicator] == [placed]
     last = plan.body.formulas[-1]
     match last:
         case Step(operator, Structure(functor, args, namespace=None)) if operator in _GOALS:

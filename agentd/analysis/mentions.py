@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from agentd.language.signatures import DEFAULT
+from agentd.language.signatures import DEFAULT, THIS_NS
 from agentd.language.syntax import (
     Belief,
     Body,
+    BodyFormula,
     Directive,
+    For,
+    Fork,
+    If,
     InternalAction,
     ListTerm,
     Plan,
     Position,
     Rule,
+    Step,
     Structure,
+    While,
 )
 
 ANY_ARITY = -1
@@ -74,9 +81,13 @@ class PlacedPlan:
     @property
     def is_test(self) -> bool:
         """Whether `agentd test` runs the plan: its label has the annotation ``test``."""
+        return self.is_labelled("test")
+
+    def is_labelled(self, word: str) -> bool:
+        """Whether the plan's label has an annotation."""
         annotations = self.plan.label.annotations if self.plan.label is not None else None
         items = annotations.items if annotations is not None else ()
-        return any(isinstance(item, Structure) and item.functor == "test" for item in items)
+        return any(isinstance(item, Structure) and item.functor == word for item in items)
 
     @property
     def names_source(self) -> bool:
@@ -128,8 +139,32 @@ class Survey:
     """Calls of `.include` and `.create_agent` that name their file by what only the run knows."""
     created: list[tuple[str, Position]] = field(default_factory=list)
     """The files of the agents that it creates, where it writes their names out."""
+    teaches: bool = False
+    """Plans are sent to agents."""
+    looks_at_plans: bool = False
+    """The program takes its plans for data, or removes some."""
+    ends_goals: bool = False
+    """The program may end or suspend goals of its own while they are pursued."""
+    ends_others: bool = False
+    """It may end other agents, or goals of theirs."""
     open_wanted: bool = False
     """Goals are sent that only the run knows."""
+
+
+def steps_of(body: Body) -> Iterator[Step]:
+    """The steps of a body, those in its blocks included."""
+    pending: list[BodyFormula] = list(body.formulas)
+    while pending:
+        match pending.pop():
+            case Step() as step:
+                yield step
+            case If(branches, otherwise):
+                pending += [formula for _, block in branches for formula in block.formulas]
+                pending += otherwise.formulas if otherwise is not None else ()
+            case While(_, block) | For(_, block):
+                pending += block.formulas
+            case Fork(branches=blocks):
+                pending += [formula for block in blocks for formula in block.formulas]
 
 
 _NEARBY = frozenset(("self", "percept"))
@@ -138,7 +173,7 @@ _NEARBY = frozenset(("self", "percept"))
 def qualified(literal: Structure, namespace: str) -> str:
     """The name of a literal in a namespace: with its sign, and with the namespace unless it is the default one."""
     written = literal.namespace
-    if isinstance(written, str):
+    if isinstance(written, str) and written != THIS_NS:
         namespace = written or DEFAULT
     name = f"~{literal.functor}" if literal.negated else literal.functor
     return name if namespace == DEFAULT else f"{namespace}::{name}"

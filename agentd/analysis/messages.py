@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Final
 
 from agentd.analysis.kinds import Kind, warning
-from agentd.analysis.mentions import Survey
+from agentd.analysis.mentions import Survey, steps_of
 from agentd.language.spelling import near
-from agentd.language.syntax import Structure
+from agentd.language.syntax import InternalAction, Structure
 from schemas.findings import Finding
 
 PERFORMATIVES: Final = frozenset(
@@ -16,13 +16,20 @@ PERFORMATIVES: Final = frozenset(
 )
 
 
+_ASKS: Final = ("askOne", "askAll", "askHow")
+
+
 def endless_asks(survey: Survey) -> Iterator[Finding]:
-    """Synchronous asks that wait for ever when the receiver gives no answer."""
-    for call in survey.calls:
-        match call.action.name, call.action.args:
-            case ".send", (_, Structure(functor), _, _) if functor in ("askOne", "askAll", "askHow"):
-                text = "this ask has no time limit and may never end; give one in ms as fifth argument of .send"
-                yield warning(Kind.ENDLESS_ASK, call.action.position, text)
+    """Synchronous asks of the agent itself in an atomic plan: it answers only when that plan has ended."""
+    for plan in (placed.plan for placed in survey.plans if placed.is_labelled("atomic")):
+        for step in steps_of(plan.body):
+            match step.term:
+                case InternalAction(".send", (Structure("self", ()), Structure(functor), _, _), position=position) if (
+                    functor in _ASKS
+                ):
+                    text = "this ask never ends: the agent answers itself only when this atomic plan has ended; "
+                    text += "give a time limit in ms as fifth argument of .send"
+                    yield warning(Kind.ENDLESS_ASK, position, text)
 
 
 def unknown_performatives(survey: Survey) -> Iterator[Finding]:

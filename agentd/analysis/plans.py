@@ -13,7 +13,7 @@ from agentd.language.syntax import Plan, Structure, Variable
 from schemas.findings import Finding
 
 
-def goals_without_plans(survey: Survey) -> Iterator[Finding]:
+def goals_without_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
     """Goals that the program sets itself and has no plan for, not even one for their failure."""
     if any(placed.name is None and "!" in placed.event for placed in survey.plans):
         return  # a plan +!G is for every goal
@@ -25,7 +25,7 @@ def goals_without_plans(survey: Survey) -> Iterator[Finding]:
         others = [arity for name, arity in achieving if name == goal.name]
         hint = f"; there are plans for {goal.name} with {arguments(others)}" if others else near(goal.name, names)
         text = f"there is no plan for the goal !{goal.name}/{goal.arity}{hint}"
-        if survey.open_plans:
+        if survey.open_plans or elsewhere.open_plans:
             text += "; it fails unless a plan for it is added in time"
             yield warning(Kind.GOAL_WITHOUT_PLAN, goal.position, text)
         else:
@@ -33,7 +33,9 @@ def goals_without_plans(survey: Survey) -> Iterator[Finding]:
 
 
 def shadowed_plans(survey: Survey) -> Iterator[Finding]:
-    """Plans behind one that takes every event which they could take."""
+    """Plans behind one that takes every event which they could take, unless plans are looked at or removed."""
+    if survey.looks_at_plans:
+        return
     for family in survey.families:
         takers: dict[tuple[str, str | None, int], PlacedPlan] = {}
         for placed in family:
@@ -65,6 +67,7 @@ def unused_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
     goals = {mention.indicator for mention in (*survey.achieved, *survey.raised)} | elsewhere.goals
     passive = not survey.achieved  # a library, or an agent that others ask for all that it does
     open_goals = not elsewhere.complete or passive or survey.open_goals or elsewhere.open_goals
+    open_goals = open_goals or survey.looks_at_plans
     planned = {placed.indicator for placed in survey.plans if placed.event == "+!"}
     lost = {goal.name for goal in survey.achieved if goal.indicator not in planned}
     for family in survey.families:
@@ -74,14 +77,20 @@ def unused_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
             if placed.event == "-!" and not open_goals and placed.indicator not in goals | planned:
                 yield _unused(placed, f"there is no plan +!{placed.name}/{placed.arity}", planned)
             elif placed.event == "+!" and not open_goals and placed.indicator not in goals:
-                if near(placed.name, lost):
+                if placed.name in lost or near(placed.name, lost):
                     continue  # told where the goal stands, with this plan's name
                 yield _unused(placed, f"nothing sets the goal !{placed.name}/{placed.arity}", goals)
 
 
 def unused_belief_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
-    """Plans for beliefs that nobody adds, where no percepts are: in a program without external actions."""
-    if not elsewhere.complete or survey.actions or survey.open_beliefs or elsewhere.open_beliefs:
+    """Plans for beliefs that nobody adds, where it is known that there are no percepts."""
+    if (
+        not elsewhere.complete
+        or not elsewhere.no_percepts
+        or survey.actions
+        or survey.open_beliefs
+        or elsewhere.open_beliefs
+    ):
         return
     added = {mention.indicator for mention in (*survey.added, *survey.raised)}
     for family in survey.families:

@@ -16,6 +16,8 @@ from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file, parse_term
 from agentd.language.syntax import Belief, Goal, InternalAction, Item, ListTerm, Program, Structure
 from agentd.paths import SourcePaths
+from agentd.testing.cases import LIBRARY, OF_JASON
+from schemas.files import read_bounded
 from schemas.findings import Finding, Findings
 
 
@@ -36,8 +38,10 @@ def read_survey(program: Program, paths: SourcePaths) -> Surveyed:
     found = survey(program.items, includes)
     if includes.missing:
         found.open_plans = found.open_beliefs = found.open_goals = True
-    if any(placed.is_test for placed in found.plans):
-        _add_assertions(found)
+    if includes.harness:
+        _add_assertions(found, OF_JASON)
+    if includes.harness or any(placed.is_test for placed in found.plans):
+        _add_assertions(found, LIBRARY)
     findings += _not_checked(found.late_files)
     created = tuple(_created(program.file, found, paths, findings))
     return Surveyed(found, tuple(findings), created)
@@ -65,11 +69,11 @@ def _not_checked(files: Sequence[InternalAction]) -> Iterator[Finding]:
         yield finding(Kind.KNOWN_WHEN_RUN, first.position, text, "info")
 
 
-def _add_assertions(found: Survey) -> None:
+def _add_assertions(found: Survey, file: Path) -> None:
     """Count the plans as there that `agentd test` adds to programs with test plans."""
-    from agentd.testing.cases import LIBRARY
-
-    found.plans += survey(parse_file(LIBRARY).items).plans
+    added = survey(parse_file(file).items)
+    found.plans += added.plans
+    found.open_goals |= added.open_goals
 
 
 @dataclass(slots=True)
@@ -87,13 +91,17 @@ class Subjects:
     """Whether a program could not be read: then nothing can be said of what it would send."""
     percepts_unknown: bool = False
     """Whether a project has an environment, whose percepts nobody knows."""
+    programs_named: bool = False
+    """Whether programs were named by themselves: nobody knows in which environment they will live."""
 
     def elsewhere(self) -> Elsewhere:
         """What the programs send to one another."""
         if self.incomplete:
             return Elsewhere()
         found = from_team(surveyed.survey for surveyed in self.programs.values())
-        return replace(found, open_beliefs=True) if self.percepts_unknown else found
+        return replace(
+            found, open_beliefs=self.percepts_unknown or found.open_beliefs, no_percepts=not self.programs_named
+        )
 
 
 def read_subjects(files: Sequence[str], paths: SourcePaths) -> Subjects:
@@ -103,6 +111,7 @@ def read_subjects(files: Sequence[str], paths: SourcePaths) -> Subjects:
         if file.endswith(".mas2j"):
             _read_project(file, paths, subjects)
         else:
+            subjects.programs_named = True
             _read(file, paths, (), subjects)
     _read_created(paths, subjects)
     return subjects
@@ -156,7 +165,7 @@ def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
     shown = subjects.shown[file] = {one: str(one) for one in named}
     subjects.order.append(file)
     try:
-        project = parse_project(Path(file).read_text(encoding="utf-8-sig"), file)
+        project = parse_project(read_bounded(file).decode("utf-8-sig"), file)
     except (SyntaxErrors, OSError, UnicodeDecodeError):
         subjects.incomplete = True
         return

@@ -8,8 +8,10 @@ from typing import NamedTuple, TypeAlias
 
 from agentd.analysis.arguments import ASSERTIONS, FILE_READERS, RUNNERS, query_of
 from agentd.analysis.mentions import ANY_ARITY, Call, Mention, PlacedPlan, Survey, asks_others, qualified
+from agentd.language.compile import DIRECTIVES
+from agentd.language.facts import GroundFact
 from agentd.language.patterns import PATTERNS, WrongPattern
-from agentd.language.signatures import DEFAULT
+from agentd.language.signatures import DEFAULT, Signature
 from agentd.language.syntax import (
     And,
     Arithmetic,
@@ -46,6 +48,13 @@ from agentd.language.syntax import (
 _ADDITIONS = frozenset((Operator.ADD, Operator.ADD_NEW_FOCUS, Operator.ADD_FIRST, Operator.ADD_LAST, Operator.UPDATE))
 _GOALS = frozenset((Operator.ACHIEVE, Operator.ACHIEVE_NEW_FOCUS))
 
+_LOOKERS = frozenset((".plan_label", ".relevant_plan", ".relevant_plans", ".list_plans", ".remove_plan"))
+"""Internal actions that take plans for data, or remove them."""
+_ENDERS = frozenset(
+    (".drop_all_desires", ".drop_all_intentions", ".drop_desire", ".drop_intention", ".drop_future_intention")
+) | frozenset((".add_plan", ".fail_goal", ".succeed_goal", ".suspend", ".stopMAS", ".kill_agent"))
+"""Internal actions that may end, suspend or change what another intention does."""
+
 Includes: TypeAlias = Callable[[Directive | InternalAction, str], Iterable[Item]]
 
 
@@ -70,6 +79,7 @@ class _Walk:
         self.found = Survey()
         self._pending: list[_Visit] = []
         self._top: dict[str, list[PlacedPlan]] = {}
+        self._facts: set[tuple[str, Signature]] = set()
         self._files: list[InternalAction] = []
         self._saved: set[str] = set()
         self._saves_any = False
@@ -137,12 +147,22 @@ class _Walk:
             case Goal(literal):
                 self._mention(self.found.asked, literal, namespace)
                 self._inside(literal, namespace)
+            case GroundFact() if self._is_another(item, namespace):
+                pass
             case Belief(literal):
                 self.found.beliefs.append(item)
                 self._mention(self.found.added, literal, namespace)
                 self._inside(literal, namespace)
             case Rule():
                 self._rule(item, namespace)
+
+    def _is_another(self, fact: GroundFact, namespace: str) -> bool:
+        """Whether a fact mentions only what one before it has: no variable, no call and the same predicate."""
+        sig = fact.term().sig
+        if (namespace, sig) in self._facts:
+            return sig.functor not in DIRECTIVES
+        self._facts.add((namespace, sig))
+        return False
 
     def _rule(self, rule: Rule, namespace: str) -> None:
         self.found.rules.append(rule)
@@ -152,7 +172,9 @@ class _Walk:
 
     def _place(self, plan: Plan, namespace: str) -> PlacedPlan:
         literal = plan.trigger.literal
-        name = qualified(literal, namespace) if isinstance(literal, Structure) else None
+        name = None
+        if isinstance(literal, Structure) and not isinstance(literal.namespace, Variable):
+            name = qualified(literal, namespace)
         placed = PlacedPlan(plan, name)
         self.found.plans.append(placed)
         return placed
@@ -237,6 +259,9 @@ class _Walk:
         query = query_of(action)
         if name in ASSERTIONS and args:
             self._addition(args[0], namespace)
+        self.found.looks_at_plans |= name in _LOOKERS
+        self.found.ends_goals |= name in _ENDERS
+        self.found.ends_others |= name in (".stopMAS", ".kill_agent")
         if name == ".add_plan":
             self.found.open_plans = self.found.open_beliefs = self.found.open_goals = True
         elif name in FILE_READERS:
@@ -286,10 +311,15 @@ class _Walk:
             self.found.open_told = self.found.open_wanted = True
 
     def _sent(self, performative: str, content: Term, namespace: str) -> None:
+        self.found.teaches |= performative == "tellHow"
+        self.found.open_plans |= performative == "askHow"  # without a variable for the answer, the plans are added
+        self.found.ends_others |= performative in ("unachieve", "untellHow")
         goal = performative in ("achieve", "askOne", "askAll")
         for term in content.items if isinstance(content, ListTerm) else (content,):
             if isinstance(term, Structure):
                 self._mention(self.found.wanted if goal else self.found.told, term, namespace)
+                if performative in ("askOne", "askAll"):  # without a variable for the answer, that is believed
+                    self._mention(self.found.added, term, namespace)
             elif isinstance(term, Variable) and goal:
                 self.found.open_wanted = True
             elif isinstance(term, Variable):
@@ -324,7 +354,7 @@ class _Walk:
         elif operator in _ADDITIONS:
             self._addition(term, namespace)
             self._term(term, namespace, data=False)
-        elif operator in _GOALS and isinstance(term, Structure):
+        elif operator in _GOALS and isinstance(term, Structure) and not isinstance(term.namespace, Variable):
             self._mention(self.found.achieved, term, namespace)
             self._inside(term, namespace)
         elif operator in _GOALS:
@@ -342,9 +372,9 @@ class _Walk:
             self._term(term, namespace, data=False)
 
     def _addition(self, term: Term, namespace: str) -> None:
-        if isinstance(term, Structure):
+        if isinstance(term, Structure) and not isinstance(term.namespace, Variable):
             self._mention(self.found.added, term, namespace)
-        elif isinstance(term, Variable):
+        elif isinstance(term, Variable | Structure):
             self.found.open_beliefs = True
             self.found.open_plans = True
 

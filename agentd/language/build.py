@@ -5,12 +5,14 @@ The methods are named as the rules and aliases of `grammar.lark`; ``at`` is the 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from agentd.language.build_terms import FORMULAS, KINDS, TermBuilder
 from agentd.language.depth import MOST_BLOCKS, BlockDepths
 from agentd.language.errors import shown
+from agentd.language.facts import FactRun
 from agentd.language.source import Source
 from agentd.language.syntax import (
     Arithmetic,
@@ -69,14 +71,18 @@ class _End:
 
 
 _Detail: TypeAlias = _Context | Body
-_ItemPart: TypeAlias = Item | _Subplans | _Begin | _End
+_ItemPart: TypeAlias = Item | FactRun | _Subplans | _Begin | _End
 
 
 class Builder(TermBuilder):
-    """Builds the syntax tree of one text. ``end_of_text`` is the offset where its last token ends."""
+    """Builds the syntax tree of one text.
 
-    def __init__(self, source: Source, end_of_text: int) -> None:
+    ``end_of_text`` is the offset where its last token ends, ``runs`` are the runs of facts for which beliefs stand.
+    """
+
+    def __init__(self, source: Source, end_of_text: int, runs: Mapping[int, FactRun]) -> None:
         super().__init__(source)
+        self._runs = runs
         self._end_of_text = end_of_text
         self._depths = BlockDepths(self.refuse)
         self._trigger_bodies: dict[int, tuple[TriggerTerm, Body]] = {}
@@ -100,6 +106,8 @@ class Builder(TermBuilder):
                     items = outer
                 case _Subplans():
                     self._attach(items, part)
+                case FactRun():
+                    items.extend(part.facts)
                 case _:
                     items.append(part)
         for begin, _ in open_blocks:
@@ -119,8 +127,9 @@ class Builder(TermBuilder):
         else:
             self.refuse(block.at, "plans in { } belong to the plan before them, and there is none here")
 
-    def belief(self, at: int, literal: Structure) -> Belief:
-        return Belief(literal, self.position(at))
+    def belief(self, at: int, literal: Structure) -> Belief | FactRun:
+        run = self._runs.get(at)
+        return Belief(literal, self.position(at)) if run is None else run
 
     def rule(self, at: int, head: Structure, body: Term) -> Rule:
         return Rule(head, self.condition_of(at, body, "the body of a rule"), self.position(at))
@@ -136,7 +145,7 @@ class Builder(TermBuilder):
             if isinstance(detail, Body):
                 body = detail
             elif detail.operator == ":":
-                context = detail.formula
+                context = None if detail.formula == Structure("true") else detail.formula  # as in Jason, also in terms
             else:
                 condition = detail.formula
         return Plan(trigger, context, body, label, condition, (), self.position(at))

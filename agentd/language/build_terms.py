@@ -146,10 +146,7 @@ class TermBuilder:
         return Number(float(text), self.position(at))
 
     def string(self, at: int, text: str) -> String:
-        value = text[1:-1]
-        if "\\" in value:
-            value = _ESCAPE.sub(_translated, value)
-        return String(value, self.position(at))
+        return String(string_value(text), self.position(at))
 
     def truth(self, at: int, text: str) -> Structure:
         return Structure(text, position=self.position(at))
@@ -250,6 +247,12 @@ class TermBuilder:
                     "variables and functions such as math.abs(X), or one that { register_function(...) } names"
                 )
                 self.refuse(at, message)
+
+
+def string_value(text: str) -> str:
+    """The value of a string token, its escapes translated."""
+    value = text[1:-1]
+    return _ESCAPE.sub(_translated, value) if "\\" in value else value
 
 
 _ESCAPE = re.compile(r"\\(.)")

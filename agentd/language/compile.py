@@ -123,7 +123,8 @@ class _Expansion:
     def file(self, program: syntax.Program, namespace: str) -> None:
         self.warnings.extend(str(w) for w in program.warnings)
         self.namespaced |= program.scoped or namespace != DEFAULT
-        self._items(program.items, Qualifier(namespace, namespace, local_names(program.items, self._local)))
+        local = local_names(program.items, self._local)
+        self._items(program.items, Qualifier(namespace, namespace, local, program.this_ns))
 
     def _items(self, items: tuple[syntax.Item, ...], qualifier: Qualifier) -> None:
         for item in items:
@@ -174,8 +175,7 @@ class _Expansion:
         match directive.name:
             case syntax.Structure(functor="namespace", args=(syntax.Structure(functor=name), *_)):
                 self.namespaced = True
-                name = qualifier.local.get(name, name)
-                self._items(directive.items, Qualifier(name, qualifier.default, qualifier.local))
+                self._items(directive.items, qualifier.inside(name))
             case syntax.Structure(functor=name, args=args) if name in PATTERNS:
                 try:
                     items = PATTERNS[name](directive.position, args, directive.items)

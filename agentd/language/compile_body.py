@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language import syntax
-from agentd.language.compile_control import write_for, write_fork, write_if, write_while
+from agentd.language.compile_control import write_brackets, write_for, write_fork, write_if, write_while
 from agentd.language.compile_step import write_step
 from agentd.language.plan_code import PlanCode, StepCode
 from agentd.language.statements import as_statement
@@ -42,6 +42,8 @@ class BodyCompiler:
 
 def _write(writer: StepWriter, formula: syntax.BodyFormula) -> None:
     match formula:
+        case syntax.Step(operator=syntax.Operator.ACTION, term=syntax.BodyTerm(body=body)):
+            write_brackets(writer, body)
         case syntax.Step():
             write_step(writer, formula)
             writer.finish()

@@ -12,6 +12,13 @@ from agentd.language.step_writer import Bound, StepWriter
 from agentd.language.variables import variables
 
 
+def write_brackets(writer: StepWriter, body: syntax.Body) -> None:
+    """Write ``(a; b)``: a step that goes on with those inside, which share the bindings of the plan."""
+    first = writer.body.body(body, writer.bound, writer.code.steps[writer.number].next)
+    writer.function.emit(f"f[0] = {writer.step(first)}")
+    writer.finish()
+
+
 def write_if(writer: StepWriter, formula: syntax.If) -> None:
     """Write the conditions as one function, and each block as steps that follow it."""
     following = writer.code.steps[writer.number].next

@@ -29,6 +29,8 @@ _MOST_CONJUNCTS = 6
 class FormulaCompiler(RelationCompiler):
     """Writes formulas into one function, which has the locals ``m`` (the mind) and ``trail``."""
 
+    nested = False
+    """Whether the function is called from the loops of another one."""
     rows: list[str] | None = None
     """While a ``for`` is written: expressions for the facts that a solution rests on."""
 
@@ -81,7 +83,7 @@ class FormulaCompiler(RelationCompiler):
         parameters = [f"p{i}" for i in range(len(known))]
         function = Function(self.unit, name, ", ".join(["m", "trail", *parameters]))
         inner = type(self)(self.unit, function, self.library, "")
-        inner.rows = None
+        inner.rows, inner.nested = None, True
 
         def succeed(found: Scope) -> None:
             if verb == "yield":
@@ -136,10 +138,16 @@ class FormulaCompiler(RelationCompiler):
                 asked = self._asked(given, patterns, scope)
             solve = f"{predicate}.solve({mode}, {asked}, m, trail)"
             position = next((i for i, g in enumerate(given) if g is not None), None)
-            if position is None:
-                quick = f"reversed({predicate}.entries)"
+            loops = self.function.loops
+            inner = bool(loops or self.nested)  # else it is one loop over what is believed, and not counted
+            if position is not None:
+                rows_of = f"{position}, {given[position]}"
+                quick = f"{predicate}.counted_rows({rows_of}, m)" if inner else f"{predicate}.rows({rows_of})"
             else:
-                quick = f"{predicate}.rows({position}, {given[position]})"
+                quick = f"reversed({predicate}.entries)"
+            if loops > 1 or (inner and position is None):
+                self.function.emit(f"m.steps_left -= {f'len({predicate}.entries)' if position is None else 1}")
+                self.function.emit("if m.steps_left < 0: too_much_work(m)")
             head = f"for {targets} in ({quick} if {predicate}.plain else {solve}):"
 
         def found(inner: Scope) -> None:

@@ -15,12 +15,17 @@ Next: TypeAlias = Callable[[Scope], None]
 """Writes what comes after a success, with the variables known there."""
 
 
+_CODE = syntax.TriggerTerm | syntax.PlanTerm | syntax.BodyTerm | syntax.RuleTerm
+
 MAX_INDENT = 40
 """Python nests blocks no deeper than 100: patterns below this are built and unified, formulas become functions."""
 
 
 class MatchCompiler(TermCompiler):
     """Writes matches into one function, which has the local ``trail``."""
+
+    asked = False
+    """Whether the values are what a rule is asked with: then they are the left side, the head of the rule the right."""
 
     def match(self, node: syntax.Term, value: str, scope: Scope, then: Next) -> None:
         """Write the unification of a pattern with a value (a local), the pattern being the left side."""
@@ -58,8 +63,14 @@ class MatchCompiler(TermCompiler):
         linking, self.linking = self.linking, True
         built = self.build(node, inner)
         self.linking = linking
-        with self.function.block(f"if unify({built}, {value}, trail):"):
+        with self.function.block(f"if {self._unified(node, built, value)}:"):
             then(self.settled(scope, inner))
+
+    def _unified(self, node: syntax.Term, pattern: str, value: str) -> str:
+        """The call that unifies a built pattern with a value; code in braces is a pattern in the head of a rule too."""
+        if self.asked and not isinstance(node, _CODE):
+            return f"unify({value}, {pattern}, trail)"
+        return f"unify({pattern}, {value}, trail)"
 
     def settled(self, before: Scope, after: Scope) -> Scope:
         """The scope after a unification: cells made for it are read, so that what follows sees plain values."""
@@ -88,18 +99,19 @@ class MatchCompiler(TermCompiler):
         inner = dict(scope)
         constant = self.function.assign(self.build(node, inner))
         if isinstance(node, syntax.Structure | syntax.ListTerm):
-            test = f"{value} is {constant} or (type({value}) is not float and unify({constant}, {value}, trail))"
+            test = f"{value} is {constant} or (type({value}) is not float and {self._unified(node, constant, value)})"
         else:
             kind = "str" if isinstance(node, syntax.String) else "float"
-            test = f"{value} == {constant} or (type({value}) is not {kind} and unify({constant}, {value}, trail))"
+            test = f"{value} == {constant} or (type({value}) is not {kind} and {self._unified(node, constant, value)})"
         with self.function.block(f"if {test}:"):
             then(scope)
 
     def _match_structure(self, node: syntax.Structure, value: str, scope: Scope, then: Next) -> None:
         sig = self.constant(signature_of(node))
+        bare, opened = (f" and not {value}.annots", "open_bare") if self.asked else ("", "open_structure")
         args = self.function.assign(
-            f"{value}.args if type({value}) is Literal and {value}.sig is {sig}"
-            f" else open_structure({value}, {sig}, trail)"
+            f"{value}.args if type({value}) is Literal and {value}.sig is {sig}{bare}"
+            f" else {opened}({value}, {sig}, trail)"
         )
         with self.function.block(f"if {args} is not None:"):
             locals_ = [self.function.local() for _ in node.args]

@@ -9,6 +9,9 @@ from agentd.language.compile_formula import FormulaCompiler
 from agentd.language.compile_terms import Scope
 from agentd.language.emit import Function, Unit, tuple_of
 
+STEPS = 2
+"""Steps of work for which a rule that is asked counts (`agentd.mind.work`)."""
+
 
 def compile_rule(rule: syntax.Rule, mode: tuple[bool, ...], library: Any, values: dict[str, Any]) -> Unit:
     """A unit with the generator ``answers(m, trail, *args)``.
@@ -21,8 +24,11 @@ def compile_rule(rule: syntax.Rule, mode: tuple[bool, ...], library: Any, values
     parameters = [f"a{i}" for i in range(len(head.args))]
     function = Function(unit, "answers", ", ".join(["m", "trail", *parameters]))
     compiler = FormulaCompiler(unit, function, library, "")
+    compiler.nested = True
     scope: Scope = {name: unit.constant(value) for name, value in values.items()}
     annotated = len(mode) > len(head.args)
+    function.emit(f"m.steps_left -= {STEPS}")
+    function.emit("if m.steps_left < 0: too_much_work(m)")
     function.emit("mark = len(trail)")
 
     def answer(found: Scope) -> None:
@@ -41,7 +47,13 @@ def compile_rule(rule: syntax.Rule, mode: tuple[bool, ...], library: Any, values
             function.emit(f"yield {answered}")
 
     given = [(arg, name) for arg, name, known in zip(head.args, parameters, mode, strict=False) if known]
-    compiler.match_all(given, scope, lambda inner: compiler.formula(rule.body, inner, answer))
+    compiler.asked = True
+
+    def body(inner: Scope) -> None:
+        compiler.asked = False
+        compiler.formula(rule.body, inner, answer)
+
+    compiler.match_all(given, scope, body)
     function.emit("undo(trail, mark)")
     function.emit("yield from ()")
     unit.add(function)

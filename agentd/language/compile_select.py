@@ -21,7 +21,7 @@ from agentd.language.compile_match import Next
 from agentd.language.compile_terms import Scope
 from agentd.language.emit import Function, Ref, targets_of, tuple_of
 from agentd.language.plan_code import FRAME_HEADER, PlanCode
-from agentd.language.variables import is_plain_variable, variables
+from agentd.language.variables import variables
 
 Form = Literal["select", "trace", "options"]
 
@@ -85,13 +85,13 @@ class _Writer:
             names = [f"a{i}" for i in range(len(literal.args))]
             if names:
                 self.function.emit(f"({', '.join(names)},) = args")
-            self.compiler.match_all(list(zip(literal.args, names, strict=True)), scope, self._annots)
+            pairs: list[tuple[Any, str]] = list(zip(literal.args, names, strict=True))
+            if isinstance(literal.namespace, syntax.Variable):
+                pairs.insert(0, (literal.namespace, self.function.assign("atom(relevant.sig.namespace)")))
+            self.compiler.match_all(pairs, scope, self._annots)
             return
         whole = self.function.assign("Literal(relevant.sig, args, annots)")
-        if is_plain_variable(literal):
-            self.compiler.match(literal, self.function.assign(f"{whole}.bare()"), scope, self._context)
-        else:
-            self.compiler.match(literal, whole, scope, self._context)
+        self.compiler.match(literal, whole, scope, self._context)
 
     def _annots(self, found: Scope) -> None:
         pattern = self.plan.trigger.literal.annotations

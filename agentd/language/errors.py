@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from agentd.language.source import Source
 from schemas.findings import Finding
+from schemas.terminal import escape_lines
 
 SYNTAX = "syntax"
 """The kind of these findings."""
@@ -40,7 +41,7 @@ class Problem:
             lines.append(f"    {excerpt}")
             if caret:
                 lines.append(" " * (4 + caret - 1) + "^")
-        return "\n".join(lines)
+        return escape_lines("\n".join(lines))
 
     def _clipped(self) -> tuple[str, int]:
         """The excerpt and caret, of a very long line only what is around the caret."""

@@ -1,15 +1,17 @@
 """Text to tokens, by the terminals of the grammar.
 
-The lexer also applies deviation D1 of the dialect: where a formula of a plan body begins on a new line after an
-internal or external action and the `;` is missing, it puts one there and reports a warning.
+The lexer also applies deviation D1 of the dialect: where a formula of a plan body begins on a new line and can only
+begin there, and the `;` before it is missing, it puts one there and reports a warning.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from agentd.language.errors import Problem
+from agentd.language.facts import FactRun
 from agentd.language.source import Source
 from agentd.language.tables import Tables
 from schemas.findings import Finding
@@ -22,7 +24,10 @@ END_OF_TEXT = "$END"
 
 @dataclass(slots=True)
 class Tokens:
-    """Parallel lists, the last token is ``$END`` at the end of the last real one."""
+    """Parallel lists, the last token is ``$END`` at the end of the last real one.
+
+    ``runs`` holds the runs of facts that were recognised, by their offsets; two tokens, of a belief, stand for each.
+    """
 
     types: list[str] = field(default_factory=list)
     texts: list[str] = field(default_factory=list)
@@ -30,6 +35,7 @@ class Tokens:
     first_in_line: set[int] = field(default_factory=set)
     problems: list[Problem] = field(default_factory=list)
     warnings: list[Finding] = field(default_factory=list)
+    runs: dict[int, FactRun] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +50,14 @@ class Lexicon:
     ends_body: str
     before_formula: frozenset[str]
     starts_formula: frozenset[str]
+    ends_formula: frozenset[str]
 
 
 def lexicon(tables: Tables) -> Lexicon:
     operators = "|".join(re.escape(text) for text in sorted(tables.fixed, key=len, reverse=True))
     groups = [f"(?P<{name}>{pattern})" for name, pattern in tables.patterns.items()]
     fixed = tables.fixed
-    words = ("IF", "WHILE", "FOR", "NAME", "QUOTED", "INTERNAL", "VARIABLE")
+    words = ("NOT", "IF", "WHILE", "FOR", "NAME", "QUOTED", "INTERNAL", "VARIABLE")
     signs = ("!", "!!", "?", "+<", "+>", "+", "-", "++", "--", "-+")
     return Lexicon(
         master=re.compile("|".join([*groups, rf"(?P<{BROKEN}>/\*)|(?P<OP>{operators})"])),
@@ -61,43 +68,70 @@ def lexicon(tables: Tables) -> Lexicon:
         ends_body="_END",
         before_formula=frozenset(fixed[text] for text in ("<-", ";", "{", "}", "|&|", "|||")),
         starts_formula=frozenset([*words, *(fixed[text] for text in signs)]),
+        ends_formula=frozenset([*_OPERANDS, fixed[")"], fixed["]"]]),
     )
 
 
 _BELIEF_CHANGE = re.compile(r"(\+\+|--|-\+|[+-])\s*[a-zA-Z_~'{:]")
 """A sign that may change a belief; before a number, a bracket or another sign it is arithmetic."""
 
+_NO_OPERAND = re.compile(r"(\+\+|--|-\+|[+-])\s*(~|[a-z][a-zA-Z0-9_]*(?![a-zA-Z0-9_]|\s*[(:]|\.[a-z]))")
+"""A sign before what is never computed with: a negation, or an atom."""
+
+_OPERANDS = ("NAME", "QUOTED", "INTERNAL", "VARIABLE", "NUMBER", "STRING", "TRUE", "FALSE")
+_CONDITIONAL = frozenset(("IF", "WHILE", "FOR", "ELIF", "ELSE"))
+
 _SIGNS = frozenset(("+", "-", "++", "--", "-+"))
 
 
-def tokenize(source: Source, lexicon: Lexicon) -> Tokens:
-    """All tokens of a text; what is no token becomes ``BROKEN`` and a problem."""
+def tokenize(
+    source: Source,
+    lexicon: Lexicon,
+    start: int = 0,
+    end: int | None = None,
+    find_run: Callable[[int], FactRun | None] | None = None,
+) -> Tokens:
+    """All tokens of a text, or between two offsets of it; what is no token becomes ``BROKEN`` and a problem.
+
+    ``find_run`` is asked for a run of facts wherever an item of a program may begin.
+    """
     tokens = Tokens()
     types, texts, starts = tokens.types, tokens.texts, tokens.starts
     fixed, keywords, ignored = lexicon.fixed, lexicon.keywords, lexicon.ignored
     text = source.text
     match = lexicon.master.match
-    at, size = 0, len(text)
+    at, size = start, len(text) if end is None else end
     line_end = -1
     in_body = False
+    at_item = find_run is not None
     while at < size:
-        found = match(text, at)
+        if at_item and find_run is not None:
+            run = find_run(at)
+            if run is not None:
+                tokens.runs[at] = run
+                types += ("NAME", lexicon.ends_body)
+                texts += ("facts", ".")
+                starts += (at, run.end)
+                at = run.end
+                continue
+            at_item = False
+        found = match(text, at, size)
         kind = found.lastgroup or BROKEN if found else BROKEN
         if found is None or kind == BROKEN:
             from agentd.language.broken import broken  # a good program starts without knowing of bad ones
 
-            problem, end, kind = broken(source, at)
+            problem, after, kind = broken(source, at)
             tokens.problems.append(problem)
             if not kind:
-                at = end
+                at = after
                 continue
-            word = text[at:end]
+            word = text[at:after]
         else:
-            end = found.end()
+            after = found.end()
             if kind in ignored:
-                at = end
+                at = after
                 continue
-            word = text[at:end]
+            word = text[at:after]
             if kind == "OP":
                 kind = fixed[word]
             elif kind == "NAME":
@@ -116,10 +150,11 @@ def tokenize(source: Source, lexicon: Lexicon) -> Tokens:
             in_body = True
         elif kind == lexicon.ends_body:
             in_body = False
+            at_item = find_run is not None
         types.append(kind)
         texts.append(word)
         starts.append(at)
-        at = end
+        at = after
     types.append(END_OF_TEXT)
     starts.append(starts[-1] + len(texts[-1]) if texts else 0)
     texts.append("")
@@ -127,17 +162,50 @@ def tokenize(source: Source, lexicon: Lexicon) -> Tokens:
 
 
 def _misses_semicolon(text: str, at: int, word: str, types: list[str], lexicon: Lexicon) -> bool:
-    """Whether the tokens before a line's first one are an action and nothing else (D1)."""
-    if word in _SIGNS and not _BELIEF_CHANGE.match(text, at):
+    """Whether a formula ends before a line's first token, and another one can only begin with it (D1).
+
+    Not where a sign may go on with an expression (``X = 1`` and ``-Y`` below it), and, but for an action, not at the
+    margin: a belief or a goal of the program begins there, and a dot is missing.
+    """
+    if types[-1] not in lexicon.ends_formula or (word in _SIGNS and not _BELIEF_CHANGE.match(text, at)):
         return False
+    first = _first_of_formula(types, lexicon)
+    if first is None or types[first] in _CONDITIONAL:
+        return False
+    literal = _first_of_literal(types, lexicon)
+    if literal == first:
+        return True
+    if at == 0 or text[at - 1] == "\n":
+        return False
+    fixed = lexicon.fixed
+    goal = types[first] in (fixed["!"], fixed["!!"], fixed["+<"], fixed["+>"])
+    return word not in _SIGNS or goal or literal == first + 1 or _NO_OPERAND.match(text, at) is not None
+
+
+def _first_of_formula(types: list[str], lexicon: Lexicon) -> int | None:
+    """The index of the first token of the formula that the last one is in; None within a bracket or a plan's head."""
+    fixed, index = lexicon.fixed, len(types) - 1
+    while index >= 0 and types[index] not in lexicon.before_formula:
+        inside = index
+        for opening, closing in (("[", "]"), ("(", ")")):
+            index = _before_brackets(types, index, fixed[opening], fixed[closing])
+        if index == inside:
+            if types[index] in (fixed["("], fixed["["], fixed[","], fixed[":"], fixed[":-"], fixed["<:"], fixed["@"]):
+                return None
+            index -= 1
+    return index + 1 if 0 <= index < len(types) - 1 else None
+
+
+def _first_of_literal(types: list[str], lexicon: Lexicon) -> int:
+    """The index at which a literal or an internal action begins that the last token ends; -1 if it ends none."""
     fixed = lexicon.fixed
     index = _before_brackets(types, len(types) - 1, fixed["["], fixed["]"])
     index = _before_brackets(types, index, fixed["("], fixed[")"])
-    if index < 1 or types[index] not in ("NAME", "INTERNAL", "QUOTED"):
-        return False
+    if index < 0 or types[index] not in ("NAME", "INTERNAL", "QUOTED"):
+        return -1
     if index >= 2 and types[index - 1] == fixed["::"] and types[index - 2] == "NAME":
         index -= 2
-    return types[index - 1] in lexicon.before_formula
+    return index - 1 if types[index - 1] == fixed["~"] else index
 
 
 def _before_brackets(types: list[str], index: int, opening: str, closing: str) -> int:
@@ -158,5 +226,5 @@ def _before_brackets(types: list[str], index: int, opening: str, closing: str) -
 
 def _semicolon_warning(source: Source, at: int) -> Finding:
     line, column = source.place(at)
-    message = f"no ';' before the formula on line {line}: read as if it stood at the end of the action before it"
+    message = f"no ';' before the formula on line {line}: read as if it stood at the end of the formula before it"
     return Finding(source.file, line, column, message, "warning", "missing-semicolon")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 from agentd.language import syntax
-from agentd.language.signatures import DEFAULT
+from agentd.language.signatures import DEFAULT, THIS_NS
 
 _QUERIES = {
     **dict.fromkeys((".findall", ".setof", ".eval"), 1),
@@ -24,18 +25,28 @@ class Qualifier:
     """Qualifies beliefs, goals, triggers, formulas and code in braces, but not the arguments inside them.
 
     ``current`` is the namespace of the block, ``default`` what ``::p`` means in it. ``local`` gives the names by which
-    the mind knows the local namespaces of the file: no other file can name them (rule 103).
+    the mind knows the local namespaces of the file: no other file can name them (rule 103). ``this_ns`` says that the
+    file may call the current namespace so, as an atom and before ``::``.
     """
 
-    def __init__(self, current: str, default: str, local: dict[str, str]) -> None:
-        self.current, self.default, self.local = current, default, local
+    def __init__(self, current: str, default: str, local: dict[str, str], this_ns: bool = False) -> None:
+        self.current, self.default, self.local, self.this_ns = current, default, local, this_ns
+
+    def inside(self, namespace: str) -> Qualifier:
+        """The qualifier of a block of this file."""
+        return Qualifier(self.local.get(namespace, namespace), self.default, self.local, self.this_ns)
 
     def item(self, item: Any) -> Any:
         """A belief, rule, goal or plan with its namespace put in."""
-        if self.local:
-            item = _with_local_names(item, self.local)
+        if self.local or self.this_ns:
+            item = _renamed(item, self.local, {THIS_NS: self.current})
+        if self.this_ns:  # before an argument it means nothing, as in Jason
+            return _renamed(self._qualified(item), {THIS_NS: None})
         if self.current == DEFAULT and self.default == DEFAULT:
             return item
+        return self._qualified(item)
+
+    def _qualified(self, item: Any) -> Any:
         match item:
             case syntax.Belief(literal=literal):
                 return replace(item, literal=self.literal(literal))
@@ -60,7 +71,7 @@ class Qualifier:
     def literal(self, literal: Any) -> Any:
         """A literal or variable of the block."""
         namespace = literal.namespace
-        if namespace is None:
+        if namespace is None or namespace == THIS_NS:
             return replace(literal, namespace=self.current)
         return replace(literal, namespace=self.default) if namespace == "" else literal
 
@@ -80,7 +91,13 @@ class Qualifier:
                     node, args=tuple(self.formula(a) if i == place else self.code(a) for i, a in enumerate(args))
                 )
             case syntax.Relation(left=left, right=right):
-                return replace(node, left=self.code(left), right=self.code(right))
+                return replace(node, left=self._side(left), right=self._side(right))
+        return self.code(node)
+
+    def _side(self, node: Any) -> Any:
+        """A side of a relation; the current namespace before a variable means nothing there, as in Jason."""
+        if isinstance(node, syntax.Variable) and node.namespace in (self.current, THIS_NS):
+            return replace(node, namespace=None)
         return self.code(node)
 
     def code(self, node: Any) -> Any:
@@ -93,7 +110,7 @@ class Qualifier:
             case syntax.BodyTerm(body=body):
                 return replace(node, body=self.body(body))
             case syntax.RuleTerm(rule=rule):
-                return replace(node, rule=self.item(rule))
+                return replace(node, rule=self._qualified(rule))
         return node
 
     def body(self, body: syntax.Body) -> syntax.Body:
@@ -140,19 +157,21 @@ def local_names(items: Iterable[syntax.Item], number: Iterator[int]) -> dict[str
     return found
 
 
-def _with_local_names(node: Any, names: dict[str, str]) -> Any:
-    """A node with the namespaces that are local to its file under the names that the mind knows them by."""
+def _renamed(node: Any, prefixes: Mapping[str, str | None], atoms: Mapping[str, str] = MappingProxyType({})) -> Any:
+    """A node with other names for some namespaces before ``::``, and other atoms for some."""
     if isinstance(node, tuple):
-        return tuple(_with_local_names(part, names) for part in node)
+        return tuple(_renamed(part, prefixes, atoms) for part in node)
     if not is_dataclass(node) or isinstance(node, syntax.Position | type):
         return node
     changes: dict[str, Any] = {}
+    if isinstance(node, syntax.Structure) and node.functor in atoms and not node.args:
+        changes["functor"] = atoms[node.functor]
     for field in fields(node):
         part = getattr(node, field.name)
         if field.name == "namespace" and isinstance(part, str):
-            changed: Any = names.get(part, part)
+            changed: Any = prefixes.get(part, part)
         else:
-            changed = _with_local_names(part, names)
+            changed = _renamed(part, prefixes, atoms)
         if changed is not part:
             changes[field.name] = changed
     return replace(node, **changes) if changes else node

@@ -15,13 +15,17 @@ from typing import Any
 from agentd.language.build import Builder
 from agentd.language.build_terms import is_formula
 from agentd.language.errors import SYNTAX, Problem, SyntaxErrors, problem_at, problem_on
+from agentd.language.facts import run_finder
 from agentd.language.lalr import Stopped, machine
 from agentd.language.lexer import BROKEN, END_OF_TEXT, Lexicon, Tokens, lexicon, tokenize
+from agentd.language.signatures import THIS_NS
 from agentd.language.source import Source, read_source
-from agentd.language.syntax import Formula, Plan, Program, Structure, Term, Trigger
+from agentd.language.syntax import Formula, Item, Plan, Program, Structure, Term, Trigger
 from agentd.language.tables import load
 from schemas.findings import Finding
 
+LARGE = 20_000
+"""Characters of a program from which on its ground facts are recognised before they are parsed."""
 MOST_PROBLEMS = 20
 """More problems than this are seldom read; parsing stops there."""
 
@@ -53,14 +57,14 @@ def parse_source(read: Callable[[], Source], path: str | Path) -> Program:
 
 def parse_term(text: str, file: str = "<term>") -> Term:
     """A term, also a logical formula or code in braces."""
-    term: Term = _parse(Source(text, file), "lone_expression")[0]
+    term: Term = _parse(Source(text, file), "lone_expression")
     return term
 
 
 def parse_formula(text: str, file: str = "<formula>") -> Formula:
     """A logical formula, such as the context of a plan."""
     source = Source(text, file)
-    term: Term = _parse(source, "lone_expression")[0]
+    term: Term = _parse(source, "lone_expression")
     if is_formula(term):
         return term
     raise SyntaxErrors([problem_at(source, 0, "expected a formula that can be true or false")])
@@ -68,26 +72,42 @@ def parse_formula(text: str, file: str = "<formula>") -> Formula:
 
 def parse_literal(text: str, file: str = "<literal>") -> Structure:
     """A literal: an atom or structure, maybe negated, annotated, in a namespace. No internal action."""
-    literal: Structure = _parse(Source(text, file), "lone_literal")[0]
+    literal: Structure = _parse(Source(text, file), "lone_literal")
     return literal
 
 
 def parse_plan(text: str, file: str = "<plan>") -> Plan:
     """One plan; its final dot may be missing."""
-    plan: Plan = _parse(Source(text, file), "lone_plan")[0]
+    plan: Plan = _parse(Source(text, file), "lone_plan")
     return plan
 
 
 def parse_trigger(text: str, file: str = "<trigger>") -> Trigger:
     """A trigger such as ``+!g(X)``, bare or in braces."""
-    trigger: Trigger = _parse(Source(text, file), "lone_trigger")[0]
+    trigger: Trigger = _parse(Source(text, file), "lone_trigger")
     return trigger
 
 
 def _program(source: Source) -> Program:
-    program, tokens = _parse(source, "program")
+    if len(source.text) < LARGE:
+        return _whole(source, recognise_facts=False)
+    try:
+        return _whole(source, recognise_facts=True)
+    except SyntaxErrors:  # what is wrong is told by the tokens around it
+        return _whole(source, recognise_facts=False)
+
+
+def _whole(source: Source, recognise_facts: bool) -> Program:
+    tokens = tokenize(source, _lexicon(), find_run=run_finder(source, _items) if recognise_facts else None)
+    program = _built(source, tokens, "program")
     assert isinstance(program, Program)
-    return replace(program, warnings=tuple(tokens.warnings), scoped="::" in source.text)
+    return replace(program, warnings=tuple(tokens.warnings), scoped="::" in source.text, this_ns=THIS_NS in source.text)
+
+
+def _items(source: Source, start: int, end: int) -> tuple[Item, ...]:
+    program = _built(source, tokenize(source, _lexicon(), start, end), "program")
+    assert isinstance(program, Program)
+    return program.items
 
 
 @lru_cache(maxsize=1)
@@ -95,9 +115,12 @@ def _lexicon() -> Lexicon:
     return lexicon(load())
 
 
-def _parse(source: Source, start: str) -> tuple[Any, Tokens]:
-    tokens = tokenize(source, _lexicon())
-    builder = Builder(source, tokens.starts[-1])
+def _parse(source: Source, start: str) -> Any:
+    return _built(source, tokenize(source, _lexicon()), start)
+
+
+def _built(source: Source, tokens: Tokens, start: str) -> Any:
+    builder = Builder(source, tokens.starts[-1], tokens.runs)
     recovery = _Recovery(source, tokens, start == "program")
     try:
         value = machine().run(tokens, start, builder, recovery)
@@ -107,7 +130,7 @@ def _parse(source: Source, start: str) -> tuple[Any, Tokens]:
     problems = [*tokens.problems, *recovery.problems, *builder.problems]
     if problems:
         raise SyntaxErrors(_one_per_line(problems))
-    return value, tokens
+    return value
 
 
 def _one_per_line(problems: list[Problem]) -> list[Problem]:

@@ -8,6 +8,8 @@ from weakref import WeakValueDictionary
 
 DEFAULT: Final = "default"
 """The name of the default namespace."""
+THIS_NS: Final = "this_ns"
+"""What a program calls the namespace of the place where it stands."""
 
 
 class Signature:

@@ -6,6 +6,7 @@ from bisect import bisect_right
 from pathlib import Path
 
 from agentd.language.syntax import Position
+from schemas.files import read_bounded
 
 
 class Source:
@@ -48,4 +49,4 @@ class Source:
 
 def read_source(path: str | Path) -> Source:
     """Read a file of AgentSpeak. Raises OSError as ``open`` does, and UnicodeDecodeError when it is not UTF-8 text."""
-    return Source(Path(path).read_bytes().decode("utf-8-sig"), str(path))
+    return Source(read_bounded(path).decode("utf-8-sig"), str(path))

@@ -348,13 +348,14 @@ Item: TypeAlias = Belief | Rule | Goal | Plan | Directive
 class Program:
     """A source file: its items in file order, and the warnings of the parser (deviation D1 and the like).
 
-    ``scoped`` says that a namespace may be named in it.
+    ``scoped`` says that a namespace may be named in it, ``this_ns`` that the atom of that name may.
     """
 
     file: str
     items: tuple[Item, ...] = ()
     warnings: tuple[Finding, ...] = ()
     scoped: bool = field(default=False, compare=False)
+    this_ns: bool = field(default=False, compare=False)
 
     def plans(self) -> Iterator[Plan]:
         """All plans, also those in blocks, in file order; sub-plans stay inside their plan."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language.order import sorted_annots
-from agentd.language.sources import SELF, is_source
-from agentd.language.terms import Rest, Var, deref, elements
+from agentd.language.sources import SELF, SOURCE_SELF, is_source, source, told_by
+from agentd.language.terms import Rest, Var, atom, deref, elements
 
 
 def with_source(annots: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -24,3 +24,13 @@ def annots_with_tail(annots: tuple[Any, ...], tail: Any) -> tuple[Any, ...]:
     if type(end) is Var:
         return (*sorted_annots(annots), Rest(end))
     return sorted_annots((*annots, *elements(end)))
+
+
+def nested_source(annots: tuple[Any, ...], name: str) -> tuple[Any, ...]:
+    """Annotations of what an agent says: its sources, without source(self), become annotations of source(name)."""
+    if not annots:
+        return SELF if name == "self" else told_by(name)
+    others = [a for a in annots if not is_source(a)]
+    inner = tuple(a for a in annots if is_source(a) and a != SOURCE_SELF)
+    who = source(atom(name))
+    return sorted_annots((*others, who.with_annots(inner) if inner else who))

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from agentd.language import syntax
 from agentd.language.signatures import signature
 from agentd.language.sources import SELF
-from agentd.language.terms import FALSE, Literal
-from agentd.mind.effects import Log
+from agentd.language.terms import Literal
 from agentd.mind.failed import Failed
 from agentd.mind.frames import Step
 from agentd.mind.inputs import Mail
 from agentd.mind.resolving import resolve
-from agentd.mind.sending import answer_text, reply
+from agentd.mind.sending import answer_of, reply
 
 _ANSWERING = signature("answer_question")
 
@@ -29,35 +29,38 @@ class AnsweringPlan:
     head = "+!answer_question"
     slots: dict[str, int] = {}  # noqa: RUF012 - no variables, ever
 
-    def __init__(self, mail: Mail) -> None:
-        self.mail = mail
+    def __init__(self, mail: Mail, on_failure: Callable[[Any, Mail, Failed], None]) -> None:
+        self.mail, self._on_failure = mail, on_failure
         self.syntax = syntax.Plan(syntax.Trigger("+", "!", syntax.Structure("answer_question")))
 
     def on_failure(self, mind: Any, failure: Failed) -> None:
-        """A test that fails is the answer false; any other failure gives none, as Jason."""
-        if failure.error == "test_goal_failed":
-            reply(mind, self.mail, FALSE)
-            return
-        text = f"the question of {self.mail.sender} gets no answer: {failure}"
-        mind.effects.append(Log("warning", text))
+        """Say that the plan has found no answer."""
+        self._on_failure(mind, self.mail, failure)
 
 
-def answer_by_plan(mind: Any, mail: Mail, relevant: Any, question: Literal, annots: tuple[Any, ...]) -> None:
-    """Start the intention that finds the answer to a question and tells it."""
+def answer_by_plan(
+    mind: Any,
+    mail: Mail,
+    relevant: Any,
+    question: tuple[Literal, tuple[Any, ...]],
+    on_failure: Callable[[Any, Mail, Failed], None],
+) -> None:
+    """Start the intention that finds the answer to a question, a literal with annotations, and tells it."""
+    literal, annots = question
     if mind.crowded:
         told = f"too many events and intentions: questions such as that of {mail.sender} get no answer"
         mind.drops.note("questions", told, mail.sender)
         return
-    written = syntax.Step(syntax.Operator.TEST, syntax.Structure(question.sig.functor))
+    written = syntax.Step(syntax.Operator.TEST, syntax.Structure(literal.sig.functor))
 
     def ask(mind: Any, intention: Any, frame: Any) -> bool:
-        mind.events.append((relevant, question.args, annots, intention))
+        mind.events.append((relevant, literal.args, annots, intention))
         return True
 
     def tell(mind: Any, intention: Any, frame: Any) -> None:
-        reply(mind, mail, answer_text(mind, resolve(question)))
+        reply(mind, mail, answer_of(mind, mail, resolve(literal)))
 
-    plan = AnsweringPlan(mail)
+    plan = AnsweringPlan(mail, on_failure)
     first, second = Step(written, plan), Step(written, plan)
     first.run, first.next, second.run = ask, second, tell
     intention = mind.new_intention()

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 from agentd.language.terms import EMPTY, List, Literal, Var, deref
+from agentd.mind import work
 from agentd.mind.effect_free import FUNCTIONS_IN_QUESTIONS, IN_QUESTIONS
 from agentd.mind.failed import Failed
 from agentd.mind.resolving import Copier, resolve
@@ -100,6 +101,7 @@ def answers(mind: Mind, mail: Mail, most: int = MOST_ANSWERS) -> list[Any] | Non
     enough = 1 if most == 1 else most + 1  # one more tells that some are left out
     trail: list[Var] = []
     mind.asked = asked = Asked()
+    mind.steps_left = work.MOST_STEPS
     try:
         if predicate is not None:
             found = _believed(mind, predicate, question, enough)
@@ -110,7 +112,7 @@ def answers(mind: Mind, mail: Mail, most: int = MOST_ANSWERS) -> list[Any] | Non
                 if len(found) == enough:
                     break
         asked.check()
-    except Refused as refused:
+    except (Refused, work.TooMuchWork) as refused:
         mind.warn_once(f"the question of {mail.sender} is refused: {refused}")
         return None
     except RecursionError:

@@ -14,8 +14,9 @@ from agentd.language.order import sorted_annots
 from agentd.language.signatures import Signature
 from agentd.language.sources import is_source
 from agentd.language.terms import Expression, List, Literal, Open, Var, deref
-from agentd.mind.resolving import Copier, detach, is_ground
+from agentd.mind.resolving import Copier, detach, is_ground, resolve_all
 from agentd.mind.unifier import Trail, undo, unify
+from agentd.mind.work import work
 
 Mode = tuple[bool, ...]
 """Which arguments of a query are given (True), which are only asked for."""
@@ -78,6 +79,15 @@ class Predicate:
             return reversed(entries)
         return reversed(self._bucket(position, key))
 
+    def counted_rows(self, position: int, key: Any, mind: Any) -> Any:
+        """`rows` for a loop within a loop: many of them are counted as work of the mind."""
+        entries = self.entries
+        if len(entries) > _SMALL:
+            entries = self._bucket(position, key)
+            if len(entries) > _SMALL:
+                work(mind, len(entries))
+        return reversed(entries)
+
     def _bucket(self, position: int, key: Any) -> dict[Any, Any]:
         """The entries that may match ``key`` at ``position``, in order."""
         kind = type(key)
@@ -120,6 +130,8 @@ class Predicate:
     def _solve_mixed(
         self, entries: dict[Any, Any], mode: Mode, args: tuple[Any, ...], mind: Any, trail: Trail
     ) -> Iterator[tuple[Any, ...]]:
+        if len(entries) > _SMALL:
+            work(mind, len(entries))
         for entry in reversed(entries.values()):
             if type(entry) is RuleClause:
                 yield from (entry.modes.get(mode) or entry.answers(mode))(mind, trail, *args)
@@ -136,6 +148,7 @@ class Predicate:
             if given:
                 entries = self._bucket(position, args[position])
                 break
+        work(mind, len(entries))
         for entry in reversed(entries.values()):
             if type(entry) is RuleClause:
                 for answer in entry.answers((*mode, True))(mind, trail, *args):
@@ -158,7 +171,7 @@ class Predicate:
         literal = Literal(self.sig, args, annots)
         for arg in args:
             kind = type(arg)
-            if kind is float or kind is str or (kind is Literal and arg.ground):
+            if kind is float or kind is str or ((kind is Literal or kind is List) and arg.ground):
                 continue
             if not is_ground(arg):
                 self.open += 1
@@ -251,7 +264,11 @@ class Predicate:
         return [e for e in reversed(entries.values()) if type(e) is Literal]
 
     def find(self, args: tuple[Any, ...], annots: tuple[Any, ...], trail: Trail) -> Literal | None:
-        """The first fact that unifies with these arguments and has these annotations; its bindings are kept."""
+        """The fact that ``-b`` with these arguments and annotations removes; its bindings are kept.
+
+        That is the first that unifies. A fact with variables is one only if they are left free, as in Jason: else what
+        it has become is removed, if that is a fact of its own.
+        """
         if not self.open:
             exact = self.entries.get(args)
             if exact is not None and exact.annots == annots:
@@ -259,8 +276,14 @@ class Predicate:
         pattern = Literal(self.sig, args, annots)
         for fact in self.candidates(args):
             mark = len(trail)
-            if unify(pattern, fact if fact.ground else Copier(fresh=True).copy(fact), trail):
-                return fact
+            if fact.ground:
+                if unify(pattern, fact, trail):
+                    return fact
+            else:
+                used = use_open(pattern, fact, trail)
+                if used is not None:
+                    use, free = used
+                    return fact if free else self.entries.get(resolve_all(use.args))
             undo(trail, mark)
         return None
 
@@ -274,6 +297,15 @@ class Predicate:
             self._replace(fact.args, fact.with_annots(left), fact.ground)
         else:
             self.remove(fact)
+
+
+def use_open(pattern: Literal, fact: Literal, trail: Trail) -> tuple[Literal, bool] | None:
+    """What a fact with variables has become by unifying with a pattern, and whether its variables are left free."""
+    fresh: dict[Var, Var] = {}
+    use = Copier(fresh=True, known=fresh).copy(fact)
+    if not unify(pattern, use, trail):
+        return None
+    return use, len({cell for v in fresh.values() if type(cell := deref(v)) is Var}) == len(fresh)
 
 
 def _index_entry(index: tuple[dict[Any, dict[Any, Any]], dict[Any, Any]], position: int, args: Any, entry: Any) -> None:

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 from agentd.language import syntax
 from agentd.language.sources import SELF
-from agentd.language.terms import Code, Literal, Var, deref
+from agentd.language.terms import Code, Literal, Open, Var, deref
 from agentd.mind.annotations import with_source
 from agentd.mind.beliefs import Predicate
 from agentd.mind.failed import Failed
 from agentd.mind.intentions import Intention
-from agentd.mind.resolving import detach, is_ground, resolve, resolve_all, resolve_annots
-from agentd.mind.rules import add_rule, remove_rule
+from agentd.mind.resolving import closed, detach, is_ground, resolve, resolve_all, resolve_annots
+from agentd.mind.rules import add_rule, remove_rule, remove_schema
 from agentd.mind.waiting import hear
 
 if TYPE_CHECKING:
@@ -61,6 +61,8 @@ def disbelieve(
     else:
         fact = predicate.find(args, annots, trail)
         if fact is None:
+            if predicate.rules:
+                remove_schema(mind, Literal(predicate.sig, args, annots), trail)
             return None
         if annots is not SELF:
             found = resolve_all(annots)
@@ -75,21 +77,30 @@ def disbelieve(
 def replace(
     mind: Mind, focus: Any, predicate: Predicate, relevant: Any, gone: Any, args: Any, annots: Any
 ) -> bool | None:
-    """``-+b``, all resolved: removes the first belief of this name and arity if it is our own, then adds (49, 50)."""
+    """``-+b``, all resolved: takes the annotations written from the first entry that has them, then adds (49, 50).
+
+    They include source(self) unless another source is written. A rule is an entry with source(self), as in Jason, and
+    goes without an event.
+    """
     for fact in reversed(predicate.entries.values()):
         if type(fact) is not Literal:
-            continue
-        if fact.annots is annots or all(a in fact.annots for a in annots):
+            if annots is SELF:
+                predicate.remove_rule(fact)
+                mind.changes += 1
+                break
+        elif fact.annots is annots or all(a in fact.annots for a in annots):
             predicate.take_annots(fact, annots)
             mind.changes += 1
             raise_event(mind, None, gone, fact.args, annots)
-        break
+            break
     return believe(mind, focus, predicate, relevant, args, annots)
 
 
 def change_term(mind: Mind, intention: Intention, operator: str, term: Any) -> bool | None:
     """A belief operator applied to a literal, rule or plan that only the run knows."""
     term = deref(term)
+    if type(term) is Open:
+        term = closed(term)
     if type(term) is Var:
         raise Failed("body_var_without_value", f"The variable '{term.name}' must be ground.")
     if type(term) is Code:

@@ -16,12 +16,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from agentd.language.terms import Literal
-from agentd.mind.cycle import atomic_cycle
+from agentd.mind.cycle import atomic_cycle, take_mail
 from agentd.mind.execution import run_intention
 from agentd.mind.goal_conditions import check_goal_conditions
 from agentd.mind.inputs import Mail
 from agentd.mind.intake import take_inputs
-from agentd.mind.messages import receive
 from agentd.mind.resolving import resolve_all
 from agentd.mind.waiting import check_conditions
 
@@ -89,9 +88,7 @@ class Chooser:
         mind = self._mind
         mail = self._take(mailbox, self._message, "select_message", _itself)
         if mail is not None:
-            if mind.on_input is not None:
-                mind.on_input(mind.cycle, mail)
-            receive(mind, mail)
+            take_mail(mind, mail)
 
     def _take(self, queue: deque[Any], selector: Selector | None, name: str, view: Callable[[Any], Any]) -> Any:
         """Take out of a queue what the selection function chooses; None if it chooses nothing."""

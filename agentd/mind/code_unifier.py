@@ -61,20 +61,23 @@ def _unify_bodies(
     right_values: dict[str, Any],
     trail: Trail,
 ) -> bool:
-    """``{ H; T }`` takes a body apart; a variable that ends the left side takes all that is left."""
+    """``{ H; T }`` takes a body apart; a variable that ends the left side takes all that is left.
+
+    What a variable takes prints without braces, as in Jason.
+    """
     for n in range(max(len(left), len(right))):
         mine = _lone_variable(left[n], left_values) if n < len(left) else None
         other = _lone_variable(right[n], right_values) if n < len(right) else None
         if mine is not None and n == len(left) - 1:
-            return unify(mine, Code(syntax.Body(right[n:]), right_values), trail)
+            return unify(mine, Code(syntax.Body(right[n:]), right_values, bare=True), trail)
         if other is not None and n == len(right) - 1:
-            return unify(other, Code(syntax.Body(left[n:]), left_values), trail)
+            return unify(other, Code(syntax.Body(left[n:]), left_values, bare=True), trail)
         if n >= len(left) or n >= len(right):
             return False
         if mine is not None:
-            fits = unify(mine, Code(syntax.Body((right[n],)), right_values), trail)
+            fits = unify(mine, Code(syntax.Body((right[n],)), right_values, bare=True), trail)
         elif other is not None:
-            fits = unify(other, Code(syntax.Body((left[n],)), left_values), trail)
+            fits = unify(other, Code(syntax.Body((left[n],)), left_values, bare=True), trail)
         else:
             fits = _unify_formulas(left[n], left_values, right[n], right_values, trail)
         if not fits:

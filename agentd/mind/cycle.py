@@ -11,6 +11,7 @@ from agentd.mind.messages import receive
 from agentd.mind.waiting import check_conditions
 
 if TYPE_CHECKING:
+    from agentd.mind.inputs import Mail
     from agentd.mind.mind import Mind
 
 
@@ -46,10 +47,7 @@ def run_cycles(mind: Mind, cycles: int) -> None:
                 return
             continue
         if mailbox:
-            mail = mailbox.popleft()
-            if mind.on_input is not None:
-                mind.on_input(mind.cycle, mail)
-            receive(mind, mail)
+            take_mail(mind, mailbox.popleft())
         while events:
             if take_event(mind, events.popleft()):
                 break
@@ -61,10 +59,21 @@ def run_cycles(mind: Mind, cycles: int) -> None:
             return
 
 
+def take_mail(mind: Mind, mail: Mail) -> None:
+    """Handle one message out of the mailbox."""
+    if mind.on_input is not None:
+        mind.on_input(mind.cycle, mail)
+    receive(mind, mail)
+
+
 def atomic_cycle(mind: Mind) -> bool:
-    """A cycle while an atomic plan runs: only its own events and formulas. False when it has to wait."""
+    """A cycle while an atomic plan runs: one message, then its own events and formulas alone. False when it waits."""
     atomic = mind.atomic
     assert atomic is not None
+    if atomic_takes_mail(mind):
+        take_mail(mind, mind.mailbox.popleft())
+        if atomic.waiting is not None:
+            return True
     events, running = mind.events, mind.running
     if not running or running[-1] is not atomic:
         for place in range(len(events) - 1, -1, -1):  # its own is the last one as a rule
@@ -83,7 +92,14 @@ def atomic_cycle(mind: Mind) -> bool:
     return True
 
 
+def atomic_takes_mail(mind: Mind) -> bool:
+    """Whether a message can be taken: its event waits for the end of the atomic plan, and must find room."""
+    return bool(mind.mailbox) and not mind.crowded
+
+
 def atomic_can_run(mind: Mind) -> bool:
-    """Whether the atomic intention has a formula to run or an event to be taken."""
+    """Whether there is a message to take, or the atomic intention has a formula to run or an event to be taken."""
     atomic = mind.atomic
+    if atomic_takes_mail(mind):
+        return True
     return atomic in mind.running or any(e[3] is atomic for e in mind.events)

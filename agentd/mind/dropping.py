@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any
 
 from agentd.language import syntax
 from agentd.language.instantiate import instantiate
+from agentd.language.sources import SELF
 from agentd.language.syntax import Operator
 from agentd.language.terms import Literal
+from agentd.mind import goal_states
 from agentd.mind.effects import CancelAction
+from agentd.mind.execution import end_frames
 from agentd.mind.failed import Failed
-from agentd.mind.failure import fail
+from agentd.mind.failure import fail, fail_event
 from agentd.mind.failure_facts import error_annots
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP
-from agentd.mind.goal_states import of_goals, raise_state
 from agentd.mind.intention_terms import ahead
-from agentd.mind.intentions import Intention, values_of
+from agentd.mind.intentions import Event, Intention, values_of
 from agentd.mind.questions import Question
+from agentd.mind.resolving import detach, resolve_all
 from agentd.mind.timers import Timer
 from agentd.mind.unifier import Trail, undo, unify
 from agentd.mind.waiting import Wait, forget
@@ -56,10 +59,39 @@ def _take_back(mind: Any, intention: Intention) -> None:
         mind.running.remove(intention)
     mind.suspended.pop(intention.id, None)
     if any(e[3] is intention for e in mind.events):
-        kept = [e for e in mind.events if e[3] is not intention]
-        mind.events.clear()
-        mind.events.extend(kept)
-    intention.waiting = None
+        keep_events(mind, [e for e in mind.events if e[3] is not intention])
+    intention.waiting = intention.suspended = intention.held = None
+
+
+def keep_events(mind: Any, kept: list[Event]) -> None:
+    """Leave these events alone in the queue."""
+    mind.events.clear()
+    mind.events.extend(kept)
+
+
+def goal_of(event: Event) -> Literal | None:
+    """The goal that an event is to achieve, if it is one, with variables of its own where it has free ones."""
+    relevant, args, annots, _ = event
+    if relevant.goal != "!" or relevant.operator != "+":
+        return None
+    return Literal(relevant.sig, *_apart(args, annots))
+
+
+def _apart(args: tuple[Any, ...], annots: tuple[Any, ...]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Arguments and annotations of a goal for those who ask: what they bind is not bound in the plans of the goal."""
+    if not annots or annots is SELF:
+        return detach(args), annots
+    both = detach((*args, *annots))
+    return both[: len(args)], both[len(args) :]
+
+
+def fits(goal: Any, literal: Literal | None, trail: Trail) -> bool:
+    """Whether a goal that is asked for unifies with one; nothing is bound if not."""
+    mark = len(trail)
+    if literal is not None and unify(goal, literal, trail):
+        return True
+    undo(trail, mark)
+    return False
 
 
 def goal_frames(intention: Intention) -> Iterator[tuple[int, Literal]]:
@@ -71,20 +103,24 @@ def goal_frames(intention: Intention) -> Iterator[tuple[int, Literal]]:
         frame = intention.stack[place]
         relevant = frame[RELEVANT]
         if relevant.goal == "!" and relevant.operator != "^":
-            yield place, Literal(relevant.sig, frame[ARGS], frame[ANNOTS])
+            yield place, Literal(relevant.sig, *_apart(frame[ARGS], frame[ANNOTS]))
 
 
 def find_goal(intention: Intention, goal: Literal, trail: Trail) -> int | None:
     """Where in the stack a goal stands; its bindings are kept."""
     for place, literal in goal_frames(intention):
-        mark = len(trail)
-        if unify(goal, literal, trail):
+        if fits(goal, literal, trail):
             return place
-        undo(trail, mark)
     return None
 
 
-def intended(mind: Any, goal: Literal, trail: Trail, suspended: bool = False) -> Iterator[Intention]:
+def pursues(intention: Intention, event: Event | None, goal: Literal, trail: Trail) -> bool:
+    """Whether an intention has a plan for a goal, or ``event`` is for it; its bindings are kept."""
+    held = event is not None and fits(goal, goal_of(event), trail)
+    return held or find_goal(intention, goal, trail) is not None
+
+
+def intended(mind: Any, goal: Any, trail: Trail, suspended: bool = False) -> Iterator[Intention]:
     """The intentions with a goal, bindings undone between them."""
     for intention in mind.all_intentions():
         if intention.suspended is not None and not suspended:
@@ -96,14 +132,12 @@ def intended(mind: Any, goal: Literal, trail: Trail, suspended: bool = False) ->
             undo(trail, mark)
 
 
-def desired(mind: Any, goal: Literal, trail: Trail) -> Iterator[Intention | None]:
+def desired(mind: Any, goal: Any, trail: Trail) -> Iterator[Intention | None]:
     """As `intended`, and goals whose event still waits (None when it is to start an intention)."""
-    for relevant, args, annots, intention in list(mind.events):
-        if relevant.goal != "!" or relevant.operator != "+":
-            continue
+    for event in mind.all_events():
         mark = len(trail)
-        if unify(goal, Literal(relevant.sig, args, annots), trail):
-            yield intention
+        if fits(goal, goal_of(event), trail):
+            yield event[3]
         undo(trail, mark)
     yield from intended(mind, goal, trail, suspended=True)
 
@@ -115,7 +149,7 @@ def drop_intention(mind: Any, goal: Literal, trail: Trail) -> bool:
         mark = len(trail)
         if find_goal(intention, goal, trail) is not None:
             own |= intention is mind.current
-            of_goals(mind, intention, "dropped", "finished")
+            goal_states.dropped(mind, intention)
             drop(mind, intention)
         undo(trail, mark)
     return own
@@ -137,27 +171,31 @@ def has_ahead(intention: Intention, goal: Literal, trail: Trail) -> bool:
 
 
 def drop_event(mind: Any, goal: Literal, trail: Trail) -> bool:
-    """Take goals out of the event queue, with the intentions that wait for them. True if the current one is."""
-    own = False
-    kept = []
-    for event in list(mind.events):
-        relevant, args, annots, intention = event
-        mark = len(trail)
-        fits = (
-            relevant.goal == "!"
-            and relevant.operator == "+"
-            and unify(goal, Literal(relevant.sig, args, annots), trail)
-        )
-        undo(trail, mark)
-        if not fits:
-            kept.append(event)
-        elif intention is not None:
-            own |= intention is mind.current
-            intention.stack.clear()
-            mind.gone(intention)
-    mind.events.clear()
-    mind.events.extend(kept)
-    return own
+    """Take goals out of the events that wait, with the intentions that wait for them. True if the current one is."""
+    gone = [event for event in mind.all_events() if asked_for(goal, event, trail)]
+    take_out(mind, gone)
+    waiting = [event[3] for event in gone if event[3] is not None]
+    for intention in waiting:
+        intention.stack.clear()
+        mind.gone(intention)
+    return any(intention is mind.current for intention in waiting)
+
+
+def asked_for(goal: Literal, event: Event, trail: Trail) -> bool:
+    """Whether an event is for a goal; nothing is bound."""
+    mark = len(trail)
+    found = fits(goal, goal_of(event), trail)
+    undo(trail, mark)
+    return found
+
+
+def take_out(mind: Any, gone: Collection[Event]) -> None:
+    """Take events out of the queue, or away from the intentions that hold them while they are suspended."""
+    numbers = {id(event) for event in gone}
+    keep_events(mind, [event for event in mind.events if id(event) not in numbers])
+    for intention in [each for each in mind.suspended.values() if each.held is not None and id(each.held) in numbers]:
+        intention.held = intention.suspended = None
+        del mind.suspended[intention.id]
 
 
 def drop_desire(mind: Any, goal: Literal, trail: Trail) -> bool:
@@ -181,6 +219,7 @@ def fail_too_deep(mind: Any, intention: Intention) -> None:
 def end_goal(mind: Any, intention: Intention, place: int, succeeded: bool) -> None:
     """A goal in the stack is over, achieved or failed: what stands above it goes, what it waited for is taken back."""
     stack, trail = intention.stack, intention.trail
+    waited = intention.waiting is not None
     _take_back(mind, intention)
     mind.gone(intention)
     if mind.recorder is not None:
@@ -188,17 +227,36 @@ def end_goal(mind: Any, intention: Intention, place: int, succeeded: bool) -> No
     del stack[place + 1 :]
     frame = stack[place]
     if succeeded:
-        if mind.plans.has_meta:
-            for state in ("achieved", "finished"):
-                raise_state(mind, frame[RELEVANT], frame[ARGS], frame[ANNOTS], state)
+        goal_states.ended(mind, frame[RELEVANT], frame[ARGS], frame[ANNOTS])
         stack.pop()
-        while stack and stack[-1][0] is None:
-            stack.pop()
-        if stack:
-            mind.running.append(intention)
+        _go_on(mind, intention)
+        if waited:
+            goal_states.of_goals(mind, intention, "executing")
         return
     literal = Literal(frame[RELEVANT].sig, frame[ARGS], frame[ANNOTS])
-    failure = Failed("goal_failed", "the goal was failed by .fail_goal", code=literal)
+    failure = _failed_by_hand(literal)
     failure.goal = frame[RELEVANT]
     fail(mind, intention, error_annots(failure, literal, 0, ""), f"{frame[PLAN].head}", failure)
     undo(trail, min(len(trail), frame[MARK]))
+
+
+def end_event(mind: Any, event: Event, succeeded: bool) -> None:
+    """A goal that has no plan yet is over, achieved or failed."""
+    relevant, args, annots, intention = event
+    take_out(mind, [event])
+    if not succeeded:
+        fail_event(mind, event, _failed_by_hand(Literal(relevant.sig, resolve_all(args), resolve_all(annots))))
+        return
+    goal_states.ended(mind, relevant, args, annots)
+    if intention is not None:
+        _go_on(mind, intention)
+
+
+def _failed_by_hand(goal: Literal) -> Failed:
+    return Failed("goal_failed", "the goal was failed by .fail_goal", code=goal)
+
+
+def _go_on(mind: Any, intention: Intention) -> None:
+    """The plans below a goal that is over go on."""
+    if intention.stack and end_frames(mind, intention):
+        mind.running.append(intention)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from agentd.language.term_text import text
-from agentd.mind import failure
+from agentd.mind import failure, goal_states
 from agentd.mind.failed import Failed, as_failed
 from agentd.mind.failure_facts import code_of
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame, Step
-from agentd.mind.goal_states import raise_state
 from agentd.mind.intentions import Intention
 from agentd.mind.unifier import undo
+from agentd.mind.work import MOST_STEPS
 
 if TYPE_CHECKING:
     from agentd.mind.mind import Mind
@@ -22,6 +22,7 @@ def run_intention(mind: Mind, intention: Intention) -> None:
     frame = intention.stack[-1]
     step = frame[STEP]
     if step is not None:
+        mind.steps_left = MOST_STEPS
         frame[STEP] = step.next
         intention.last = step
         mind.current = intention
@@ -69,15 +70,13 @@ def _leave(mind: Mind, intention: Intention, frame: Frame) -> bool:
         return False
     intention.stack.pop()
     mind.left(intention, frame)
-    if mind.plans.has_meta and frame[RELEVANT].operator == "+" and frame[RELEVANT].goal:
-        raise_state(mind, frame[RELEVANT], frame[ARGS], frame[ANNOTS], "achieved")
-        raise_state(mind, frame[RELEVANT], frame[ARGS], frame[ANNOTS], "finished")
+    goal_states.ended(mind, frame[RELEVANT], frame[ARGS], frame[ANNOTS])
     return True
 
 
 def condition_holds(mind: Mind, intention: Intention, frame: Frame) -> bool:
     """Whether the condition of the goal that a frame is for holds now."""
-    mark = len(intention.trail)
+    mark, mind.steps_left = len(intention.trail), MOST_STEPS
     try:
         return bool(frame[PLAN].condition(mind, intention.trail, frame))
     except Exception as error:  # as in a context: what cannot be computed does not hold

@@ -8,6 +8,7 @@ from typing import Any, Final
 from agentd.language.order import sorted_annots
 from agentd.language.term_text import text
 from agentd.language.terms import Literal
+from agentd.mind import goal_states
 from agentd.mind.communication import communication_error
 from agentd.mind.decisions import MOST_FRAMES
 from agentd.mind.diagnosis import rejected_plans
@@ -23,7 +24,6 @@ from agentd.mind.failure_facts import (
     written,
 )
 from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, Frame, Step
-from agentd.mind.goal_states import raise_state
 from agentd.mind.intentions import Intention
 from agentd.mind.nested import nested_plans
 from agentd.mind.reports import failure_report
@@ -55,41 +55,46 @@ def _calling_line(mind: Any, intention: Intention) -> tuple[int, str]:
     return step.syntax.position.line, step.syntax.position.file
 
 
-def goal_failed(mind: Any, relevant: Any, args: Any, annots: Any, intention: Intention | None) -> None:
+def goal_failed(mind: Any, event: Any) -> None:
     """A goal event found no plan. Its own ``-!g`` is asked first, then those of the goals below."""
+    relevant, args, annots, intention = event
     literal = Literal(relevant.sig, as_they_are(args), as_they_are(annots))
-    if relevant.plans:
-        error, kind = "no_applicable", "applicable"
-    else:
-        error, kind = "no_relevant", "relevant"
-    trigger = f"{relevant.text}{text(literal)}"
-    message = f"Found a goal for which there is no {kind} plan: {trigger}"
-    line, source, where = 0, "", trigger
-    if intention is not None and intention.stack:
-        line, source = _calling_line(mind, intention)
-        where = f"{source}:{line}: {trigger}"
+    error, kind = ("no_applicable", "applicable") if relevant.plans else ("no_relevant", "relevant")
+    message = f"Found a goal for which there is no {kind} plan: {relevant.text}{text(literal)}"
     failure = Failed(error, message, code=literal)
+    handled = _handles(mind, relevant.counterpart("-"), intention)
+    if not (handled or (intention is not None and _has_handler(intention))):
+        failure.tried = rejected_plans(mind, event)
+    fail_event(mind, event, failure)
+
+
+def fail_event(mind: Any, event: Any, failure: Failed) -> None:
+    """A goal fails before it has a plan; ``failure.code`` is the goal."""
+    relevant, args, annots, intention = event
+    line, source, where = 0, "", f"{relevant.text}{text(failure.code)}"
     failure.goal = relevant
     if intention is not None and intention.stack:
+        line, source = _calling_line(mind, intention)
+        where = f"{source}:{line}: {where}"
         failure.step = intention.last
-    extra = error_annots(failure, literal, line, source)
+    extra = error_annots(failure, failure.code, line, source)
     handler = relevant.counterpart("-")
-    handled = _handles(mind, handler, intention)
-    if not (handled or (intention is not None and _has_handler(intention))):
-        failure.tried = rejected_plans(mind, (relevant, args, annots, intention))
-    if handled:
+    if _handles(mind, handler, intention):
+        if mind.plans.has_meta:
+            goal_states.failed(mind, intention, failure, handled=True)
         facts = sorted_annots(tuple(annots) + extra)
         if relevant.goal == "?" and intention is not None:
             mind.events.append((handler, detach(args), resolve_all(facts), None))
             _end_unanswered(mind, intention, extra, where, failure)
         else:
             mind.events.append((handler, args, facts, intention))
-        return
-    if intention is None:
+    elif intention is not None:
+        fail(mind, intention, extra, where, failure)
+    else:
+        if mind.plans.has_meta:
+            goal_states.failed(mind, None, failure, handled=False)
         _note(mind, None, failure, (), None)
         mind.effects.append(failure_report(mind, failure, (), (), ""))
-        return
-    fail(mind, intention, extra, where, failure)
 
 
 def _handles(mind: Any, handler: Any, intention: Intention | None) -> bool:
@@ -120,6 +125,8 @@ def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, fa
     stack = intention.stack
     depth = len(stack)
     frames = stack[: -1 - MOST_FRAMES : -1]
+    if mind.plans.has_meta:
+        goal_states.failed(mind, intention, failure, _has_handler(intention))
     goals = [] if _has_handler(intention) else [goal_text(frame) for frame in frames[:_MOST_GOALS]]
     because = ""
     while stack:
@@ -143,9 +150,6 @@ def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, fa
                     return
                 because = f"its failure plan has failed {MOST_RETRIES} times"
         elif relevant.operator == "+" and relevant.goal:
-            if mind.plans.has_meta:
-                raise_state(mind, relevant, top[ARGS], top[ANNOTS], "failed")
-                raise_state(mind, relevant, top[ARGS], top[ANNOTS], "finished")
             handler = relevant.counterpart("-")
             if _handles(mind, handler, intention):
                 annots = sorted_annots((*top[ANNOTS], *extra))

@@ -10,15 +10,17 @@ from agentd.language.instantiate import instantiate
 from agentd.language.numbers import UndefinedNumber
 from agentd.language.signatures import signature
 from agentd.language.term_text import text
-from agentd.language.terms import Code, Literal, atom
+from agentd.language.terms import EMPTY, Code, List, Literal, atom, deref
 from agentd.mind.effects import Log
 from agentd.mind.failed import Failed
 from agentd.mind.frames import ARGS, RELEVANT, Frame, Step
 from agentd.mind.holding import short_text
-from agentd.mind.intentions import values_of
+from agentd.mind.intentions import Event, values_of
 from agentd.mind.resolving import resolve, resolve_all
 
 _LONGEST: Final = 200
+_MOST_MEMBERS: Final = 10_000
+"""A longer list stands in the failing formula by its length: to copy and to write it takes longer than a plan may."""
 
 _ERROR, _MESSAGE = signature("error", 1), signature("error_msg", 1)
 _CODE, _LINE, _SOURCE = signature("code", 1), signature("code_line", 1), signature("code_src", 1)
@@ -28,7 +30,7 @@ _FACTS: Final = frozenset((_ERROR, _MESSAGE, _CODE, _LINE, _SOURCE))
 def code_of(step: Step, frame: Frame) -> Any:
     """The failing formula as a term, with the values of its variables put in."""
     formula = step.syntax
-    values = values_of(frame)
+    values = {name: _shortened(value) for name, value in values_of(frame).items()}
     if isinstance(formula, syntax.Step):
         term = instantiate(formula.term, dict(values))
         try:
@@ -40,6 +42,13 @@ def code_of(step: Step, frame: Frame) -> Any:
         if not formula.operator.value or formula.operator is syntax.Operator.TEST:
             return term
     return Code(syntax.Body((formula,), formula.position), values, bare=True)
+
+
+def _shortened(value: Any) -> Any:
+    whole = deref(value)
+    if type(whole) is List and whole is not EMPTY and (members := len(whole.items) - whole.at) > _MOST_MEMBERS:
+        return f"[...] ({members} members)"
+    return value
 
 
 def as_they_are(terms: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -68,8 +77,12 @@ def written(step: Step, code: Any) -> str:
 
 def goal_text(frame: Frame) -> str:
     """The goal or event that a frame answers, for people."""
-    relevant = frame[RELEVANT]
-    return f"{relevant.text}{brief(text(Literal(relevant.sig, as_they_are(frame[ARGS]))))}"
+    return event_text((frame[RELEVANT], frame[ARGS], (), None))
+
+
+def event_text(event: Event) -> str:
+    """An event without its annotations, for people."""
+    return f"{event[0].text}{brief(text(Literal(event[0].sig, as_they_are(event[1]))))}"
 
 
 def error_annots(failure: Failed, code: Any, line: int, source: str) -> tuple[Any, ...]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language import syntax
-from agentd.language.signatures import signature
 from agentd.language.term_text import text
 from agentd.language.terms import Code, Expression, Literal, Open, Var, deref
 from agentd.mind.annotations import with_source
@@ -17,7 +16,7 @@ from agentd.mind.frames import STEP, Frame, Step
 from agentd.mind.goal_states import pending
 from agentd.mind.intentions import Intention
 from agentd.mind.nested import nested_plans
-from agentd.mind.resolving import detach, is_ground, resolve, resolve_all, resolve_annots
+from agentd.mind.resolving import closed, detach, is_ground, resolve, resolve_all, resolve_annots
 from agentd.mind.solve import solve
 
 
@@ -32,27 +31,16 @@ def literal_of(term: Any) -> Literal:
         goal = lone_goal(term)
         if goal is not None:
             return goal
-    if type(term) is Open and term.literal is not None:
-        term = resolve_namespace(term)
+    if type(term) is Open:
+        term = closed(term)
     if type(term) is not Literal:
         raise Failed("body_var_not_literal", f"The term '{text(term)}' is not a literal.")
     return term
 
 
-def resolve_namespace(term: Open) -> Any:
-    """``N::p(1)`` with N bound."""
-    namespace = deref(term.namespace)
-    if term.literal is None or type(namespace) is not Literal:
-        return term
-    sig = term.literal.sig
-    return Literal(
-        signature(sig.functor, sig.arity, sig.negated, namespace.sig.functor), term.literal.args, term.literal.annots
-    )
-
-
 def qualify(namespace: Any, literal: Literal) -> Any:
     """``N::p(1)`` as a term: a literal if N is bound, else an open one."""
-    return resolve_namespace(Open(Var(), None, False, deref(namespace), literal)) if literal else None
+    return closed(Open(Var(), None, False, deref(namespace), literal)) if literal else None
 
 
 def achieve_term(mind: Any, intention: Intention, term: Any, new_focus: bool) -> bool | None:
@@ -88,6 +76,8 @@ def test_term(mind: Any, intention: Intention, term: Any) -> bool | None:
         raise Failed("body_var_without_value", f"The variable '{formula.name}' must be ground.")
     for _ in solve(mind, formula, intention.trail):
         return None
+    if type(formula) is Open:
+        formula = closed(formula)
     if type(formula) is Literal:
         relevant = mind.plans.relevant("+", "?", formula.sig)
         return test_event(mind, intention, relevant, formula.args, with_source(formula.annots))
@@ -117,8 +107,7 @@ def perform(mind: Any, intention: Intention, action: Any) -> bool:
     number = intention.action = mind.action_count
     mind.performing[number] = intention
     mind.effects.append(PerformAction(number, name, args))
-    intention.waiting, intention.since = f"action {name}", mind.now
-    mind.waiting[intention.id] = (intention, None)
+    mind.await_something(intention, f"action {name}")
     return True
 
 

@@ -11,6 +11,7 @@ from agentd.language.syntax import Operator
 from agentd.language.terms import Code, Literal, atom, deref, make_list
 from agentd.mind.frames import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Frame, Step
 from agentd.mind.intentions import Intention, values_of
+from agentd.mind.plan_terms import label_with_line
 from agentd.mind.questions import Question
 from agentd.mind.resolving import resolve, resolve_all
 from agentd.mind.suspending import Suspension
@@ -49,10 +50,8 @@ def reason_of(mind: Any, intention: Intention) -> Literal | None:
     ``suspend_ia``, ``wait(What)`` as it was asked for, ``waiting_ask``, ``act`` (an action), ``fork``, ``team`` (a
     request such as ``.create_agent``), ``goal_condition``, or what an internal action in Python calls its waiting.
     """
-    if intention.suspended is not None:
-        return atom("suspend_ia")
     if intention.waiting is None:
-        return None
+        return atom("suspend_ia") if intention.suspended is not None else None
     if intention.action is not None:
         return atom("act")
     token = mind.waiting[intention.id][1]
@@ -119,7 +118,7 @@ def _means(frame: Frame, begun: Step | None) -> Literal:
     steps = ahead(frame[STEP]) if begun is None else [begun, *ahead(frame[STEP])]
     body = Code(syntax.Body(tuple(s.syntax for s in steps)), values)
     bindings = make_list([Literal(_MAP, (name, value)) for name, value in values.items()])
-    return Literal(_IM, (plan.label, Code(trigger, {"Goal": goal}), body, bindings))
+    return Literal(_IM, (label_with_line(plan), Code(trigger, {"Goal": goal}), body, bindings))
 
 
 def ahead(step: Step | None) -> list[Step]:

@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 from agentd.language.terms import Literal, Var, deref
 from agentd.language.variables import HIDDEN
 from agentd.mind.frames import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Frame, Step
 
+Event: TypeAlias = "tuple[Any, tuple[Any, ...], tuple[Any, ...], Intention | None]"
+"""The `agentd.mind.plans.Relevant` plans, arguments and annotations of an event, and the intention that waits for it
+(or None)."""
+
 
 class Intention:
     """One focus of the mind: the plans it is in the middle of, the innermost last."""
 
-    __slots__ = ("action", "branch", "id", "last", "since", "stack", "suspended", "trail", "waiting")
+    __slots__ = (
+        "action",
+        "branch",
+        "held",
+        "id",
+        "last",
+        "since",
+        "stack",
+        "suspended",
+        "trail",
+        "waiting",
+    )
 
     waiting: str | None
     """What it waits for, in words; None while it runs or waits for its own event."""
@@ -22,6 +37,8 @@ class Intention:
     """The id of the external action it waits for."""
     branch: Any
     """The `agentd.mind.forks.Fork` that it is a branch of."""
+    held: Event | None
+    """The event of its next goal, which ``.suspend`` has taken out of the queue; with an empty stack its first one."""
 
     def __init__(self, number: int) -> None:
         self.id = number
@@ -30,7 +47,7 @@ class Intention:
         """The formula that was run last: the one that it waits in, while it waits."""
         self.trail: list[Var] = []
         """The variables bound so far that a failure may have to free again."""
-        self.waiting = self.suspended = self.action = self.branch = None
+        self.waiting = self.suspended = self.action = self.branch = self.held = None
         self.since = 0.0
         """Mission seconds since when it waits for what `waiting` says."""
 

@@ -99,6 +99,14 @@ class Keeper:
         """A queued event of the mind's own is given again like those of others: the mind has no other word of it."""
         self._origins.mark(event, Origin.OTHERS)
 
+    def in_hand(self) -> str:
+        """What the mind works at, as it is written; it may be asked by another thread."""
+        return self._origins.in_hand()
+
+    def set_aside(self, event: str) -> int:
+        """Take the queued events that are written so out of the mind; return how many."""
+        return self._origins.drop(event)
+
     def feed(self, mail: Mail, mark: Any) -> None:
         """Feed the mind a message; ``mark`` is in `MindChanges.absorbed` once the mind has taken it."""
         mailbox = self._mind.mailbox

@@ -105,11 +105,12 @@ class KeptPlans:
         rank, data = row
         library = self._library
         match terms_from_bytes(data):
-            case [Code(syntax=syntax.Plan() as node, values=values), Literal() as label, sources]:
+            case [Code(syntax=syntax.Plan() as node, values=values), Literal() as label, sources, *file]:
                 plan = library.make(node, values)
                 if not any(other.label.sig is label.sig for other in library):
                     library.name(plan, label)
                 plan.sources = proper(sources) or []
+                plan.file = str(file[0]) if file else ""  # checkpoints of older releases have none
                 library.add(plan, first=rank < 0)
                 self._ranks[plan], self._sources[plan] = rank, tuple(plan.sources)
                 return
@@ -117,4 +118,4 @@ class KeptPlans:
 
 
 def _plan_bytes(plan: Plan) -> bytes:
-    return terms_to_bytes([Code(plan.syntax, plan.values), plan.label, make_list(plan.sources)])
+    return terms_to_bytes([Code(plan.syntax, plan.values), plan.label, make_list(plan.sources), plan.file])

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 from agentd.language import syntax
 from agentd.language.compile import CompiledProgram
+from agentd.language.facts import GroundFact
 from agentd.language.instantiate import Instantiation
 from agentd.language.signatures import DEFAULT
 from agentd.mind.beliefs import RuleClause
@@ -16,7 +18,10 @@ from agentd.mind.failed import as_failed
 from agentd.mind.functions import FunctionsOf, by_rule
 from agentd.mind.percepts import perceived
 from agentd.mind.plan_terms import refuse_label
-from agentd.mind.rules import add_rule
+from agentd.mind.resolving import is_ground
+from agentd.mind.rules import SCHEMA, add_rule
+
+_SOURCE_SELF = syntax.Structure("source", (syntax.Structure("self"),))
 
 
 def load_program(mind: Any, program: CompiledProgram) -> None:
@@ -42,7 +47,7 @@ def include_program(mind: Any, program: CompiledProgram | None, namespace: str =
     register_functions(mind, program.functions)
     mind.compiler.namespaced |= program.namespaced
     for node in program.plans:
-        mind.plans.add(mind.plans.make(node))
+        mind.plans.add(mind.plans.make_of_file(node))
     _begin(mind, program)
     warn(mind, program)
 
@@ -63,15 +68,31 @@ def warn(mind: Any, program: CompiledProgram) -> None:
 def _begin(mind: Any, program: CompiledProgram) -> None:
     """Believe the initial beliefs, begin with the initial goals."""
     functions = FunctionsOf(mind)
+    computed = any("." not in name for name, _ in functions)
     for item in reversed(program.beliefs):
         if isinstance(item, syntax.Rule):
             add_rule(mind, item, {})
             continue
+        if isinstance(item, GroundFact) and not computed:
+            mind.add_belief(item.term())
+            continue
         with _left_out(mind, item):
-            mind.add_belief(Instantiation({}, functions).term(item.literal))
+            literal = Instantiation({}, functions).term(item.literal)
+            if is_ground(literal):
+                mind.add_belief(literal)
+            else:
+                add_rule(mind, _schema(item), {})
     for goal in program.goals:
         with _left_out(mind, goal):
             mind.add_goal(Instantiation({}, functions).term(goal.literal), goal.operator)
+
+
+def _schema(belief: syntax.Belief) -> syntax.Rule:
+    """The rule that an initial belief with variables is, as in Jason: each use has variables of its own."""
+    annots = belief.literal.annotations or syntax.ListTerm()
+    if not any(isinstance(a, syntax.Structure) and (a.functor, len(a.args)) == ("source", 1) for a in annots.items):
+        annots = replace(annots, items=(*annots.items, _SOURCE_SELF))
+    return syntax.Rule(replace(belief.literal, annotations=annots), SCHEMA, belief.position)
 
 
 @contextmanager
@@ -99,5 +120,5 @@ def copy_mind(mind: Any, other: Any) -> None:
         perceived(mind, sig).args.update(present.args)
     for plan in other.plans:
         copy = mind.plans.make(plan.syntax, plan.values)
-        copy.label, copy.sources = plan.label, list(plan.sources)
+        copy.label, copy.sources, copy.file = plan.label, list(plan.sources), plan.file
         mind.plans.add(copy)

@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Final
 
-from agentd.language.order import sorted_annots
-from agentd.language.sources import SELF, SOURCE_SELF, is_source, source, told_by
 from agentd.language.term_text import text
 from agentd.language.terms import FALSE, Literal, Var, atom, deref, make_list, proper
+from agentd.mind.annotations import nested_source
 from agentd.mind.answering import answer_by_plan
 from agentd.mind.asked import answers
 from agentd.mind.changes import believe, disbelieve
 from agentd.mind.communication import communication_error
 from agentd.mind.dropping import drop_desire
+from agentd.mind.effects import Log
 from agentd.mind.failed import Failed, as_failed, wrong_arguments
 from agentd.mind.failure_facts import error_annots
 from agentd.mind.goal_states import raise_state
 from agentd.mind.inputs import Mail
 from agentd.mind.plan_terms import add_plans, relevant_plans, remove_plans
 from agentd.mind.resolving import Copier, detach, resolve, resolve_all
-from agentd.mind.sending import answer_text, reply, send
+from agentd.mind.sending import answer_of, reply, send
 from agentd.mind.waiting import hear, resume_waiting
 
 if TYPE_CHECKING:
@@ -28,16 +28,18 @@ if TYPE_CHECKING:
 
 
 def receive(mind: Mind, mail: Mail) -> None:
-    """Handle one message."""
-    if mail.in_reply_to:
+    """Handle one message, or post its event ``+!kqml_received``.
+
+    The event is for plans of the program's own, and for an atomic plan: what is told in a literal is believed and a
+    goal is desired while it runs, as in Jason; all other messages have their effects after it.
+    """
+    if is_answer(mail.in_reply_to):
         question = mind.questions.get(mail.in_reply_to)
-        if question is not None:
+        if question is not None and mail.sender in question.receivers:
             question.answered(mind, mail)
-            return
-        if mail.in_reply_to.startswith("sync"):
-            return  # the answer to a question that nobody waits for any more
+        return  # else nobody waits for it any more, or its sender was not asked
     custom = mind.plans.kqml
-    if custom.plans:
+    if custom.plans or (mind.atomic is not None and not _is_direct(mail)):
         args = (atom(mail.sender), atom(mail.performative), mail.content, mail.msg_id)
         mind.post(custom, detach(args), ())
         return
@@ -45,6 +47,16 @@ def receive(mind: Mind, mail: Mail) -> None:
         _HANDLERS.get(mail.performative, _nobody_handles)(mind, mail)
     except Exception as error:  # a function of the program's may raise anything; it must not end the mind
         _not_handled(mind, mail, as_failed(error))
+
+
+def is_answer(in_reply_to: str) -> bool:
+    """Whether a message answers a synchronous ask: it goes to whoever waits, and does nothing else to the mind."""
+    return in_reply_to.startswith("sync")
+
+
+def _is_direct(mail: Mail) -> bool:
+    """Whether a message acts on arrival without a plan for ``+!kqml_received`` (Jason's direct performatives)."""
+    return mail.performative in ("tell", "achieve") and type(mail.content) is Literal
 
 
 def handle(mind: Mind, mail: Mail) -> None:
@@ -58,14 +70,18 @@ def _nobody_handles(mind: Mind, mail: Mail) -> None:
 
 def handle_event(mind: Mind, args: tuple[Any, ...], intention: Any) -> None:
     """``+!kqml_received(Sender, Performative, Content, Id)`` that no plan of the program is applicable to."""
-    sender, performative, content, msg_id = (deref(resolve(a)) for a in args)
-    mail = Mail(plain(sender), plain(performative), content, plain(msg_id))
+    mail = _mail_of(args)
     try:
         handle(mind, mail)
     except Exception as error:  # a function of the program's may raise anything; it must not end the mind
         _not_handled(mind, mail, as_failed(error))
     if intention is not None:
         resume_waiting(mind, intention)
+
+
+def _mail_of(args: tuple[Any, ...]) -> Mail:
+    sender, performative, content, msg_id = (deref(resolve(a)) for a in args)
+    return Mail(plain(sender), plain(performative), content, plain(msg_id))
 
 
 def plain(term: Any) -> str:
@@ -88,14 +104,7 @@ def _not_handled(mind: Mind, mail: Mail, failed: Failed) -> None:
 
 def told_annots(mind: Mind, literal: Literal, sender: str) -> tuple[Any, ...]:
     """The annotations of a literal as told by somebody: its former sources stand inside the new one."""
-    if sender == mind.name:
-        sender = "self"
-    if not literal.annots:
-        return SELF if sender == "self" else told_by(sender)
-    others = [a for a in literal.annots if not is_source(a)]
-    inner = tuple(a for a in literal.annots if is_source(a) and a != SOURCE_SELF)
-    who = source(atom(sender))
-    return sorted_annots((*others, who.with_annots(inner) if inner else who))
+    return nested_source(literal.annots, "self" if sender == mind.name else sender)
 
 
 def _each(content: Any) -> Iterable[Any]:
@@ -172,24 +181,45 @@ def _ask_one(mind: Mind, mail: Mail) -> None:
         reply(mind, mail, FALSE)
         return
     if found:
-        reply(mind, mail, answer_text(mind, found[0]))
+        reply(mind, mail, answer_of(mind, mail, found[0]))
         return
     question = Copier(fresh=True).copy(mail.content)
     if type(question) is Literal:
         relevant = mind.plans.relevant("+", "?", question.sig)
         if relevant.plans:
-            _ask_plan(mind, mail, relevant, question)
+            asked = question, told_annots(mind, question, mail.sender)
+            answer_by_plan(mind, mail, relevant, asked, unanswered)
             return
-    reply(mind, mail, FALSE)
+    unanswered(mind, mail, Failed("test_goal_failed", f"Failed to test '{text(mail.content)}'"))
 
 
-def _ask_plan(mind: Mind, mail: Mail, relevant: Any, question: Literal) -> None:
-    """Let a ``+?`` plan find the answer: an intention that tells it when the plan has ended."""
-    answer_by_plan(mind, mail, relevant, question, told_annots(mind, question, mail.sender))
+def unanswered(mind: Mind, mail: Mail, failed: Failed) -> None:
+    """A question without an answer: the program's own ``-!kqml_received`` is asked, else see `not_answered`."""
+    if mind.plans.kqml.counterpart("-").plans:
+        _not_handled(mind, mail, failed)
+    else:
+        not_answered(mind, mail, failed.error, str(failed))
+
+
+def not_answered(mind: Mind, mail: Mail, error: str, message: str) -> None:
+    """The answer is false when the test has failed; another failure gives none, as Jason."""
+    if error == "test_goal_failed":
+        reply(mind, mail, FALSE)
+    else:
+        mind.effects.append(Log("warning", f"the question of {mail.sender} gets no answer: {message}"))
+
+
+def failed_event(mind: Mind, args: tuple[Any, ...], error: str, message: str) -> None:
+    """``-!kqml_received(Sender, Performative, Content, Id)`` that no plan of the program is applicable to."""
+    mail = _mail_of(args)
+    if mail.performative in ("askOne", "askIf"):
+        not_answered(mind, mail, error, message)
+    else:
+        communication_error(mind, error, message)
 
 
 def _ask_all(mind: Mind, mail: Mail) -> None:
-    found = [answer_text(mind, a) for a in answers(mind, mail) or ()]
+    found = [answer_of(mind, mail, a) for a in answers(mind, mail) or ()]
     if mail.msg_id.startswith("sync") or found:
         reply(mind, mail, make_list(found))
 

@@ -26,9 +26,10 @@ from agentd.mind.dropping import fail_too_deep
 from agentd.mind.drops import Drops
 from agentd.mind.effects import Effect, Log, SendMail
 from agentd.mind.frames import PLAN, Frame
-from agentd.mind.goal_states import raise_state
+from agentd.mind.goal_states import of_goals, raise_state
 from agentd.mind.inputs import Input, Mail, TimeRead, TooDeep
-from agentd.mind.intentions import Intention
+from agentd.mind.intention_terms import reason_of
+from agentd.mind.intentions import Event, Intention
 from agentd.mind.keeping import Keeper
 from agentd.mind.library import Library
 from agentd.mind.loading import copy_mind, load_program
@@ -38,7 +39,8 @@ from agentd.mind.percepts import Perceived
 from agentd.mind.plans import PlanLibrary
 from agentd.mind.resolving import detach, resolve_all, resolve_annots
 from agentd.mind.runtime import RUNTIME
-from agentd.mind.selection import Event, take_event, take_event_recorded
+from agentd.mind.selection import take_event, take_event_recorded
+from agentd.mind.sleeping import fall_asleep, wake_up
 from agentd.mind.snapshot import (
     BeliefView,
     EventView,
@@ -53,6 +55,7 @@ from agentd.mind.team import Request
 from agentd.mind.timers import Timer, Timers
 from agentd.mind.unifier import undo
 from agentd.mind.waiting import Wait
+from agentd.mind.work import MOST_STEPS
 
 MOST_FOCUSES: Final = 100_000
 """So many events and intentions there may be; an agent that raises more floods itself, and the newest are dropped."""
@@ -133,7 +136,7 @@ class Mind:
         self.waiting: dict[int, tuple[Intention, Any]] = {}
         """Intentions that wait for something other than an event of theirs, with what must be taken back."""
         self.suspended: dict[int, Intention] = {}
-        """Intentions that could run but are suspended."""
+        """Intentions that could run but are suspended, and those whose next event is held."""
         self.current: Intention | None = None
         self.atomic: Intention | None = None
         self.inputs: deque[Input] = deque()
@@ -154,6 +157,8 @@ class Mind:
             self.goal_conditions,
         )
         """What a cycle looks at, together: these are never replaced."""
+        self.steps_left = MOST_STEPS
+        """Steps of work that the formula being computed has left (`agentd.mind.work`)."""
         self.changes = 0
         """How often beliefs have changed: formulas that are waited for are asked again when it has grown."""
         self.changes_seen = 0
@@ -180,6 +185,8 @@ class Mind:
         self.epoch, self.zone = epoch, zone
         self.failed_handlers: dict[int, int] = {}
         """How often the failure plan of an intention has failed itself and was tried again, by the intention's id."""
+        self.asleep: bool | None = False
+        """Whether there was nothing left to do (`agentd.mind.sleeping`); None: who feeds this mind says so."""
         self.most_frames: float = MOST_FRAMES
         self.verbose = 1
         """What ``.verbose`` set: 0 prints without the agent's name, 2 shows debugging."""
@@ -252,6 +259,9 @@ class Mind:
         """Run up to so many cycles; stops early when there is an effect to hand out or nothing left to do."""
         if now > self.now:
             self.now = now
+        sleeps = self.plans.sleeps
+        if sleeps:
+            wake_up(self)
         try:
             self._cycles(self, cycles)
         except RecursionError:
@@ -262,6 +272,8 @@ class Mind:
                 self.on_input(self.cycle, TooDeep())
             fail_too_deep(self, current)
         effects, self.effects = self.effects, []
+        if sleeps and not effects:
+            fall_asleep(self)
         return effects
 
     @property
@@ -273,7 +285,7 @@ class Mind:
             return True
         if self.atomic is not None:
             return atomic_can_run(self)
-        return bool(self.events or self.running or self.mailbox)
+        return bool(self.events or self.running or self.mailbox) or (self.plans.sleeps and self.asleep is False)
 
     @property
     def wake_at(self) -> float | None:
@@ -295,6 +307,7 @@ class Mind:
             holds = compile_formula(formula, self.compiler).load(RUNTIME, self.plans.provide)["holds"]
             known = self._queries[id(formula)] = (holds, formula)
         trail: list[Any] = []
+        self.steps_left = MOST_STEPS
         own = self.random, self.on_input, self.effects, self.now, self._warned
         self.random, self.on_input, self.effects, self._warned = random.Random(self.cycle), None, [], {}
         try:
@@ -378,6 +391,11 @@ class Mind:
         found.update(self.suspended)
         return [found[number] for number in sorted(found)]
 
+    def all_events(self) -> list[Event]:
+        """Every event that waits to be given a plan: those of the queue, then those held by ``.suspend``."""
+        held = [each.held for each in self.suspended.values() if each.held is not None]
+        return [*self.events, *held]
+
     def await_something(self, intention: Intention, reason: str, token: Any = None) -> None:
         """Take an intention out of the round until `agentd.mind.waiting.resume_waiting`.
 
@@ -385,6 +403,8 @@ class Mind:
         """
         intention.waiting, intention.since = reason, self.now
         self.waiting[intention.id] = (intention, token)
+        if self.plans.has_meta:
+            of_goals(self, intention, "waiting", reason_of(self, intention))
 
     def gone(self, intention: Intention) -> None:
         """An intention has ended, whichever way."""

@@ -1,8 +1,10 @@
-"""Beliefs with free variables: within one plan such a variable stands for one value (rule 53).
+"""Beliefs with free variables that are added at run time: within one plan such a variable stands for one value.
 
-A belief's variable is not renamed where it is asked for: once it has matched a value it keeps it for the rest of that
-plan, and for the rest of a rule's body. Each plan, context and rule has a *scope*: which variable of its own stands for
-which variable of a belief. The first belief of this kind installs all this in a mind; others never pay for it.
+Rule 53. The initial beliefs of this kind are rules, which rename their variables at each use (`agentd.mind.loading`).
+The variable of a belief that is added is not renamed where it is asked for: once it has matched a value it keeps it for
+the rest of that plan, and for the rest of a rule's body. Each plan, context and rule has a *scope*: which variable of
+its own stands for which variable of a belief. The first belief of this kind installs all this in a mind; others never
+pay for it.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from agentd.language.terms import Literal, atom
 from agentd.mind.answering import AnsweringPlan
 from agentd.mind.frames import ANNOTS, ARGS, PLAN, RELEVANT, STEP
 from agentd.mind.inputs import Mail
-from agentd.mind.intentions import Intention
+from agentd.mind.intentions import Event, Intention
 from agentd.mind.kept_state import PendingKey
 from agentd.mind.kept_terms import BadBytes, terms_from_bytes, terms_to_bytes
 from agentd.mind.resolving import detach
@@ -65,7 +65,9 @@ class Pending(NamedTuple):
         raise BadBytes("no event")
 
 
-Event = tuple[Any, tuple[Any, ...], tuple[Any, ...], Intention | None]
+def written(relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> str:
+    """An event as it is written."""
+    return f"{relevant.text}{text(Literal(relevant.sig, args, annots))}"
 
 
 class _Root(NamedTuple):
@@ -93,6 +95,8 @@ class Origins:
         self._queued: dict[int, tuple[Event, int]] = {}
         """The events seen in the queue, by their identity, with their places."""
         self._places = places
+        self._taken: Event | None = None
+        """The event that a plan is being selected for."""
         mind.take_event = self.take_event
 
     def mark(self, event: Event, origin: Origin) -> None:
@@ -101,8 +105,35 @@ class Origins:
 
     def take_event(self, mind: Any, event: Event) -> bool:
         """`agentd.mind.selection.take_event`, noting where an intention that begins comes from."""
-        if event[3] is not None:
-            return bool(self._take(mind, event))
+        self._taken = event
+        taken = self._take_noted(mind, event) if event[3] is None else bool(self._take(mind, event))
+        self._taken = None
+        return taken
+
+    def in_hand(self) -> str:
+        """The event that the mind works at, or that of the outermost plan of the intention that does; for people.
+
+        It may be called by another thread while the mind runs.
+        """
+        event = self._taken
+        intention = self._mind.current if event is None else event[3]
+        if intention is not None and intention.stack:
+            frame, root = intention.stack[0], self._roots.get(intention.id)
+            args = root.args if root is not None and frame[ARGS] is root.seen else frame[ARGS]
+            return written(frame[RELEVANT], args, frame[ANNOTS])
+        return "" if event is None else written(*event[:3])
+
+    def drop(self, text_of_event: str) -> int:
+        """Take the queued events that are written so out of the queue; return how many."""
+        events = self._mind.events
+        left = [event for event in events if event[3] is not None or written(*event[:3]) != text_of_event]
+        dropped = len(events) - len(left)
+        if dropped:
+            events.clear()
+            events.extend(left)
+        return dropped
+
+    def _take_noted(self, mind: Any, event: Event) -> bool:
         marked = self._marked.pop(id(event), None)
         origin = self._by_source(event) if marked is None else marked[1]
         began, seen = mind.intention_count, event[1]
@@ -141,7 +172,8 @@ class Origins:
         """What is pending: its place and origin, and the event as relevant plans, arguments and annotations."""
         mind = self._mind
         waiting: dict[int, Event] = {}
-        for event in mind.events:
+        events = mind.all_events()
+        for event in events:
             if event[3] is not None:
                 waiting.setdefault(event[3].id, event)
         for intention in mind.all_intentions():
@@ -149,7 +181,7 @@ class Origins:
             if origin:
                 yield (0, intention.id), origin, found
         queued, self._queued = self._queued, {}
-        for event in mind.events:
+        for event in events:
             if event[3] is not None:
                 continue
             marked = self._marked.get(id(event))

@@ -10,14 +10,16 @@ from agentd.language.errors import SyntaxErrors
 from agentd.language.instantiate import instantiate
 from agentd.language.order import sorted_annots
 from agentd.language.parser import parse_plan, parse_trigger
+from agentd.language.signatures import signature
 from agentd.language.sources import is_source, source
 from agentd.language.terms import Code, Literal, deref, proper
 from agentd.language.to_syntax import ToSyntax
-from agentd.mind.code_terms import trigger_literal
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.plans import GENERATED, Plan
 from agentd.mind.resolving import is_ground, resolve
 from agentd.mind.unifier import Trail, undo, unify
+
+_LINE, _FILE, _URL = signature("code_line", 1), signature("code_src", 1), signature("url", 1)
 
 DEEPEST_LABEL = 100
 """Terms in labels may be nested so deep."""
@@ -129,10 +131,10 @@ def relevant_plans(mind: Any, term: Any, told_by: Any = None) -> list[Code]:
 def plans_for(mind: Any, trigger: Code) -> list[Plan]:
     """The plans whose trigger unifies with this one, in order."""
     node = trigger.syntax
-    if isinstance(node.literal, syntax.Variable):
+    literal = deref(instantiate(node.literal, dict(trigger.values)))
+    if type(literal) is not Literal:
         fits = [p.syntax.trigger for p in mind.plans]
         return [p for p, t in zip(mind.plans, fits, strict=True) if t.operator == node.operator and t.goal == node.goal]
-    literal = trigger_literal(trigger)
     relevant = mind.plans.relevant(node.operator, node.goal, literal.sig)
     return [p for p in relevant.plans if _asked_fits(literal, p)]
 
@@ -146,15 +148,36 @@ def _asked_fits(asked: Literal, plan: Plan) -> bool:
 
 
 def label_of(plan: Plan) -> Literal:
-    """The label of a plan, with the sources of the plan among its annotations."""
-    others = [a for a in plan.label.annots if not is_source(a)]
-    return plan.label.with_annots(sorted_annots((*others, *map(source, plan.sources))))
+    """The label of a plan with its sources, and with ``url("file:...")`` if a file holds it."""
+    return _annotated(plan, *map(source, plan.sources), *_file_of(plan))
+
+
+def label_with_line(plan: Plan) -> Literal:
+    """`label_of` with ``code_line(N)`` and ``code_src(File)``, where the plan begins."""
+    place = plan.syntax.position
+    at = Literal(_LINE, (float(place.line),)), Literal(_FILE, (place.file,))
+    return _annotated(plan, *map(source, plan.sources), *_file_of(plan), *at)
+
+
+def _file_of(plan: Plan) -> tuple[Literal, ...]:
+    return (Literal(_URL, (f"file:{plan.file}",)),) if plan.file else ()
+
+
+def _annotated(plan: Plan, *annots: Literal) -> Literal:
+    """The label of a plan with these annotations and its own, except the sources in it."""
+    own = [a for a in plan.label.annots if not is_source(a)]
+    return plan.label.with_annots(sorted_annots((*own, *annots)))
 
 
 def term_of(plan: Plan, told_by: Any = None) -> Code:
     """A plan of the library as a term, with its label; ``told_by`` is its source for another agent."""
-    label = label_of(plan)
-    if told_by is not None:
-        others = [a for a in label.annots if not is_source(a)]
-        label = label.with_annots(sorted_annots((*others, source(told_by))))
+    return _labelled(plan, label_of(plan) if told_by is None else _annotated(plan, source(told_by)))
+
+
+def shown_term(plan: Plan) -> Code:
+    """A plan as a term for people: its label tells its sources, but not its file."""
+    return _labelled(plan, _annotated(plan, *map(source, plan.sources)))
+
+
+def _labelled(plan: Plan, label: Literal) -> Code:
     return Code(replace(plan.syntax, label=ToSyntax(DEEPEST_LABEL).term(label)), plan.values)

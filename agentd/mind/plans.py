@@ -18,11 +18,12 @@ from agentd.language.term_text import code_text
 from agentd.language.terms import Code, Literal, atom
 from agentd.mind.frames import Frame, Step
 from agentd.mind.nested import select_first, select_nested
+from agentd.mind.sleeping import is_about_sleep
 from agentd.mind.taken import asks_for_intention, select_noted
 
 _ATOMIC = signature("atomic")
 _NEVER = object()
-GENERATED: Final = "l__"
+GENERATED: Final = "p__"
 """How the labels begin that plans without one are given."""
 
 
@@ -67,6 +68,7 @@ class Plan:
         "atomic",
         "bound",
         "condition",
+        "file",
         "label",
         "on_failure",
         "options",
@@ -102,6 +104,8 @@ class Plan:
         """For ``<:``, the function that asks whether the goal's condition holds, once loaded."""
         self.sources: list[Any] = [SOURCE_SELF.args[0]]
         """Who the plan comes from: the agent itself, those who told it."""
+        self.file = ""
+        """The file that holds it; empty for a plan that was added as a term or text."""
         self.tried: list[tuple[Any, tuple[str, ...]]] = []
         """The literals of the context in order, as `trace` numbers them, with their variables that have values then."""
         self.tried_texts: dict[int, str] = {}
@@ -213,6 +217,14 @@ class Plan:
         return code_text(Code(self.syntax.trigger, bare=True))
 
 
+def _only_for(trigger: syntax.Trigger) -> tuple[str, str, Signature] | None:
+    """The events that a trigger is for, as `Relevant` names them; None if they are of several signatures."""
+    literal = trigger.literal
+    if not isinstance(literal, syntax.Structure) or isinstance(literal.namespace, syntax.Variable):
+        return None
+    return trigger.operator, trigger.goal, signature_of(literal)
+
+
 class PlanLibrary:
     """All plans of a mind, in order."""
 
@@ -239,6 +251,8 @@ class PlanLibrary:
         """The event that is being given a plan, where contexts ask for it (`agentd.mind.taken`)."""
         self.has_meta = False
         self.has_nested = False
+        self.sleeps = False
+        """Whether there are plans for the agent's sleep (`agentd.mind.sleeping`)."""
         self.kqml = self.relevant("+", "!", signature("kqml_received", 4))
         """The program's own plans for messages."""
 
@@ -267,13 +281,22 @@ class PlanLibrary:
             return False
         literal = trigger.literal
         if isinstance(literal, syntax.Structure):
-            return signature_of(literal) is relevant.sig
+            sig, asked = signature_of(literal), relevant.sig
+            if isinstance(literal.namespace, syntax.Variable):
+                return (sig.functor, sig.arity, sig.negated) == (asked.functor, asked.arity, asked.negated)
+            return sig is asked
         namespace = literal.namespace if isinstance(literal.namespace, str) else DEFAULT
         return namespace == relevant.sig.namespace and literal.negated <= relevant.sig.negated
 
     def make(self, node: syntax.Plan, values: dict[str, Any] | None = None) -> Plan:
         """A plan that is not yet in the library."""
         return Plan(self, node, self._label(node), values or {})
+
+    def make_of_file(self, node: syntax.Plan) -> Plan:
+        """`make` for a plan of a file."""
+        plan = self.make(node)
+        plan.file = node.position.file
+        return plan
 
     def _label(self, node: syntax.Plan) -> Literal:
         if isinstance(node.label, syntax.Structure) and node.label.functor:
@@ -302,9 +325,9 @@ class PlanLibrary:
         self.version += 1
         self.plans.insert(0 if first else len(self.plans), plan)
         self._note(plan)
-        literal = plan.syntax.trigger.literal
-        if isinstance(literal, syntax.Structure):
-            self.relevant(plan.syntax.trigger.operator, plan.syntax.trigger.goal, signature_of(literal))
+        key = _only_for(plan.syntax.trigger)
+        if key is not None:
+            self.relevant(*key)
         for relevant in self._relevant.values():
             if plan not in relevant.plans and self.answers(plan, relevant):
                 relevant.plans.insert(0 if first else len(relevant.plans), plan)
@@ -313,23 +336,21 @@ class PlanLibrary:
         """Add the plans of a program at once."""
         self.version += 1
         for node in nodes:
-            plan = self.make(node)
+            plan = self.make_of_file(node)
             self.plans.append(plan)
             self._note(plan)
-            literal = node.trigger.literal
-            if isinstance(literal, syntax.Structure):
-                key = (node.trigger.operator, node.trigger.goal, signature_of(literal))
-                found = self._relevant.get(key)
-                if found is None:
-                    found = self._relevant[key] = Relevant(self, *key)
+            key = _only_for(node.trigger)
+            if key is not None and key not in self._relevant:
+                self._relevant[key] = Relevant(self, *key)
         for relevant in self._relevant.values():
             relevant.plans.clear()
-        wild = [p for p in self.plans if not isinstance(p.syntax.trigger.literal, syntax.Structure)]
+        wild = []
         for plan in self.plans:
-            literal = plan.syntax.trigger.literal
-            if isinstance(literal, syntax.Structure):
-                trigger = plan.syntax.trigger
-                self._relevant[(trigger.operator, trigger.goal, signature_of(literal))].plans.append(plan)
+            key = _only_for(plan.syntax.trigger)
+            if key is None:
+                wild.append(plan)
+            else:
+                self._relevant[key].plans.append(plan)
         if wild:
             order = {plan: n for n, plan in enumerate(self.plans)}
             for relevant in self._relevant.values():
@@ -340,6 +361,7 @@ class PlanLibrary:
         """Remember what kinds of plans there are, so that only programs that use them pay for them."""
         if plan.syntax.trigger.operator == "^":
             self.has_meta = self.compiler.has_meta = True
+        self.sleeps = self.sleeps or is_about_sleep(plan.syntax.trigger)
         if plan.subplans:
             self.has_nested = True
             self._choose()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.language.terms import atom, make_list
+from agentd.language.sources import is_source, told_by
+from agentd.language.terms import FALSE, Literal, atom, deref, make_list, proper
+from agentd.mind.annotations import nested_source
 from agentd.mind.failed import Failed
 from agentd.mind.inputs import Mail
 from agentd.mind.intentions import Intention
@@ -15,6 +17,16 @@ from agentd.mind.waiting import fail_waiting, resume_waiting
 def wrong_answer() -> Failed:
     """The answer is not of the form that the fourth argument of ``.send`` asks for."""
     return Failed("ask_failed", "the answer does not unify with what was expected")
+
+
+def _credited(answer: Any, name: str) -> Any:
+    """A literal with the agent that answered as its source, unless that has named itself already."""
+    if type(answer) is not Literal or answer == FALSE:
+        return answer
+    sources = [a.with_annots(()) for a in answer.annots if is_source(a)]
+    if sources == list(told_by(name)):
+        return answer
+    return answer.with_annots(nested_source(answer.annots, name))
 
 
 class Question:
@@ -33,10 +45,20 @@ class Question:
     def answered(self, mind: Any, mail: Mail) -> None:
         """One answer has come."""
         mind.questions.pop(mail.in_reply_to, None)
-        self.found.append(mail.content)
+        self.found.append(self._answer(mail))
         if len(self.found) < self.wanted:
             return
         self.finish(mind, make_list(self.found) if self.many else self.found[0])
+
+    def _answer(self, mail: Mail) -> Any:
+        """An answer as the plan gets it: literals, and those in the list that answers `askAll`, name who answered."""
+        content = deref(mail.content)
+        if mail.performative == "untell" and self.performative in ("askOne", "askIf"):
+            return FALSE
+        if type(content) is Literal:
+            return _credited(content, mail.sender)
+        members = proper(content) if self.performative == "askAll" else None
+        return content if members is None else make_list([_credited(deref(m), mail.sender) for m in members])
 
     def timed_out(self, mind: Any) -> None:
         self.finish(mind, make_list(self.found) if self.many else atom("timeout"))

@@ -8,9 +8,9 @@ from agentd.language.instantiate import calculate
 from agentd.language.order import compare, sorted_annots
 from agentd.language.signatures import DEFAULT, signature
 from agentd.language.term_text import text
-from agentd.language.terms import EMPTY, Code, Expression, Literal, Var, deref, equal, make_list, proper
+from agentd.language.terms import EMPTY, Code, Expression, Literal, Open, Var, deref, equal, make_list, proper
 from agentd.mind.code_terms import parts_of
-from agentd.mind.resolving import resolve
+from agentd.mind.resolving import closed, resolve
 from agentd.mind.unifier import Trail, unify, value
 
 
@@ -56,6 +56,8 @@ def same(left: Any, right: Any) -> bool:
 def univ(left: Any, right: Any, trail: Trail) -> bool:
     """``=..``: a literal or plan and the list of its parts."""
     term = value(left)
+    if type(term) is Open:
+        term = closed(term)
     if type(term) is Literal:
         sig = term.sig
         name = Literal(signature(("~" if sig.negated else "") + sig.functor))

@@ -173,7 +173,7 @@ def _goals_like(mind: Any, goal: Any) -> Iterable[str]:
         if trigger.operator == "+" and trigger.goal == goal.goal and isinstance(trigger.literal, syntax.Structure):
             known.setdefault(trigger.literal.functor, plan)
     same = known.get(goal.sig.functor)
-    if same is not None:
+    if same is not None and len(same.syntax.trigger.literal.args) != goal.sig.arity:
         view, arity = plan_view(same), len(same.syntax.trigger.literal.args)
         yield f"the plan {view.trigger} ({view.position}) takes {_arguments(arity)}, not {goal.sig.arity}"
         return

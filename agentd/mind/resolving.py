@@ -6,6 +6,7 @@ from typing import Any
 
 from agentd.language.instantiate import calculate
 from agentd.language.order import sorted_annots
+from agentd.language.signatures import signature
 from agentd.language.terms import (
     ARITHMETIC,
     FIRST_NODES,
@@ -35,7 +36,7 @@ def resolve(term: Any) -> Any:
 def resolve_all(terms: tuple[Any, ...]) -> tuple[Any, ...]:
     for term in terms:
         kind = type(term)
-        if kind is not float and kind is not str and not (kind is Literal and term.ground):
+        if kind is not float and kind is not str and not ((kind is Literal or kind is List) and term.ground):
             return tuple([resolve(t) for t in terms])
     return terms
 
@@ -57,7 +58,7 @@ def detach(terms: tuple[Any, ...]) -> tuple[Any, ...]:
     """Terms as another intention or agent gets them: resolved, and their free variables new ones of their own."""
     for term in terms:
         kind = type(term)
-        if kind is not float and kind is not str and not (kind is Literal and term.ground):
+        if kind is not float and kind is not str and not ((kind is Literal or kind is List) and term.ground):
             copier = Copier(fresh=True)
             return tuple([copier.copy(t) for t in terms])
     return terms
@@ -69,6 +70,20 @@ def detached(term: Any) -> Any:
     if (kind is Literal and (term.ground or _looks_ground(term))) or kind is float or kind is str:
         return term
     return Copier(fresh=True).copy(term)
+
+
+def closed(term: Open) -> Any:
+    """The literal that ``X[a]``, ``~X``, ``ns::X`` or ``N::p(1)`` is once its variables have values; before, itself."""
+    literal = deref(term.variable) if term.literal is None else term.literal
+    namespace = deref(term.namespace)
+    if type(literal) is not Literal or type(namespace) is Var:
+        return term
+    sig = literal.sig
+    if type(namespace) is Literal:
+        namespace = namespace.sig.functor
+    annots = literal.annots if not term.annots else sorted_annots(literal.annots + term.annots)
+    sig = signature(sig.functor, sig.arity, sig.negated or term.negated, namespace or sig.namespace)
+    return Literal(sig, literal.args, annots)
 
 
 def is_ground(term: Any) -> bool:

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from agentd.language import syntax
 from agentd.language.compile_rule import compile_rule
 from agentd.language.constants import signature_of
-from agentd.mind.beliefs import Mode, RuleClause
+from agentd.language.instantiate import instantiate
+from agentd.language.terms import Literal
+from agentd.mind.beliefs import Mode, RuleClause, use_open
+from agentd.mind.unifier import Trail, undo
 
 if TYPE_CHECKING:
     from agentd.mind.mind import Mind
+
+SCHEMA: Final = syntax.Structure("true")
+"""The body of the rule that an initial belief with variables is (`agentd.mind.loading`)."""
 
 
 def add_rule(mind: Mind, rule: syntax.Rule, values: dict[str, Any], last: bool = False) -> None:
@@ -32,6 +38,19 @@ def remove_rule(mind: Mind, rule: syntax.Rule) -> None:
             predicate.remove_rule(entry)
             mind.changes += 1
             return
+
+
+def remove_schema(mind: Mind, belief: Literal, trail: Trail) -> None:
+    """Forget the first initial belief with variables that a belief leaves as it is: equal up to names of variables."""
+    predicate, mark = mind.beliefs.predicate(belief.sig), len(trail)
+    for entry in list(predicate.entries):
+        if type(entry) is RuleClause and entry.syntax.body == SCHEMA:
+            used = use_open(belief, instantiate(entry.syntax.head, dict(entry.values)), trail)
+            if used is not None and used[1]:
+                predicate.remove_rule(entry)
+                mind.changes += 1
+                return
+            undo(trail, mark)
 
 
 def _compile_rule(mind: Mind, clause: RuleClause, mode: Mode) -> Any:

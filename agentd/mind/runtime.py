@@ -16,6 +16,7 @@ from agentd.language.terms import (
     Open,
     Rest,
     Var,
+    atom,
     deref,
     elements,
     make_list,
@@ -33,8 +34,19 @@ from agentd.mind.loops import begin_rounds, free_again, next_round, present
 from agentd.mind.relations import arithmetic, order, same, univ
 from agentd.mind.resolving import detach, is_ground, resolve, resolve_annots
 from agentd.mind.solve import solve
-from agentd.mind.unifier import bound_again, in_default, open_list, open_structure, subsets, undo, unify, value
+from agentd.mind.unifier import (
+    bound_again,
+    in_default,
+    open_bare,
+    open_list,
+    open_structure,
+    subsets,
+    undo,
+    unify,
+    value,
+)
 from agentd.mind.waiting import wait_until
+from agentd.mind.work import too_much_work
 
 RUNTIME: Final[dict[str, Any]] = {
     "EMPTY": EMPTY,
@@ -53,6 +65,7 @@ RUNTIME: Final[dict[str, Any]] = {
     "annots_with_tail": annots_with_tail,
     "arithmetic": arithmetic,
     "begin_rounds": begin_rounds,
+    "atom": atom,
     "believe": believe,
     "bound_again": bound_again,
     "call": call,
@@ -71,6 +84,7 @@ RUNTIME: Final[dict[str, Any]] = {
     "is_ground": is_ground,
     "join": join,
     "make_list": make_list,
+    "open_bare": open_bare,
     "open_list": open_list,
     "open_structure": open_structure,
     "order": order,
@@ -90,6 +104,7 @@ RUNTIME: Final[dict[str, Any]] = {
     "test_event": test_event,
     "test_failed": test_failed,
     "test_term": test_term,
+    "too_much_work": too_much_work,
     "undo": undo,
     "unify": unify,
     "univ": univ,

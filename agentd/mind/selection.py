@@ -6,34 +6,30 @@ from typing import TYPE_CHECKING, Any
 
 from agentd.language.sources import SELF
 from agentd.language.terms import LargeLists, Literal
-from agentd.mind import failure
-from agentd.mind.communication import communication_error
+from agentd.mind import failure, goal_states
 from agentd.mind.execution import condition_holds, end_frames
 from agentd.mind.failed import Failed
 from agentd.mind.failure_facts import context_failed, facts_of
-from agentd.mind.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Frame
+from agentd.mind.frames import MARK, PLAN, RELEVANT, STEP, Frame
 from agentd.mind.goal_conditions import watch
-from agentd.mind.goal_states import raise_state
 from agentd.mind.holding import held_all
-from agentd.mind.intentions import Intention
-from agentd.mind.messages import handle_event
+from agentd.mind.intentions import Event, Intention
+from agentd.mind.messages import failed_event, handle_event
 from agentd.mind.plans import Plan
 from agentd.mind.reports import unhandled_report
 from agentd.mind.resolving import resolve_all
 from agentd.mind.unifier import undo
 from agentd.mind.waiting import hear, resume_waiting
+from agentd.mind.work import MOST_STEPS
 
 if TYPE_CHECKING:
     from agentd.mind.mind import Mind
-
-Event = tuple[Any, tuple[Any, ...], tuple[Any, ...], Intention | None]
-"""The `Relevant` plans, arguments and annotations of an event, and the intention that waits for it (or None)."""
 
 
 def take_event(mind: Mind, event: Event) -> bool:
     """Find the plan for an event and put it on its intention. False: nothing happened, take the next event."""
     relevant, args, annots, intention = event
-    library = mind.plans
+    library, mind.steps_left = mind.plans, MOST_STEPS
     trail: list[Any] = [] if intention is None else intention.trail
     mark = len(trail) if trail else 0
     frame = plan = None
@@ -87,6 +83,7 @@ def take_event_recorded(mind: Mind, event: Event) -> bool:
     """
     relevant, args, annots, intention = event
     library, recorder = mind.plans, mind.recorder
+    mind.steps_left = MOST_STEPS
     assert recorder is not None
     if recorder.large_lists != LargeLists.made:
         recorder.let_go()
@@ -189,8 +186,8 @@ def _take_place(intention: Intention, frame: Frame) -> None:
 def _entered(mind: Mind, intention: Intention, frame: Frame) -> None:
     """A plan that needs more than a frame is about to begin."""
     plan: Plan = frame[PLAN]
-    if mind.plans.has_meta and frame[RELEVANT].operator == "+" and frame[RELEVANT].goal:
-        raise_state(mind, frame[RELEVANT], frame[ARGS], frame[ANNOTS], "executing")
+    if mind.plans.has_meta:
+        goal_states.begun(mind, frame)
     if plan.atomic:
         mind.atomic = intention
     if plan.condition is not None:
@@ -213,7 +210,7 @@ def _no_plan(
     if relevant.sig is mind.plans.kqml.sig and relevant.goal == "!":
         return _built_in(mind, relevant, args, annots, intention)
     if relevant.operator == "+":
-        failure.goal_failed(mind, relevant, args, annots, intention)
+        failure.goal_failed(mind, (relevant, args, annots, intention))
         return True
     event = f"{relevant.text}{Literal(relevant.sig, resolve_all(args))}"
     mind.effects.append(unhandled_report(mind, (relevant, args, annots, intention)))
@@ -230,7 +227,7 @@ def _built_in(mind: Mind, relevant: Any, args: Any, annots: Any, intention: Inte
     if relevant.operator == "+":
         handle_event(mind, args, intention)
         return True
-    communication_error(mind, *facts_of(annots))
+    failed_event(mind, args, *facts_of(annots))
     if intention is not None:
         resume_waiting(mind, intention)
     return True

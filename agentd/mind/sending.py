@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from agentd.language.order import sorted_annots
-from agentd.language.sources import SOURCE_SELF, is_source, source
-from agentd.language.terms import FALSE, Literal, atom
+from agentd.language.sources import SOURCE_SELF
+from agentd.language.terms import FALSE, Literal
+from agentd.mind.annotations import nested_source
 from agentd.mind.effects import Log, SendMail
 from agentd.mind.failed import Failed
 from agentd.mind.inputs import Mail
@@ -46,13 +46,11 @@ def reply(mind: Mind, mail: Mail, content: Any) -> None:
         mind.effects.append(Log("warning", f"the question of {mail.sender} gets no answer: {failed}"))
 
 
-def answer_text(mind: Mind, literal: Any) -> Any:
-    """A belief as an answer: source(self) becomes the name of this agent."""
-    literal = Copier(fresh=True).copy(literal)
-    if type(literal) is not Literal:
-        return literal
-    me = source(atom(mind.name))
-    annots = tuple(me if a == SOURCE_SELF else a for a in literal.annots)
-    if not any(map(is_source, annots)):
-        annots = (*annots, me)
-    return Literal(literal.sig, literal.args, sorted_annots(annots))
+def answer_of(mind: Mind, mail: Mail, found: Any) -> Any:
+    """What a question found, as its answer: a synchronous one names its source, others get it as what is told does."""
+    answer = Copier(fresh=True).copy(found)
+    if type(answer) is not Literal:
+        return answer
+    if mail.msg_id.startswith("sync"):
+        return answer.with_annots(nested_source(answer.annots, mind.name))
+    return answer.with_annots(tuple(a for a in answer.annots if a != SOURCE_SELF))

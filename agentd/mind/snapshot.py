@@ -109,7 +109,7 @@ def views_of_beliefs(mind: Any) -> list[BeliefView]:
 
 
 def views_of_events(mind: Any, most: int) -> list[EventView]:
-    return [_event_view(event) for event in islice(mind.events, most)]
+    return [_event_view(event) for event in islice(mind.all_events(), most)]
 
 
 def _event_view(event: Any) -> EventView:

@@ -8,16 +8,20 @@ from typing import Any
 from agentd.language.signatures import signature
 from agentd.language.terms import Expression, Literal, Open, deref
 from agentd.mind.relations import relation_holds
-from agentd.mind.resolving import resolve
+from agentd.mind.resolving import closed, resolve
 from agentd.mind.unifier import Trail, subsets, undo, unify
+from agentd.mind.work import work
 
 
 def solve(mind: Any, formula: Any, trail: Trail) -> Iterator[None]:
     """One solution after another of a formula; bindings are undone between them and kept at the last yield."""
     formula = deref(formula)
     mark = len(trail)
+    work(mind, 1)
     if mind.asked is not None:
         mind.asked.work()
+    if type(formula) is Open:
+        formula = closed(formula)
     if type(formula) is Literal:
         yield from _literal(mind, formula, trail)
     elif type(formula) is Open and formula.literal is not None:

@@ -235,6 +235,12 @@ def open_structure(term: Any, sig: Any, trail: Trail) -> Any:
     return None
 
 
+def open_bare(term: Any, sig: Any, trail: Trail) -> Any:
+    """`open_structure` of a term that shall have no annotations."""
+    term = value(term)
+    return None if type(term) is Literal and term.annots else open_structure(term, sig, trail)
+
+
 def open_list(term: Any, trail: Trail) -> Any:
     """Head and tail of a term that shall be a non-empty list, else None. A free variable becomes such a list."""
     term = deref(term)

@@ -12,19 +12,23 @@ from agentd.mind.code_terms import trigger_literal
 from agentd.mind.execution import end_frames
 from agentd.mind.failed import Failed, as_failed, wrong_arguments
 from agentd.mind.frames import Frame
+from agentd.mind.goal_states import of_goals
 from agentd.mind.intentions import Intention
 from agentd.mind.timers import Timer
 from agentd.mind.unifier import undo, unify
+from agentd.mind.work import MOST_STEPS
 
 
 def resume_waiting(mind: Any, intention: Intention) -> None:
     """What an intention waited for has come: it goes on, or stays suspended."""
     mind.waiting.pop(intention.id, None)
-    intention.waiting = None
+    waited, intention.waiting = intention.waiting, None
     intention.action = None
     if intention.suspended is not None:
         mind.suspended[intention.id] = intention
         return
+    if waited is not None and mind.plans.has_meta:
+        of_goals(mind, intention, "executing")
     end_frames(mind, intention)
     if intention.stack and intention.waiting is None:
         mind.running.append(intention)
@@ -160,6 +164,7 @@ def check_conditions(mind: Any) -> None:
             continue
         trail = wait.intention.trail
         mark = len(trail)
+        mind.steps_left = MOST_STEPS
         try:
             holds = wait.check(mind, wait.intention, wait.frame)
         except Exception as error:  # as in a step: the formula fails, the mind goes on

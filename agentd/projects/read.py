@@ -157,17 +157,20 @@ def _same_names(project: Project) -> Iterator[Finding]:
 
 
 def _source_folders(project: Project, paths: SourcePaths, home: Path, warnings: list[Finding]) -> Iterator[Path]:
-    """The folders of the source path that are there; the others are warned of."""
+    """The folders of the source path that are there, from the project's folder and, as in Jason, the working folder.
+
+    The others are warned of.
+    """
     for path in project.source_paths:
         try:
-            folder = paths.expand(path.text) if path.text.startswith("$") else home / path.text
+            named = paths.expand(path.text)
         except FileNotFoundError as error:
             warnings.append(_finding(path.position, f"aslSourcePath: {error.strerror}", warning=True))
             continue
-        if folder.is_dir():
-            yield folder
-        else:
-            warnings.append(_finding(path.position, f"aslSourcePath: there is no folder {folder}", warning=True))
+        folders = [folder for folder in dict.fromkeys((home / named, named)) if folder.is_dir()]
+        yield from folders
+        if not folders:
+            warnings.append(_finding(path.position, f"aslSourcePath: there is no folder {home / named}", warning=True))
 
 
 # --- Java ---

@@ -7,9 +7,9 @@ from typing import Any
 
 from agentd.language import syntax
 from agentd.language.instantiate import instantiate
-from agentd.language.terms import Code, Literal, Var, atom, deref, make_list
+from agentd.language.terms import Code, Literal, Open, Var, atom, deref, make_list
 from agentd.mind.annotations import with_source
-from agentd.mind.beliefs import RuleClause
+from agentd.mind.beliefs import Predicate, RuleClause
 from agentd.mind.changes import believe, raise_event
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.percepts import forget
@@ -21,21 +21,31 @@ from agentd.stdlib.registry import internal_action
 
 @internal_action(".abolish", 1)
 def abolish(mind: Any, trail: Trail, pattern: Any) -> bool:
-    """``.abolish(B)``: removes every belief that unifies, from any source, with a deletion event each."""
+    """``.abolish(B)``: removes every belief that unifies, from any source, with a deletion event each.
+
+    ``.abolish(_[source(ann)])``: every belief with that annotation, whatever its name. The events have no annotations.
+    """
     pattern = deref(pattern)
-    if type(pattern) is not Literal:
-        wrong_arguments(".abolish takes a belief")
-    predicate = mind.beliefs.predicate(pattern.sig)
-    relevant = mind.plans.relevant("-", "", pattern.sig)
-    for fact in predicate.candidates(pattern.args):
+    if type(pattern) is Literal:
+        _abolish(mind, trail, pattern, mind.beliefs.predicate(pattern.sig))
+    elif type(pattern) is Open and pattern.annots:
+        for predicate in list(mind.beliefs.predicates()):
+            _abolish(mind, trail, pattern, predicate)
+    else:
+        wrong_arguments(".abolish takes a belief, or a variable with annotations")
+    return True
+
+
+def _abolish(mind: Any, trail: Trail, pattern: Any, predicate: Predicate) -> None:
+    """Remove the facts of a predicate that unify with a belief, or with a variable that has annotations."""
+    for fact in predicate.candidates(pattern.args) if type(pattern) is Literal else predicate.facts():
         mark = len(trail)
         if unify(pattern, fact, trail):
             predicate.remove(fact)
             mind.changes += 1
-            forget(mind, pattern.sig, fact.args)
-            raise_event(mind, None, relevant, fact.args, fact.annots)
+            forget(mind, predicate.sig, fact.args)
+            raise_event(mind, None, mind.plans.relevant("-", "", predicate.sig), fact.args, ())
         undo(trail, mark)
-    return True
 
 
 def _assert(mind: Any, term: Any, last: bool) -> bool:

@@ -6,19 +6,21 @@ from collections.abc import Iterator
 from typing import Any
 
 from agentd.language.signatures import signature
-from agentd.language.terms import Literal, deref
+from agentd.language.terms import Literal, Var, atom, deref
 from agentd.mind import dropping
 from agentd.mind.dropping import drop
 from agentd.mind.failed import wrong_arguments
 from agentd.mind.frames import PLAN
-from agentd.mind.goal_states import of_goals
+from agentd.mind.goal_states import dropped, of_goals
 from agentd.mind.intention_terms import reason_of, stack_of, state_of
+from agentd.mind.intentions import Event, Intention
 from agentd.mind.taken import intention_in_hand
 from agentd.mind.unifier import Trail, undo, unify
 from agentd.mind.waiting import resume_waiting
 from agentd.stdlib.registry import internal_action
 
 _INTENTION = signature("intention", 2)
+_SUSPENDED = atom("suspend_ia")
 
 
 def _goal(term: Any) -> Literal:
@@ -26,6 +28,11 @@ def _goal(term: Any) -> Literal:
     if type(term) is not Literal:
         wrong_arguments("a goal is needed")
     return term
+
+
+def _any_goal(term: Any) -> Any:
+    """A goal, or a free variable for each."""
+    return term if type(deref(term)) is Var else _goal(term)
 
 
 def _each(found: Iterator[Any], number: Any, trail: Trail) -> Iterator[None]:
@@ -42,13 +49,13 @@ def _each(found: Iterator[Any], number: Any, trail: Trail) -> Iterator[None]:
 @internal_action(".desire", (1, 2), backtracks=True)
 def desire(mind: Any, trail: Trail, goal: Any, number: Any = None) -> Iterator[None]:
     """``.desire(G[, Id])``: G is pursued, or its event still waits; each time, with the number of its intention."""
-    yield from _each(dropping.desired(mind, _goal(goal), trail), number, trail)
+    yield from _each(dropping.desired(mind, _any_goal(goal), trail), number, trail)
 
 
 @internal_action(".intend", (1, 2), backtracks=True)
 def intend(mind: Any, trail: Trail, goal: Any, number: Any = None) -> Iterator[None]:
     """``.intend(G[, Id])``: some intention has a plan for G; each of them, with its number."""
-    yield from _each(dropping.intended(mind, _goal(goal), trail), number, trail)
+    yield from _each(dropping.intended(mind, _any_goal(goal), trail), number, trail)
 
 
 def _own_end(mind: Any, own: bool) -> bool | None:
@@ -63,7 +70,7 @@ def drop_intention(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
     ``.drop_intention``: the own one.
     """
     if goal is None:
-        of_goals(mind, mind.current, "dropped", "finished")
+        dropped(mind, mind.current)
         drop(mind, mind.current)
         return True
     return _own_end(mind, dropping.drop_intention(mind, _goal(goal), trail))
@@ -93,7 +100,7 @@ def drop_all_intentions(mind: Any, trail: Trail) -> bool:
 @internal_action(".drop_all_events", 0)
 def drop_all_events(mind: Any, trail: Trail) -> bool:
     """``.drop_all_events``: all that wait, also those of ``.at``."""
-    mind.events.clear()
+    dropping.take_out(mind, mind.all_events())
     for timer in mind.future_events:
         timer.cancelled = True
     mind.future_events.clear()
@@ -118,6 +125,9 @@ def _end(mind: Any, goal: Any, trail: Trail, succeeded: bool) -> bool | None:
         if place is not None:
             own |= intention is mind.current
             dropping.end_goal(mind, intention, place, succeeded)
+    for event in mind.all_events():
+        if dropping.asked_for(pattern, event, trail):
+            dropping.end_event(mind, event, succeeded)
     return _own_end(mind, own)
 
 
@@ -179,62 +189,83 @@ def done(mind: Any, trail: Trail) -> bool | None:
 
 @internal_action(".suspend", (0, 1), suspends=True)
 def suspend(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
-    """``.suspend``, ``.suspend(G)``: the own intention, or those with G, stop until ``.resume``."""
+    """``.suspend``, ``.suspend(G)``: the own intention, or those with G, stop until ``.resume``.
+
+    A goal that has no plan yet begins at ``.resume``. A variable in G takes the value of the first goal found.
+    """
     if goal is None:
         if mind.atomic is mind.current:
             mind.atomic = None  # or nobody could ever resume it
-        mind.current.suspended = "suspended"
-        of_goals(mind, mind.current, "suspended")
-        mind.suspended[mind.current.id] = mind.current
+        _halt(mind, mind.current, None)
         return True
     pattern, own = _goal(goal), False
+    queued = {event[3].id: event for event in mind.events if event[3] is not None}
     for intention in mind.all_intentions():
-        if not _has_goal(mind, intention, pattern, trail) or intention.suspended is not None:
-            continue
-        intention.suspended = "suspended"
-        of_goals(mind, intention, "suspended")
-        own |= intention is mind.current
-        if intention in mind.running:
-            mind.running.remove(intention)
-            mind.suspended[intention.id] = intention
-        elif intention is mind.current:
-            mind.suspended[intention.id] = intention
+        event = queued.get(intention.id)
+        if intention.suspended is None and dropping.pursues(intention, event, pattern, trail):
+            _halt(mind, intention, event)
+            own |= intention is mind.current
+    for event in list(mind.events):  # the states of the goals come as events, too
+        if event[3] is None and dropping.fits(pattern, dropping.goal_of(event), trail):
+            _halt(mind, mind.new_intention(), event)
+    held = {id(intention.held) for intention in mind.suspended.values()}
+    dropping.keep_events(mind, [event for event in mind.events if id(event) not in held])
     return _own_end(mind, own)
 
 
-def _has_goal(mind: Any, intention: Any, goal: Literal, trail: Trail) -> bool:
-    """Whether an intention has a plan for a goal, or waits for one; nothing is bound."""
-    mark = len(trail)
-    found = dropping.find_goal(intention, goal, trail) is not None or any(
-        waiting is intention and relevant.goal == "!" and unify(goal, Literal(relevant.sig, args, annots), trail)
-        for relevant, args, annots, waiting in mind.events
-    )
-    undo(trail, mark)
-    return found
+def _halt(mind: Any, intention: Intention, event: Event | None) -> None:
+    """Suspend an intention, with the event of the goal that it waits for or is to begin with."""
+    intention.suspended, intention.held = "suspended", event
+    of_goals(mind, intention, "suspended", _SUSPENDED)
+    if intention in mind.running:
+        mind.running.remove(intention)
+    if intention.waiting is None:
+        mind.suspended[intention.id] = intention
 
 
 @internal_action(".resume", 1)
 def resume(mind: Any, trail: Trail, goal: Any) -> bool:
-    """``.resume(G)``: suspended intentions with G go on; a wait that ended meanwhile counts as ended."""
+    """``.resume(G)``: suspended intentions with G go on; a wait that ended meanwhile counts as ended.
+
+    A variable in G takes the value of the first goal found, so that goals of other values stay suspended.
+    """
     pattern = _goal(goal)
     for intention in mind.all_intentions():
-        if intention.suspended is not None and _has_goal(mind, intention, pattern, trail):
-            intention.suspended = None
-            if mind.atomic is None and any(frame[PLAN].atomic for frame in intention.stack):
-                mind.atomic = intention
-            of_goals(mind, intention, "resumed")
-            if mind.suspended.pop(intention.id, None) is not None:
-                resume_waiting(mind, intention)
+        if intention.suspended is not None and dropping.pursues(intention, intention.held, pattern, trail):
+            _release(mind, intention)
     return True
+
+
+def _release(mind: Any, intention: Intention) -> None:
+    """Let a suspended intention go on, or go on waiting."""
+    of_goals(mind, intention, "resumed")
+    event, intention.suspended, intention.held = intention.held, None, None
+    if mind.atomic is None and any(frame[PLAN].atomic for frame in intention.stack):
+        mind.atomic = intention
+    of_goals(mind, intention, "executing")
+    if mind.suspended.pop(intention.id, None) is None:
+        of_goals(mind, intention, "waiting", reason_of(mind, intention))
+    elif event is not None:
+        mind.events.append(event)
+    else:
+        resume_waiting(mind, intention)
 
 
 @internal_action(".suspended", 2, backtracks=True)
 def suspended(mind: Any, trail: Trail, goal: Any, reason: Any) -> Iterator[None]:
-    """``.suspended(G, R)``: the intentions with G that do not run, and why."""
+    """``.suspended(G, R)``: the intentions with G that do not run, and why.
+
+    R is ``wait(What)``, ``waiting_ask``, ``act`` or the like for one that waits, also if it was suspended then; else
+    ``suspend_ia``.
+    """
     pattern = _goal(goal)
     mark = len(trail)
     for intention in mind.all_intentions():
         why = reason_of(mind, intention)
-        if why is not None and dropping.find_goal(intention, pattern, trail) is not None and unify(reason, why, trail):
+        if (
+            why is not None
+            and dropping.pursues(intention, intention.held, pattern, trail)
+            and unify(reason, why, trail)
+        ):
             yield None
         undo(trail, mark)

@@ -13,15 +13,19 @@ from agentd.language.terms import (
     List,
     Var,
     deref,
-    elements,
     make_list,
     proper,
+    spans,
 )
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.resolving import resolve
 from agentd.mind.unifier import Trail, undo, unify
+from agentd.mind.work import work
 from agentd.stdlib.java_regex import replace_all
 from agentd.stdlib.registry import internal_action
+
+_COUNTED = 1024
+"""So many numbers of a `.range` are counted together."""
 
 
 def members_of(term: Any, what: str) -> list[Any]:
@@ -32,7 +36,7 @@ def members_of(term: Any, what: str) -> list[Any]:
     return found
 
 
-@internal_action(".member", 2, backtracks=True)
+@internal_action(".member", 2, backtracks=True, counts=True)
 def member(mind: Any, trail: Trail, item: Any, collection: Any) -> Iterator[None]:
     """``.member(X, C)``: each member of a list, set or queue that unifies.
 
@@ -41,17 +45,19 @@ def member(mind: Any, trail: Trail, item: Any, collection: Any) -> Iterator[None
     """
     collection = deref(collection)
     if type(collection) is Collection and collection.kind != "map":
-        members: Any = list(collection.content)
+        parts: Any = (list(collection.content),)
     elif type(collection) is List:
-        members = elements(collection)
+        parts = (span.items[span.at :] if span.at else span.items for span in spans(collection))
     else:
         wrong_arguments(".member takes a list, set or queue")
     mark = len(trail)
-    for element in members:
-        if unify(item, element, trail):
-            yield None
-        if len(trail) > mark:
-            undo(trail, mark)
+    for part in parts:
+        work(mind, len(part))
+        for element in part:
+            if unify(item, element, trail):
+                yield None
+            if len(trail) > mark:
+                undo(trail, mark)
 
 
 @internal_action(".nth", 3, backtracks=True)
@@ -189,38 +195,39 @@ def difference(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> b
     return unify(result, make_list([x for x in a if not is_in(b, x)]), trail)
 
 
-def _parts(what: str, pattern: Any, whole: Any, cuts: Any, trail: Trail) -> Iterator[None]:
+def _parts(mind: Any, what: str, pattern: Any, whole: Any, cuts: Any, trail: Trail) -> Iterator[None]:
     whole, wanted = deref(whole), deref(pattern)
     members: Any = whole if type(whole) is str else members_of(whole, what)
     if type(wanted) is not Var and type(wanted) is not type(whole):
         wrong_arguments(f"both arguments of {what} are lists, or both strings")
     mark = len(trail)
     for start, end in cuts(len(members)):
+        work(mind, end - start + 1)
         part = members[start:end]
         if unify(pattern, part if type(part) is str else make_list(part), trail):
             yield None
         undo(trail, mark)
 
 
-@internal_action(".prefix", 2, backtracks=True)
+@internal_action(".prefix", 2, backtracks=True, counts=True)
 def prefix(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
     """``.prefix(P, ListOrString)``: each beginning that unifies, the longest first.
 
     ?- .prefix(P, [a,b]) gives P = [a,b]; P = [a]; P = []
     """
-    yield from _parts(".prefix", pattern, whole, lambda n: ((0, end) for end in range(n, -1, -1)), trail)
+    yield from _parts(mind, ".prefix", pattern, whole, lambda n: ((0, end) for end in range(n, -1, -1)), trail)
 
 
-@internal_action(".suffix", 2, backtracks=True)
+@internal_action(".suffix", 2, backtracks=True, counts=True)
 def suffix(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
     """``.suffix(S, ListOrString)``: each end that unifies, the longest first.
 
     ?- .suffix(S, [a,b]) gives S = [a,b]; S = [b]; S = []
     """
-    yield from _parts(".suffix", pattern, whole, lambda n: ((start, n) for start in range(n + 1)), trail)
+    yield from _parts(mind, ".suffix", pattern, whole, lambda n: ((start, n) for start in range(n + 1)), trail)
 
 
-@internal_action(".sublist", 2, backtracks=True)
+@internal_action(".sublist", 2, backtracks=True, counts=True)
 def sublist(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
     """``.sublist(S, ListOrString)``: each part that unifies.
 
@@ -233,10 +240,10 @@ def sublist(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]
                 yield start, end
         yield 0, 0
 
-    yield from _parts(".sublist", pattern, whole, cuts, trail)
+    yield from _parts(mind, ".sublist", pattern, whole, cuts, trail)
 
 
-@internal_action(".range", (3, 4), backtracks=True)
+@internal_action(".range", (3, 4), backtracks=True, counts=True)
 def number_range(mind: Any, trail: Trail, item: Any, first: Any, last: Any, step: Any = 1.0) -> Iterator[None]:
     """``.range(X, From, To[, Step])``: both ends included; with X bound, a test.
 
@@ -257,9 +264,16 @@ def number_range(mind: Any, trail: Trail, item: Any, first: Any, last: Any, step
     if pace == 0:
         raise Failed("unknown", "a .range in steps of 0 has no end")
     mark = len(trail)
-    at = start
-    while at <= end if pace > 0 else at >= end:
-        if unify(given, float(at), trail):
-            yield None
-        undo(trail, mark)
-        at += pace
+    numbers = range(start, end + (1 if pace > 0 else -1), pace)
+    for begin in range(0, _length(numbers), _COUNTED):
+        some = numbers[begin : begin + _COUNTED]
+        work(mind, len(some))
+        for at in some:
+            if unify(given, float(at), trail):
+                yield None
+            undo(trail, mark)
+
+
+def _length(numbers: range) -> int:
+    """The length of a range, which `len` does not tell of a very long one."""
+    return max(0, (numbers.stop - numbers.start + numbers.step - (1 if numbers.step > 0 else -1)) // numbers.step)

@@ -40,6 +40,11 @@ def _receivers(to: Any) -> list[str]:
     return [name_of(member) for member in proper(to) or []] if type(to) is List else [name_of(to)]
 
 
+def _asked(mind: Any, to: Any) -> list[str]:
+    """The names of those whose answers are waited for: the agent itself goes by its own."""
+    return [mind.name if name == "self" else name for name in _receivers(to)]
+
+
 @internal_action(".send", 3, suspends=True, names=2)
 def send_message(mind: Any, trail: Trail, to: Any, performative: Any, content: Any) -> None:
     """``.send(To, Performative, Content)``: a message to an agent, or to each of a list of them.
@@ -65,11 +70,11 @@ def send_and_wait(
     (``askOne``, ``askAll``, ``askIf``, ``askHow``); to a list of agents, for the list of their answers.
     """
     to = deref(to)
-    force, content, receivers = name_of(performative), detached(content), _receivers(to)
+    force, content = name_of(performative), detached(content)
     if force in _ASKS:
-        return _ask(mind, receivers, type(to) is List, force, content, (answer, limit))
+        return _ask(mind, _asked(mind, to), type(to) is List, force, content, (answer, limit))
     reply_to = deref(answer)
-    for receiver in receivers:
+    for receiver in _receivers(to):
         send(mind, _present(mind, receiver), force, content, reply_to if type(reply_to) is str else "")
     return None
 

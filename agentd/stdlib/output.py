@@ -12,7 +12,7 @@ from agentd.mind.beliefs import RuleClause
 from agentd.mind.effects import Log, Print
 from agentd.mind.failed import Failed, wrong_arguments
 from agentd.mind.intentions import values_of
-from agentd.mind.plan_terms import plans_for, read_trigger, term_of
+from agentd.mind.plan_terms import plans_for, read_trigger, shown_term
 from agentd.mind.resolving import resolve
 from agentd.mind.unifier import Trail, unify
 from agentd.stdlib.registry import internal_action
@@ -106,7 +106,7 @@ def list_plans(mind: Any, trail: Trail, trigger: Any = None) -> bool:
     """``.list_plans[(Trigger)]``: the plan library, or the plans for an event, as source text."""
     plans = list(mind.plans) if trigger is None else plans_for(mind, read_trigger(trigger))
     for plan in plans:
-        term = term_of(plan)
+        term = shown_term(plan)
         mind.effects.append(_line(mind, f"{code_text(Code(term.syntax, term.values, bare=True))}."))
     return True
 

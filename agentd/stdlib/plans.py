@@ -7,7 +7,7 @@ from typing import Any
 
 from agentd.language import syntax
 from agentd.language.sources import SELF
-from agentd.language.terms import Code, Literal, Var, deref, make_list
+from agentd.language.terms import Code, Literal, Var, atom, deref, make_list
 from agentd.mind.annotations import with_source
 from agentd.mind.code_terms import parts_of, trigger_literal
 from agentd.mind.failed import Failed
@@ -26,16 +26,16 @@ from agentd.mind.unifier import Trail, undo, unify
 from agentd.mind.waiting import hear
 from agentd.stdlib.registry import internal_action
 
-_MYSELF = SELF[0].args[0]
+_MYSELF, _BEGIN = SELF[0].args[0], atom("begin")
 
 
 @internal_action(".add_plan", (1, 3))
 def add_plan(mind: Any, trail: Trail, plans: Any, source: Any = _MYSELF, place: Any = None) -> bool:
     """``.add_plan(P[, Source[, begin]])``: a plan in braces, its text, or a list of both.
 
-    With ``begin`` it comes before all others.
+    With the atom ``begin`` it comes before all others, with any other third argument after them.
     """
-    add_plans(mind, plans, resolve(source), first=place is not None)
+    add_plans(mind, plans, resolve(source), first=place is not None and resolve(place) == _BEGIN)
     return True
 
 

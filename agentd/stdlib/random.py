@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from random import Random
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from agentd.language.numbers import java_int
 from agentd.language.terms import List, Var, deref, make_list
@@ -11,6 +12,39 @@ from agentd.mind.failed import wrong_arguments
 from agentd.mind.unifier import Trail, undo, unify
 from agentd.stdlib.lists import members_of
 from agentd.stdlib.registry import internal_action
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsLenAndGetItem
+
+_T = TypeVar("_T")
+_MULTIPLIER: Final = 0x5DEECE66D
+_MASK: Final = (1 << 48) - 1
+
+
+class JavaRandom(Random):
+    """The numbers of ``java.util.Random``: a linear congruential generator of 48 bits, as its documentation says."""
+
+    def __init__(self, seed: int) -> None:
+        super().__init__()
+        self._state = (seed ^ _MULTIPLIER) & _MASK
+
+    def _next(self, bits: int) -> int:
+        self._state = (self._state * _MULTIPLIER + 0xB) & _MASK
+        return self._state >> (48 - bits)
+
+    def random(self) -> float:
+        """The next number from 0 to 1, as ``nextDouble``."""
+        return ((self._next(26) << 27) + self._next(27)) / (1 << 53)
+
+    def choice(self, seq: SupportsLenAndGetItem[_T]) -> _T:
+        """A member, by ``nextInt(bound)``."""
+        bound = len(seq)
+        if bound & (bound - 1) == 0:
+            return seq[(bound * self._next(31)) >> 31]
+        while True:
+            bits = self._next(31)
+            if bits - bits % bound + bound - 1 < 1 << 31:
+                return seq[bits % bound]
 
 
 @internal_action(".shuffle", 2)
@@ -60,12 +94,12 @@ def _times(term: Any) -> int:
 
 @internal_action(".set_random_seed", 1)
 def set_random_seed(mind: Any, trail: Trail, seed: Any) -> bool:
-    """``.set_random_seed(N)``: the random numbers of this agent begin anew.
+    """``.set_random_seed(N)``: the random numbers of this agent are from now on those of Java's generator for a seed.
 
-    Each agent has its own, seeded by the run.
+    Until then each agent has numbers of its own, seeded by the run.
     """
     number = deref(seed)
     if type(number) is not float:
         wrong_arguments("a random seed is a number")
-    mind.random.seed(java_int(number))
+    mind.random = JavaRandom(java_int(number))
     return True

@@ -18,12 +18,13 @@ from typing import Any, Final
 from agentd.language.numbers import UndefinedNumber
 from agentd.language.spelling import near
 from agentd.mind.failed import Failed
+from agentd.mind.work import TooMuchWork, work
 
 
 class InternalAction:
     """A registered internal action."""
 
-    __slots__ = ("_guarded", "arities", "backtracks", "function", "name", "names", "suspends")
+    __slots__ = ("_guarded", "arities", "backtracks", "counts", "function", "name", "names", "suspends")
 
     def __init__(
         self,
@@ -33,11 +34,14 @@ class InternalAction:
         backtracks: bool = False,
         suspends: bool = False,
         names: int = 0,
+        counts: bool = False,
     ) -> None:
         self.name, self.arities, self.function = name, arities, function
         self.backtracks, self.suspends = backtracks, suspends
         self.names = names
         """So many arguments at the beginning may be atoms or strings alike: an atom in the program comes as a str."""
+        self.counts = counts
+        """It counts its work itself (`agentd.mind.work`); of others each solution is a step."""
         self._guarded: Callable[..., Any] | None = None
 
     def guarded(self) -> Callable[..., Any]:
@@ -45,7 +49,9 @@ class InternalAction:
         if self._guarded is None and self.suspends:
             self._guarded = _guard_test(self._refuse_to_wait)
         elif self._guarded is None:
-            self._guarded = _guard_generator(self.function) if self.backtracks else _guard_test(self.function)
+            self._guarded = (
+                _guard_generator(self.function, self.counts) if self.backtracks else _guard_test(self.function)
+            )
         return self._guarded
 
     def _refuse_to_wait(self, mind: Any, trail: Any, *args: Any) -> bool:
@@ -57,6 +63,8 @@ def _guard_test(function: Callable[..., Any]) -> Callable[..., bool]:
     def guarded(mind: Any, trail: Any, *args: Any) -> bool:
         try:
             return bool(function(mind, trail, *args))
+        except TooMuchWork:
+            raise
         except (Failed, UndefinedNumber):
             return False
         except RecursionError:
@@ -68,10 +76,17 @@ def _guard_test(function: Callable[..., Any]) -> Callable[..., bool]:
     return guarded
 
 
-def _guard_generator(function: Callable[..., Any]) -> Callable[..., Iterator[Any]]:
+def _guard_generator(function: Callable[..., Any], counts: bool) -> Callable[..., Iterator[Any]]:
     def guarded(mind: Any, trail: Any, *args: Any) -> Iterator[Any]:
         try:
-            yield from function(mind, trail, *args)
+            if counts:
+                yield from function(mind, trail, *args)
+                return
+            for _ in function(mind, trail, *args):
+                work(mind, 1)
+                yield
+        except TooMuchWork:
+            raise
         except (Failed, UndefinedNumber):
             return
         except RecursionError:
@@ -107,10 +122,12 @@ def internal_action(
     backtracks: bool = False,
     suspends: bool = False,
     names: int = 0,
+    counts: bool = False,
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Register an internal action: ``arities`` is one number, or the least and the greatest (None: any number).
 
-    The first ``names`` arguments are names: one that the program writes as an atom comes as a str.
+    The first ``names`` arguments are names: one that the program writes as an atom comes as a str. With ``counts`` it
+    counts its work itself; of others that backtrack each solution is a step.
     """
     if isinstance(arities, int):
         allowed = range(arities, arities + 1)
@@ -119,7 +136,9 @@ def internal_action(
         allowed = range(least, _MANY if most is None else most + 1)
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:
-        ACTIONS.setdefault(name, []).append(InternalAction(name, allowed, function, backtracks, suspends, names))
+        ACTIONS.setdefault(name, []).append(
+            InternalAction(name, allowed, function, backtracks, suspends, names, counts)
+        )
         return function
 
     return register

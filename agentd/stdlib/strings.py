@@ -17,6 +17,11 @@ from agentd.mind.unifier import Trail, undo, unify
 from agentd.stdlib.java_regex import replace_all
 from agentd.stdlib.registry import function, internal_action
 
+MOST_CHARACTERS = 16_000_000
+"""Characters of one text that ``.concat`` makes; a message may have a million bytes."""
+MOST_MEMBERS = 1_000_000
+"""Members of one list that ``.concat`` makes."""
+
 
 def plain_text(term: Any) -> str:
     """The text of a term without the quotes of a string or quoted atom."""
@@ -27,6 +32,11 @@ def plain_text(term: Any) -> str:
     if type(term) is Literal and not term.args and written.startswith("'") and written.endswith("'"):
         return written[1:-1]
     return written
+
+
+def _bounded(size: int, most: int, what: str) -> None:
+    if size > most:
+        raise Failed("too_large", f".concat makes {size} {what}, expected at most {most}")
 
 
 @internal_action(".concat", (2, None))
@@ -45,10 +55,17 @@ def concat(mind: Any, trail: Trail, *args: Any) -> bool:
             if members is None:
                 wrong_arguments(".concat joins lists with lists only")
             joined.extend(members)
+            _bounded(len(joined), MOST_MEMBERS, "members")
         if type(result) is not List and type(result) is not Var:
             raise Failed("internal_action", "the last argument of .concat is neither a list nor a variable")
         return unify(result, make_list(joined), trail)
-    whole = "".join([plain_text(p) for p in parts])
+    texts: list[str] = []
+    size = 0
+    for part in parts:
+        texts.append(plain_text(part))
+        size += len(texts[-1])
+        _bounded(size, MOST_CHARACTERS, "characters")
+    whole = "".join(texts)
     if type(result) is Literal:
         return plain_text(result) == whole
     return unify(result, whole, trail)

@@ -98,13 +98,16 @@ def df_subscribe(mind: Any, trail: Trail, service: Any, kind: Any = None) -> boo
     return request(mind, "df_subscribe", (plain_text(service),))
 
 
-@internal_action(".list_files", 3, suspends=True)
-def list_files(mind: Any, trail: Trail, folder: Any, pattern: Any, found: Any) -> bool:
-    """``.list_files(Folder, Regex, List)``: the files below a folder whose path or name is of this form, as strings."""
-    where, form = deref(folder), deref(pattern)
+@internal_action(".list_files", (2, 3), suspends=True)
+def list_files(mind: Any, trail: Trail, folder: Any, *rest: Any) -> bool:
+    """``.list_files(Folder[, Regex], List)``: the files below a folder whose path or name is of this form, as strings.
+
+    ``[]`` if there is no such folder.
+    """
+    where, form = deref(folder), deref(rest[0]) if len(rest) == 2 else ".*"
     if type(where) is not str or type(form) is not str:
         wrong_arguments(".list_files takes the folder and the regular expression as strings")
-    return request(mind, "list_files", (where, form), found)
+    return request(mind, "list_files", (where, form), rest[-1])
 
 
 @internal_action(".save_agent", (1, 2), suspends=True)

@@ -35,7 +35,7 @@ def _is_atom(term: Any) -> bool:
 def _is_structure(mind: Any, term: Any) -> bool:
     if type(term) is Literal:
         return bool(term.args or term.annots or term.sig.negated) and not _is_number(mind, term)
-    return type(term) is List or _is_literal(mind, term)
+    return type(term) is List or type(term) is Code or _is_literal(mind, term)
 
 
 @internal_action(".atom", 1)
@@ -100,7 +100,7 @@ def is_literal(mind: Any, trail: Trail, term: Any) -> bool:
 
 @internal_action(".structure", 1)
 def is_structure(mind: Any, trail: Trail, term: Any) -> bool:
-    """``.structure(T)``: it has arguments or annotations, or is a list or negated.
+    """``.structure(T)``: it has arguments or annotations, or is negated, a list, or code in braces.
 
     ?- .structure(at(3)) holds
     ?- .structure(home) fails

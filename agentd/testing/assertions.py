@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+import operator
+import time
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from agentd.language import syntax
@@ -78,6 +82,47 @@ def close(mind: Any, trail: Trail, expected: Any, actual: Any, tolerance: Any) -
     return _assert(mind, held, f"{shown}, which is {_shown(distance)} away")
 
 
+@internal_action("agentd.test.same_members", 2)
+def same_members(mind: Any, trail: Trail, expected: Any, actual: Any) -> bool:
+    """Lists in which each member of one unifies with a member of the other."""
+    lists = [proper(deref(term)) for term in (expected, actual)]
+    shown = f"expected the members of {_shown(expected)}, got {_shown(actual)}"
+    if lists[0] is None or lists[1] is None:
+        return _assert(mind, False, f"{shown}: both must be lists")
+    first, second = list(lists[0]), list(lists[1])
+    held = all(_is_member(m, second, trail) for m in first) and all(_is_member(m, first, trail) for m in second)
+    return _assert(mind, held, shown)
+
+
+@internal_action("agentd.test.greater", 2)
+def greater(mind: Any, trail: Trail, number: Any, bound: Any) -> bool:
+    return _compare(mind, f"expected {_shown(number)} > {_shown(bound)}", (bound, number), operator.lt)
+
+
+@internal_action("agentd.test.at_least", 2)
+def at_least(mind: Any, trail: Trail, number: Any, bound: Any) -> bool:
+    return _compare(mind, f"expected {_shown(number)} >= {_shown(bound)}", (bound, number), operator.le)
+
+
+@internal_action("agentd.test.between", 3)
+def between(mind: Any, trail: Trail, number: Any, lowest: Any, highest: Any) -> bool:
+    shown = f"expected {_shown(lowest)} <= {_shown(number)} <= {_shown(highest)}"
+    return _compare(mind, shown, (lowest, number, highest), operator.le)
+
+
+def _compare(mind: Any, shown: str, terms: tuple[Any, ...], in_order: Callable[[float, float], bool]) -> bool:
+    values = [deref(term) for term in terms]
+    if any(type(value) is not float for value in values):
+        return _assert(mind, False, f"{shown}: only numbers have an order")
+    return _assert(mind, all(itertools.starmap(in_order, itertools.pairwise(values))), shown)
+
+
+@internal_action("agentd.test.clock", 1)
+def clock(mind: Any, trail: Trail, nanoseconds: Any) -> bool:
+    """Real time: that of the mind stands still while a test computes."""
+    return unify(nanoseconds, float(time.perf_counter_ns()), trail)
+
+
 @internal_action("agentd.test.holds", 1)
 def holds(mind: Any, trail: Trail, formula: Any) -> bool:
     return _assert(mind, _follows(mind, formula, trail), f"expected that {_shown(formula)} holds; it does not")
@@ -119,9 +164,14 @@ def _has(whole: Any, part: Any, trail: Trail) -> bool:
         members = list(elements(container))
     else:
         wrong_arguments("what contains something is a list, set, queue, map or string")
+    return _is_member(member, members, trail)
+
+
+def _is_member(term: Any, members: Iterable[Any], trail: Trail) -> bool:
+    """Whether a term unifies with one of the members; nothing is bound."""
     mark = len(trail)
     for each in members:
-        fits = unify(member, each, trail)
+        fits = unify(term, each, trail)
         undo(trail, mark)
         if fits:
             return True

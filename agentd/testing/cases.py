@@ -16,13 +16,15 @@ from agentd.language.printer import source_text
 from agentd.language.signatures import DEFAULT
 from agentd.paths import SourcePaths
 from agentd.testing.outcomes import Unread
+from schemas.files import read_bounded
 
 LIBRARY = Path(__file__).parent / "assertions.asl"
 """The plans that every test program gets."""
 _THE_GOAL = syntax.Structure("agentd_the_goal")
-_NOTHING = Path(__file__).parent / "of_jason.asl"
+OF_JASON = Path(__file__).parent / "of_jason.asl"
+"""What programs get that include Jason's own harness."""
 _HARNESS = frozenset({"tester_agent.asl", "test_assert.asl", "test_manager.asl"})
-"""The files of Jason's own harness, which `agentd test` takes the place of."""
+"""The files of Jason's own harness, which `agentd test` takes the place of; they stand in one folder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +44,27 @@ class TestPaths(SourcePaths):
 
     __test__ = False  # no test of pytest's
 
+    @classmethod
+    def of(cls, paths: SourcePaths) -> TestPaths:
+        """Look where other paths do."""
+        found = cls(paths.names, paths.folders, paths.project)
+        found.advice = paths.advice
+        return found
+
     def find(self, path: str, beside: str) -> str:
-        if path.startswith("$jasonJar/") and Path(path).name in _HARNESS:
-            return str(_NOTHING)
+        if beside and Path(path).name in _HARNESS and self._is_of_jason(path, beside):
+            return str(OF_JASON)
         return super().find(path, beside)
+
+    def _is_of_jason(self, path: str, beside: str) -> bool:
+        """Whether a file named as one of Jason's harness is that: in its jar, not there, or beside the others."""
+        if path.startswith("$jasonJar/"):
+            return True
+        try:
+            folder = Path(super().find(path, beside)).parent
+        except OSError:
+            return True
+        return all((folder / name).is_file() for name in _HARNESS)
 
 
 def find_cases(places: Iterable[str], paths: TestPaths, wanted: str | None) -> Iterator[Case | Unread]:
@@ -70,7 +89,7 @@ def find_cases(places: Iterable[str], paths: TestPaths, wanted: str | None) -> I
 def _has_marks(file: Path) -> bool:
     """Whether a file can have test plans: in a folder, no others are parsed."""
     try:
-        text = file.read_bytes()
+        text = read_bounded(file)
     except OSError:
         return True  # what cannot be read is told when it is read
     return b"@" in text and b"test" in text
@@ -120,13 +139,15 @@ def _case(file: str, plan: syntax.Plan, program: CompiledProgram) -> Case | Unre
     name = label.functor if named and isinstance(label, syntax.Structure) else source_text(bare)
     key = _key(plan)
     others = [p for p in program.plans if p is plan or not (is_test(p) and _key(p) == key)]
-    theirs = {_key(p) for p in others}
+    ours = {_key(p) for p in others if p.position.file == str(OF_JASON)}
+    theirs = {_key(p) for p in others if p.position.file != str(OF_JASON)}
     spaces = {space for p in program.plans if (space := _namespace(p)) is not None} | {DEFAULT}
     assertions = [p for space in sorted(spaces) for p in _library(space).plans]
-    library = [p for p in assertions if _key(p) not in theirs]
+    library = [p for p in assertions if _key(p) not in theirs | ours]
     own_goals = tuple(g for g in program.goals if g.position.file == program.file)
     whole = replace(program, plans=(*(_aimed(p, bare) for p in library), *others), goals=own_goals)
-    return Case(name, file, plan, whole, len(library) < len(assertions))
+    own_assertions = not theirs.isdisjoint(map(_key, assertions))
+    return Case(name, file, plan, whole, own_assertions)
 
 
 def _aimed(plan: syntax.Plan, goal: syntax.Structure) -> syntax.Plan:

@@ -98,9 +98,8 @@ def _tell(outcome: Outcome, verbose: bool) -> None:
 
 
 def _settings(args: Namespace) -> Settings:
-    folders = read_folders(args.include_path)
     settings = Settings(
-        TestPaths(folders.names, folders.folders),
+        TestPaths.of(read_folders(args.include_path)),
         seed=args.seed,
         environment=lambda: make_environment(args.env),
         environment_arguments=tuple(args.env_arg),

@@ -63,6 +63,8 @@ class Outcome:
     goals: tuple[str, ...] = ()
     seconds: float = 0.0
     """Real seconds that it took."""
+    unapplied: list[str] = field(default_factory=list)
+    """The events for which no plan applied, and why each plan did not; of a test that did not pass."""
     output: list[str] = field(default_factory=list)
     """What its agents printed and logged."""
 

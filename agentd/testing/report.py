@@ -36,6 +36,7 @@ def details_of(outcome: Outcome) -> Iterator[str]:
         yield f"    that is: {outcome.formula}"
     for goal in outcome.goals:
         yield f"    for {goal}"
+    yield from (f"    {line}" for line in outcome.unapplied[:MOST_OUTPUT])
     if outcome.output:
         yield "    its output:"
         for line in outcome.output[:MOST_OUTPUT]:

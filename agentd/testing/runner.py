@@ -19,6 +19,7 @@ from agentd.language.signatures import signature
 from agentd.language.source import read_source
 from agentd.language.terms import Literal
 from agentd.mind import Mind
+from agentd.mind.decision_views import DecisionView
 from agentd.mind.effects import Log, Print, StopTeam
 from agentd.mind.inputs import GoalAdded
 from agentd.standalone import Team
@@ -31,7 +32,11 @@ if TYPE_CHECKING:
 
 _RUN = signature("agentd_run_test")
 MOST_SETTLING = 1000
-"""Turns of the team that initial beliefs and goals get before the test begins, and other intentions after it."""
+"""Turns of the team that initial beliefs and goals get before the test begins, and other intentions after it at each
+moment, of which there are as many at most."""
+
+RUNS_ON = 10.0
+"""Seconds of its own time that a test goes on after its goal, for assertions in intentions of their own."""
 
 _PATIENCE = 1.0
 """Real seconds between looks at the clock while an action is settled by another thread of the environment."""
@@ -41,6 +46,9 @@ RING_AGAIN = 0.5
 
 MOST_RINGS = 6
 """So often a test is ended; code that goes on all the same cannot be ended but with the process."""
+
+DECISIONS = 200
+"""The last decisions of each agent, among which those are told of a failed test in which no plan applied."""
 
 MOST_LINES = 1000
 """Lines of a test's output that are kept."""
@@ -81,9 +89,21 @@ def run_case(case: Case, settings: Settings) -> Outcome:
     finally:
         if team is not None:
             _close(team, settings.real_seconds, outcome)
+    if team is not None and not outcome.passed:
+        outcome.unapplied = [line for mind in team.minds.values() for line in _unapplied(mind)]
     outcome.seconds = time.monotonic() - begun
     outcome.excerpt = _line_at(outcome.place)
     return outcome
+
+
+def _unapplied(mind: Mind) -> Iterator[str]:
+    """Tell the events that an agent had plans for of which none applied, each plan with the reason."""
+    for decision in mind.decision_views():
+        if isinstance(decision, DecisionView) and decision.chosen is None and decision.rejected:
+            by_us = decision.asked_at.startswith(str(LIBRARY)) or not decision.asked_at
+            yield f"no plan applied to {decision.event}" + ("" if by_us else f", raised at {decision.asked_at}")
+            for one in decision.rejected:
+                yield f"    {one.plan.label or one.plan.trigger} ({one.plan.position}): {one.message}"
 
 
 def _close(team: _TestTeam, seconds: float, outcome: Outcome) -> None:
@@ -115,6 +135,7 @@ class _TestTeam(Team):
             clock=VirtualClock(),
             environment=settings.environment(),
             environment_arguments=settings.environment_arguments,
+            decisions=DECISIONS,
         )
         self._mind = self.minds[name]
 
@@ -139,8 +160,17 @@ class _TestTeam(Team):
                 self.give_up(f"not done after {seconds:g} s of its own time")
                 return
             self.pass_time(wake - now)
-        self._settle()
+        self._run_on(self.clock.now() + RUNS_ON)
         self._judge(self._ended)
+
+    def _run_on(self, end: float) -> None:
+        """Let the other intentions of the test go on, until none is due before the end."""
+        for _ in range(MOST_SETTLING):
+            self._settle()
+            wake = min(self.due(None), default=end)
+            if wake >= end:
+                return
+            self.pass_time(wake - self.clock.now())
 
     def _settle(self) -> None:
         for _ in range(MOST_SETTLING):

@@ -95,7 +95,7 @@ class Tracing:
         }
         mind.agents = self.course.reading(names)
         mind.tell_inputs(self.course.given)
-        self._withdraw = [bus.serve(self._keys["inputs"], MindInputs, self._tell_since_birth)]
+        self._withdraw = [bus.serve(self._keys["inputs"], MindInputs, self._tell_since_birth, aside=True)]
         for channel, key in self._keys.items():
             self._withdraw.append(bus.listened(key, lambda somebody, c=channel: self._listened(c, somebody)))  # type: ignore[misc]
         _all.add(self)
@@ -299,8 +299,7 @@ class Tracing:
             return
         for batch in batches:
             try:
-                query.reply(msgspec.structs.replace(batch, header=self._header("inputs")), self._keys["inputs"])
+                await query.answer(msgspec.structs.replace(batch, header=self._header("inputs")), self._keys["inputs"])
             except BadRecord as bad:
                 query.reply_error(str(bad))
                 return
-            await asyncio.sleep(0)

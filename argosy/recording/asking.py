@@ -16,7 +16,7 @@ import msgspec
 import zenoh
 
 from argosy.recording.intake import Heard, Intake
-from argosy.recording.lives import in_words
+from argosy.recording.lives import in_words, stretches
 from argosy.recording.minds import Minds, Whose
 from argosy.recording.records import PREFIX, TokenSeen
 from commd.bus import Bus, BusClosed
@@ -139,7 +139,7 @@ class Asker:
                 self._tried[whose] = numbers, tries + 1
                 await self._inputs(whose.fleet, whose.agent)
                 if tries + 1 == TRIES and (left := self._minds.missing().get(whose)):
-                    log.warning("%s: its inputs %s are missing for good", whose.agent, in_words(left))
+                    log.warning("%s: its inputs %s are missing for good", whose.agent, in_words(stretches(left)))
 
     def _spawn_ask(self, key: str, answer: type[Record]) -> None:
         self._tasks.spawn(self._later(SETTLE, partial(self._ask, key, answer)))

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from collections import Counter
 from datetime import UTC, datetime
+from itertools import chain, islice
 from typing import Any
 
 from argosy.journal import printable
 from argosy.recording import sizes
 from argosy.recording.lives import PART, Life, in_words
+from argosy.recording.minds import MOST_MISSING
 from argosy.recording.reader import Recording
 from argosy.recording.units import SECOND
 
@@ -112,7 +114,7 @@ def _data(recording: Recording, lives: list[Life], unread: Unread) -> dict[str, 
                 "whole": life.whole and life.ended,
                 "end": life.ended,
                 "batches": len(life.batches),
-                "missing": life.missing,
+                "missing": list(islice(chain.from_iterable(life.missing), MOST_MISSING)),
             }
             for life in lives
         ],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from schemas import keys
 from schemas.minds import MindInputs
@@ -22,10 +23,10 @@ class Life:
     """In the order of their numbers, each once."""
 
     @property
-    def missing(self) -> list[int]:
-        """The numbers that are missing before the last one that is there."""
-        there = {batch.number for batch in self.batches}
-        return [number for number in range(max(there, default=-1) + 1) if number not in there]
+    def missing(self) -> list[range]:
+        """The numbers that are missing before the last one that is there, as stretches: a number may be anything."""
+        there = [-1, *(batch.number for batch in self.batches)]
+        return [range(one + 1, next_one) for one, next_one in pairwise(there) if next_one > one + 1]
 
     @property
     def whole(self) -> bool:
@@ -53,12 +54,17 @@ def lives_of(inputs: Iterable[tuple[str, MindInputs]]) -> list[Life]:
     return [Life(*whose, [batches[number] for number in sorted(batches)]) for whose, batches in found.items()]
 
 
-def in_words(numbers: Iterable[int]) -> str:
-    """Return numbers as stretches: `0-56, 70`."""
-    stretches: list[list[int]] = []
+def stretches(numbers: Iterable[int]) -> list[range]:
+    """Return the stretches that numbers make."""
+    found: list[range] = []
     for number in sorted(numbers):
-        if stretches and number == stretches[-1][1] + 1:
-            stretches[-1][1] = number
+        if found and number == found[-1].stop:
+            found[-1] = range(found[-1].start, number + 1)
         else:
-            stretches.append([number, number])
-    return ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in stretches)
+            found.append(range(number, number + 1))
+    return found
+
+
+def in_words(missing: Iterable[range]) -> str:
+    """Return stretches of numbers: `0-56, 70`."""
+    return ", ".join(str(one.start) if one.stop == one.start + 1 else f"{one.start}-{one.stop - 1}" for one in missing)

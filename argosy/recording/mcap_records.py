@@ -21,6 +21,8 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Footer, Message, Metadata, Schema
 
+from schemas.files import open_regular
+
 MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")
 CUT = "it was cut off, or is still being written"
@@ -58,7 +60,7 @@ class McapFile:
         self.path = path
         self.damage: Damage | None = None
         try:
-            with path.open("rb") as file:
+            with open_regular(path) as file:
                 begin = file.read(len(MAGIC))
         except OSError as error:
             raise BadRecording(f"{path}: {error.strerror}") from None
@@ -70,7 +72,7 @@ class McapFile:
         """Yield schemas, channels, messages and metadata up to the end, or to the damage."""
         self.damage = None
         size = self.path.stat().st_size
-        with self.path.open("rb") as file:
+        with open_regular(self.path) as file:
             file.seek(at := len(MAGIC))
             while True:
                 if at + _HEAD.size > size:
@@ -97,7 +99,7 @@ class McapFile:
             self.damage = Damage(at, 0, "its index was cut off")
 
 
-_DAMAGE = (McapError, struct.error, ValueError, KeyError, EOFError, RuntimeError, OSError, MemoryError)
+_DAMAGE = (McapError, struct.error, ValueError, KeyError, EOFError, RuntimeError, OSError, MemoryError, OverflowError)
 
 
 def _decoded(opcode: int, length: int, file: BinaryIO) -> Iterator[Schema | Channel | Message | Metadata]:

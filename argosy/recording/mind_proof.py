@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from argparse import Namespace
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import takewhile
 from pathlib import Path
@@ -128,12 +128,12 @@ class LifeAgain:
         """Return in words what is missing of it."""
         there, agent = self.life.batches, self.life.agent
         if not there or there[0].birth is None:
-            missing = _batches(range(there[0].number) if there else [])
+            missing = _batches([range(there[0].number)] if there else [])
             return [f"the beginning of its life is missing, {missing} of its inputs: begin to record sooner"]
         if self._as_asked:
             return []
         lost = self.life.missing
-        found = [f"{_batches(lost)} of its inputs {'is' if len(lost) == 1 else 'are'} missing"] if lost else []
+        found = [f"{_batches(lost)} of its inputs {'is' if _is_one(lost) else 'are'} missing"] if lost else []
         if recording.end is not None and not lost:
             found += [gap for gap in recording.end.gaps if gap.startswith(f"{agent} ") and self.life.boot in gap]
         if self.life.ended:
@@ -208,6 +208,10 @@ class LifeAgain:
                     print(line)
 
 
-def _batches(numbers: Collection[int]) -> str:
+def _batches(numbers: list[range]) -> str:
     """Return which batches these are, in words."""
-    return f"batch{'' if len(numbers) == 1 else 'es'} {in_words(numbers)}" if numbers else "all"
+    return f"batch{'' if _is_one(numbers) else 'es'} {in_words(numbers)}" if numbers else "all"
+
+
+def _is_one(numbers: list[range]) -> bool:
+    return len(numbers) == 1 and numbers[0].stop == numbers[0].start + 1

@@ -21,6 +21,7 @@ from argosy.recording.reader import BadRecording, Recording, open_recording
 from argosy.recording.records import TokenSeen
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas import keys
+from schemas.files import read_bounded
 from schemas.minds import MindDecisions, MindInputs
 
 FOR_A_MIND: Mapping[str, tuple[str, object]] = {
@@ -100,7 +101,7 @@ def _text(path: Path) -> str:
     """Return the text of an edited program. Raises Refused if it is none."""
     try:
         parse_file(path)
-        return path.read_bytes().decode("utf-8-sig")
+        return read_bounded(path).decode("utf-8-sig")
     except OSError as error:
         raise Refused(f"error: {path}: {error.strerror}") from None
     except SyntaxErrors as errors:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from argosy.recording.lives import in_words
+from argosy.recording.lives import in_words, stretches
 
 MOST_LIVES = 10_000
 """Lives that are followed; of further ones gaps are not told."""
@@ -57,7 +57,7 @@ class Minds:
             room = max(0, MOST_MISSING - len(life.missing))
             stretch = range(life.next, number)
             life.missing = life.missing.union(stretch[-room:] if room else ())
-            life.uncounted += max(0, len(stretch) - room)
+            life.uncounted += max(0, number - life.next - room)  # `len` has 63 bits, a number of a stranger's any
         life.next = number + 1
         return True
 
@@ -79,7 +79,8 @@ class Minds:
         told = []
         for whose, numbers in self.missing().items():
             life = self._lives[whose]
-            which = f"{life.uncounted} more and {in_words(numbers)}" if life.uncounted else in_words(numbers)
+            told_ones = in_words(stretches(numbers))
+            which = f"{life.uncounted} more and {told_ones}" if life.uncounted else told_ones
             told.append(f"{whose.agent} (boot {whose.boot}): of its inputs {which} of {life.next} are missing")
         return told
 

@@ -7,13 +7,15 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
+from argosy.extras import install_command
+
 IN_A_REPORT = "recording.mcap"
 """Name of the recording in the folder of a report."""
 STARTED = "recording "
 """How the line of a recorder begins from which on everything is heard."""
 ENDED = "; ended: "
 """What stands in the line by which it tells what it has recorded."""
-MISSING = "no recording: it wants `pip install 'argosy[record]'`"
+MISSING = f"no recording: it needs `{install_command('record')}`"
 
 
 class NoRecording(Exception):
@@ -35,7 +37,7 @@ def recording_of(record: Path | None, report: Path | None) -> RunRecording | str
         return ""
     if find_spec("mcap") is None:
         if record is not None:
-            raise NoRecording(f"--record {record}: pip install 'argosy[record]' first")
+            raise NoRecording(f"--record {record}: it needs `{install_command('record')}`")
         return MISSING
     if record is not None:
         if record.exists():

@@ -173,7 +173,7 @@ class RecordingWriter:
 
 def _opened(path: Path, *, overwrite: bool) -> BinaryIO:
     """Return an empty file that is this recorder's alone. Raises OSError."""
-    number = os.open(path, os.O_RDWR | os.O_CREAT | (0 if overwrite else os.O_EXCL), 0o666)
+    number = os.open(path, os.O_RDWR | os.O_CREAT | (0 if overwrite else os.O_EXCL), 0o600)
     try:
         try:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,5 +1,6 @@
 """The shared model of a running fleet, for `argosy watch` and `argosy ui`: what is there, and what happens."""
 
+from argosy.team.activity import Activity, activity
 from argosy.team.letters import Letter, Letters
 from argosy.team.members import Member, TeamAgent, TeamBoard, TeamRobot
 from argosy.team.mission_clock import MissionClock
@@ -10,6 +11,7 @@ from argosy.team.timeline import Entry, Timeline
 from argosy.team.watcher import TeamWatcher, steady_clock
 
 __all__ = [
+    "Activity",
     "Entry",
     "Letter",
     "Letters",
@@ -23,6 +25,7 @@ __all__ = [
     "TeamRobot",
     "TeamWatcher",
     "Timeline",
+    "activity",
     "steady_clock",
     "still",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from argosy.remedies import level_of
 from argosy.roll import Row, Standing
 from argosy.seen import RobotSeen
 from argosy.track import Track
@@ -29,6 +30,8 @@ class Member:
     """How its daemon stands; None = it was never there."""
     since: float | None = None
     """Unix seconds at which it came, or went if it is gone."""
+    ended: bool = False
+    """It has left when its run was over or was being ended: that is no loss."""
     told: float | None = None
     """Unix seconds at which its daemon last told how it is."""
 
@@ -50,7 +53,13 @@ class Member:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is to be said of it in words."""
-        return () if self.row is None else self.row.notes
+        return () if self.row is None or self.ended else self.row.notes
+
+    @property
+    def alarms(self) -> tuple[str, ...]:
+        """Those of the notes that are errors."""
+        health = None if self.row is None else self.row.now
+        return () if health is None else tuple(note for note in self.notes if level_of(note, health) == "error")
 
     @property
     def lag(self) -> float:

@@ -9,13 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Literal
 
 from msgspec.structs import replace
 
 from argosy.journal import Level
 from argosy.picture import OPERATOR, without_figures
-from argosy.roll import Roll, Row
+from argosy.remedies import level_of
+from argosy.roll import Roll, Row, expected_of
 from argosy.seen import ActionSeen, ActionsSeen, written
 from argosy.team.letters import Letters
 from argosy.team.members import Member, TeamAgent, TeamRobot
@@ -28,14 +30,37 @@ from argosy.team.telling import Teller
 from argosy.team.timeline import Timeline, shortened
 from argosy.team.unheard import Lives, why_unknown
 from commd.presence import ROUTER_GRACE
+from schemas.findings import Findings
 from schemas.minds import MindDeeds, MindView
-from schemas.mission import Mission
-from schemas.records import FINAL_STATES, ActionStatus, BoardServices, Health, Mailboxes, Perception, State
+from schemas.mission import Mission, read_mission
+from schemas.records import (
+    FINAL_STATES,
+    ActionStatus,
+    BoardServices,
+    Health,
+    Mailboxes,
+    Perception,
+    RunningMission,
+    RunPhase,
+    RunState,
+    State,
+)
 
 SILENCE = 5.0
 """Seconds without an answer from a mind, while the router is there, after which it counts as silent."""
 BLOCKED = "no action is taken: "
 """How a bridge's note begins while an order of the operator, or the loss of the agent, stands above the agents."""
+RUN_SILENT = 5.0
+"""Seconds without a word after which `argosy run` counts as silent; it publishes its state each second."""
+ENDS: frozenset[RunPhase] = frozenset({"bringing_home", "done", "failed"})
+"""Phases of a run in which its daemons leave."""
+PHASES: dict[RunPhase, str] = {
+    "starting": "the run starts",
+    "flying": "the mission is flown",
+    "bringing_home": "the run brings its vehicles home",
+    "done": "the mission is done",
+    "failed": "the mission has failed",
+}
 OVER = "not known: the run in which it was sent is over"
 OTHERS = 20
 """Other fleets whose names are kept."""
@@ -60,6 +85,16 @@ class TeamModel:
         """Clients are programs that act as agents, and what else holds a name on the bus."""
         self.timeline, self.letters, self.places, self._actions = Timeline(), Letters(), Places(), ActionsSeen()
         self.clock = MissionClock(mission)
+        self.mission_problem = ""
+        """Why the mission of the fleet is not known here, although a board has served it; empty: it is."""
+        self._mission_of = ""
+        """The board whose mission counts, while it is there."""
+        self.run_state: RunState | None = None
+        """What `argosy run` has published last; None = nothing, as of a fleet of boards that nobody watches over."""
+        self.run_heard = 0.0
+        """Unix seconds of `run_state`."""
+        self._run_ended = 0.0
+        """Unix seconds at which the run was first heard to be done or to have failed."""
         self.router_up = True
         self.router_since: float | None = None
         """Unix seconds at which the router was lost or came back; None = it has been there all the time."""
@@ -78,6 +113,24 @@ class TeamModel:
     def run(self) -> int:
         """The number of the run that is on: with another one, what was shown of the run before is over."""
         return self._runs.number
+
+    @property
+    def over(self) -> bool:
+        """Whether the run is done or has failed: nothing flies any more, and its daemons leave."""
+        return self.run_state is not None and self.run_state.phase in ("done", "failed")
+
+    @property
+    def as_of(self) -> float:
+        """Unix seconds at which what is shown holds: now, or when the run ended."""
+        return self._run_ended if self.over else self.now()
+
+    @property
+    def run_silent(self) -> float | None:
+        """Seconds since `argosy run` was heard, if it should be heard and is not."""
+        if self.run_state is None or self.over or not self.router_up or self._coming_back():
+            return None
+        age = self.now() - max(self.run_heard, self.router_since or 0.0)
+        return age if age > RUN_SILENT else None
 
     @property
     def forgotten(self) -> int:
@@ -117,6 +170,7 @@ class TeamModel:
         self._runs.token((name, daemon, boot), alive, self.now())
         if alive and self._lives.token(name, daemon, boot, self.now()) and daemon == "agentd" and name in self.agents:
             self.agents[name].forget()  # the new life's mind is another, also if it was kept
+            self.clock.restarted(name)
         if alive and self.router_up and not self._coming_back():
             self._see_run()  # now, and not at the next tick: what is heard from here on is of the new one
 
@@ -130,7 +184,7 @@ class TeamModel:
         known = {without_figures(note) for note in member.notes}
         for note in health.notes:
             if without_figures(note) not in known:
-                self._tell(name, note, "warning")
+                self._tell(name, note, level_of(note, health))
         self._roll.heard(key, health)
         member.told = self.now()
         if isinstance(member, TeamRobot):
@@ -158,7 +212,7 @@ class TeamModel:
         if name is None:
             return
         tell = partial(self._tell.action, status)
-        action = self._actions.status(name, status, self.now(), tell)
+        action = self._actions.status(name, status, self.now(), tell, self.clock.speed)
         if action is None:
             return
         self.places.action(action, self._positions, self.now())
@@ -182,7 +236,7 @@ class TeamModel:
     def mind_unanswered(self, agent: str, why: str = "") -> None:
         """An agent was asked for its mind and did not show it."""
         member = self.agents.get(agent)
-        if member is None or not member.there or not self.router_up:
+        if member is None or not member.there or not self.router_up or self.over:
             return
         last = max(member.heard or 0.0, member.since or 0.0, self.router_since or 0.0)
         member.why_silent = why
@@ -218,6 +272,41 @@ class TeamModel:
         if name is not None:
             self._roster.live_on(name, told.agents)
 
+    def mission_told(self, key: str, told: RunningMission) -> None:
+        """A board told the mission file that it runs: it counts, whatever file the observer was started with."""
+        board, known = self._name(key), self.boards.get(self._mission_of)
+        if board is None or (known is not None and known.there and known.name != board):
+            return
+        self._mission_of = board
+        if self.mission is not None and self.mission.text == told.text:
+            return
+        try:
+            mission = read_mission(told.text, Path(told.file))
+        except Findings as findings:
+            self.mission_problem = f"the mission of the fleet cannot be read here: {findings.findings[0].message}"
+            return
+        self.mission, self.mission_problem = mission, ""
+        self._roster.expect(mission)
+        self._roll.expected = expected_of(mission)
+        self.clock.expect(mission)
+
+    def run_told(self, key: str, state: RunState) -> None:
+        """`argosy run` told how far it has come."""
+        if self._name(key) is None:
+            return
+        was, self.run_state, self.run_heard = self.run_state, state, self.now()
+        if not self.over:
+            self.clock.look_at_run(state.mission_time, state.speed, self.now())
+        for members in (self.agents, self.robots, self.boards):
+            for member in members.values():
+                member.ended = member.ended and self._leaves(member)
+        if was is not None and was.phase == state.phase:
+            return
+        if self.over:
+            self._run_ended = self.now()
+        level: Level = "good" if state.phase == "done" else "error" if state.phase == "failed" else "info"
+        self._tell(self.fleet, f"{PHASES[state.phase]}{': ' if state.why else ''}{state.why}", level)
+
     def router(self, up: bool) -> None:
         """The router was lost or came back."""
         if up == self.router_up:
@@ -225,6 +314,8 @@ class TeamModel:
         before, self.router_since, self.router_up = self.router_since, self.now(), up
         if up:
             self._tell("router", f"it answers again, after {self.now() - (before or self.now()):.1f} s", "good")
+        elif self.over:
+            self._tell("router", "it has ended with the run: what is shown is how that ended")
         else:
             self._tell("router", "it does not answer: what is shown is what was known last", "error")
 
@@ -263,7 +354,9 @@ class TeamModel:
         self.places.forget(before)
         self._actions.forget(before)
         self.letters.give_up(before, OVER)
-        self.clock.begin()
+        if self.run_heard < before:
+            self.run_state = None
+            self.clock.begin()
         self._tell(self.fleet, "a new run begins: everybody of the one before had gone")
 
     def _ends(self, action: ActionSeen, state: State | Literal["unknown"], reason: str) -> None:
@@ -277,10 +370,16 @@ class TeamModel:
         member.since = self.now()
         if isinstance(member, TeamAgent):
             member.silent = None
+        member.ended = not member.there and self._leaves(member)
         what: Literal["came", "went"] = "came" if member.there else "went"
-        level: Level = "info" if member.there else "warning"
-        text = f"{member.daemon} {'is there' if member.there else 'is gone'}"
+        level: Level = "info" if member.there or member.ended else "warning"
+        text = f"{member.daemon} {'is there' if member.there else 'has ended' if member.ended else 'is gone'}"
         self.timeline.add(self.now(), member.name, what, text, level)
+
+    def _leaves(self, member: Member) -> bool:
+        """Whether the run has come so far that a member leaves, and it is not one that has died."""
+        run = self.run_state
+        return run is not None and run.phase in ENDS and f"{member.daemon} {member.name}" not in run.dead
 
     def _name(self, key: str) -> str | None:
         """Return whom a key of this fleet is about."""

@@ -32,18 +32,24 @@ class Roster:
         self._named: dict[str, int] = {}
         """The members that the mission names, with their place in it."""
         if mission is not None:
-            self._expect(mission)
+            self.expect(mission)
 
-    def _expect(self, mission: Mission) -> None:
+    def expect(self, mission: Mission) -> None:
+        """Take the members of a mission; those of another one that were never seen are forgotten."""
         everybody = [*mission.board_names, *mission.robots, *mission.agents]
         self._named = {name: place for place, name in enumerate(everybody)}
         for board in mission.board_names:
-            self.boards[board] = TeamBoard(board, board=board)
+            self.boards.setdefault(board, TeamBoard(board, board=board))
         for name, robot in mission.robots.items():
-            self.robots[name] = TeamRobot.named(name, robot.board)
+            self.robots.setdefault(name, TeamRobot.named(name)).board = robot.board
             self.has(name, tuple(mission.agents_of(name)))
         for name, agent in mission.agents.items():
-            self.agents[name] = TeamAgent(name, board=agent.board, robot=agent.robot or "")
+            member = self.agents.setdefault(name, TeamAgent(name))
+            member.board, member.robot = agent.board, agent.robot or member.robot
+        self._only_known(self.boards)
+        self._only_known(self.robots)
+        self._only_known(self.agents)
+        self._see()
 
     def member(self, name: str, daemon: str) -> Member:
         """Return a member, made if it is not known yet."""
@@ -103,6 +109,12 @@ class Roster:
             members[name] = make()
             self._put_in_order(members)
         return members[name]
+
+    def _only_known(self, members: dict[str, M]) -> None:
+        """Forget those that neither the mission names nor anybody has seen."""
+        for name in [name for name, one in members.items() if name not in self._named and one.since is None]:
+            del members[name]
+        self._put_in_order(members)
 
     def _put_in_order(self, members: dict[str, M]) -> None:
         """Keep those of the mission as it has them, then the others by name, `uav2` before `uav10`."""

@@ -13,7 +13,7 @@ from argosy.team.naming import named
 from commd.bus import Bus, BusClosed, Reply
 from schemas import keys
 from schemas.minds import MindDeeds, MindView
-from schemas.records import ActionStatus, BoardServices, Health, Mailboxes, Perception
+from schemas.records import ActionStatus, BoardServices, Health, Mailboxes, Perception, RunningMission, RunState
 
 TICK = 0.25
 """Wall seconds between two looks at who is due."""
@@ -94,6 +94,7 @@ class TeamWatcher:
         self.bus.subscribe(keys.status(fleet, "*", "*"), ActionStatus, model.status)
         self.bus.subscribe(keys.trace(fleet, "*", "deeds"), MindDeeds, model.deeds)
         self.bus.subscribe(keys.services(fleet, "*"), BoardServices, model.services)
+        self.bus.subscribe(keys.run(fleet, "*"), RunState, model.run_told)
 
     def _health(self, key: str, health: Health) -> None:
         eyes = self.model.eyes
@@ -159,7 +160,7 @@ class TeamWatcher:
         return {parsed[1]} if parsed is not None else set()
 
     async def _repair(self) -> None:
-        """Look at percepts and services anew when a daemon came: what was said before was not heard."""
+        """Look at percepts, services and the mission again when a daemon came: what it told before was not heard."""
         while True:
             await self._news.wait()
             await asyncio.sleep(2 * TICK)
@@ -176,3 +177,8 @@ class TeamWatcher:
                     async for answer in boards:
                         if answer.record is not None:
                             self.model.services(answer.key, answer.record)
+                key = keys.mission(fleet, "*")
+                async with aclosing(self.bus.query(key, None, RunningMission, ANSWER_TIMEOUT)) as missions:
+                    async for running in missions:
+                        if running.record is not None:
+                            self.model.mission_told(running.key, running.record)

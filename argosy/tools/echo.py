@@ -13,9 +13,10 @@ import msgspec
 
 from argosy.arguments import count
 from argosy.journal import escaped
-from argosy.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus
+from argosy.operator_bus import Where, add_fleet_arguments, on_the_bus
 from argosy.tools.hearing import (
     QUIET,
+    ROOM,
     Ears,
     Heard,
     add_key_argument,
@@ -29,16 +30,13 @@ from argosy.tools.rendering import cut, line_of
 from commd.bus import Bus
 from commd.process import EXIT_DONE
 from schemas.codec import BadRecord
-from schemas.keys import ROOT
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy echo`."""
     add_key_argument(parser)
     form = parser.add_mutually_exclusive_group()
-    form.add_argument(
-        "--raw", action="store_true", help="the whole key and the payload as it came; escaped on a terminal"
-    )
+    form.add_argument("--raw", action="store_true", help="the payload as it came; escaped on a terminal")
     form.add_argument("--json", action="store_true", help="an object of JSON in each line, of MessagePack too")
     parser.add_argument("--count", type=count, metavar="N", help="end after so many (default: ctrl-C)")
     add_fleet_arguments(parser, "only this fleet (default: every fleet on the router)")
@@ -50,15 +48,18 @@ def run(args: Namespace) -> int:
     async def echo(bus: Bus, where: Where) -> int:
         ears = Ears(bus, key_expressions(args.key, where.fleet))
         raw = _raw_on_a_terminal if sys.stdout.isatty() else _raw
-        show = raw if args.raw else _json if args.json else _line(where)
+        show = raw if args.raw else _json if args.json else _line
         noticing = asyncio.create_task(_notice(bus, where, args.key))
         missing = asyncio.create_task(tell_unreached(bus))
+        asking = None if args.key is None else asyncio.create_task(ears.ask_last_known(bus, where.fleet))
         try:
             await _echo(ears, show, args.count, noticing)
             await missing
         finally:
             noticing.cancel()
             missing.cancel()
+            if asking is not None:
+                asking.cancel()
             if ears.dropped:
                 note(f"{ears.dropped} records were left out: more was said than could be shown")
         return EXIT_DONE
@@ -67,9 +68,13 @@ def run(args: Namespace) -> int:
 
 
 async def _echo(ears: Ears, show: Callable[[Heard], str], count: int | None, noticing: asyncio.Task[None]) -> None:
-    shown = 0
+    shown, changed = 0, set[str]()
     async for heard in ears.samples():
         noticing.cancel()
+        if heard.last_known and heard.key in changed:  # an older value: it has changed since it was asked for
+            continue
+        if not heard.last_known and len(changed) < ROOM:
+            changed.add(heard.key)
         if not put_out(show(heard)):
             return
         shown += 1
@@ -83,15 +88,10 @@ async def _notice(bus: Bus, where: Where, text: str | None) -> None:
     await tell_who_is_there(bus, where, text)
 
 
-def _line(where: Where) -> Callable[[Heard], str]:
-    within = f"{ROOT}/" if where.fleet == ANY else f"{ROOT}/{where.fleet}/"
-
-    def line(heard: Heard) -> str:
-        at = time.strftime("%H:%M:%S", time.localtime(heard.at)) + f".{int(heard.at % 1 * 1000):03}"
-        said = "(deleted)" if heard.deleted else line_of(heard.key, heard.payload, heard.encoding)
-        return f"{at} {cut(heard.key.removeprefix(within))}  {said}"
-
-    return line
+def _line(heard: Heard) -> str:
+    at = time.strftime("%H:%M:%S", time.localtime(heard.at)) + f".{int(heard.at % 1 * 1000):03}"
+    said = "(deleted)" if heard.deleted else line_of(heard.key, heard.payload, heard.encoding)
+    return f"{at} {cut(heard.key)}  {said}{'  (last known)' if heard.last_known else ''}"
 
 
 def _raw(heard: Heard) -> str:
@@ -105,6 +105,8 @@ def _raw_on_a_terminal(heard: Heard) -> str:
 def _json(heard: Heard) -> str:
     """One line, whatever was said; what JSON cannot say is there as text."""
     said: dict[str, Any] = {"key": heard.key, "encoding": heard.encoding, "at": round(heard.at, 6)}
+    if heard.last_known:
+        said["last_known"] = True
     try:
         said["record"] = None if heard.deleted else plain(heard.payload, heard.encoding)
         return escaped(msgspec.json.encode(said).decode())

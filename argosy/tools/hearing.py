@@ -9,7 +9,7 @@ import time
 from argparse import ArgumentParser, ArgumentTypeError
 from collections import deque
 from collections.abc import AsyncIterator, Sequence
-from contextlib import suppress
+from contextlib import aclosing, suppress
 from dataclasses import dataclass
 from functools import partial
 from threading import Lock
@@ -19,13 +19,17 @@ import zenoh
 from argosy.fleet_bus import FleetBus
 from argosy.operator_bus import ANY, Where, unreached
 from argosy.tools.output import note
-from commd.bus import Bus
+from commd.bus import Bus, BusClosed
 from schemas import keys
+from schemas.codec import codec
+from schemas.records import Perception
 
 ROOM = 10_000
 """Samples that wait to be shown; of more the newest are dropped, and counted."""
 REMEMBERED = 10_000
 """Samples by which is known what another board has told already."""
+ANSWER_TIMEOUT = 5.0
+"""Wall seconds that bridges have to say what holds now."""
 LATER = 2.0
 """Wall seconds by which another board may tell the same later; the same after that is said anew."""
 TURN = 64
@@ -49,6 +53,8 @@ class Heard:
     deleted: bool = False
     board: str = ""
     """Whose router has passed it on, where several boards are listened to."""
+    last_known: bool = False
+    """It was put before, holds still, and was asked for."""
 
 
 def add_key_argument(parser: ArgumentParser) -> None:
@@ -124,14 +130,20 @@ class Ears:
                 return
 
     def _listen(self, board: str, bus: Bus) -> None:
-        for expression in self._expressions:
-            self._held.append(bus.raw.tap(expression, partial(self._take, board)))
+        for place, expression in enumerate(self._expressions):
+            overlapping = [one for one in map(zenoh.KeyExpr, self._expressions[:place]) if one.intersects(expression)]
+            self._held.append(bus.raw.tap(expression, partial(self._take, board, overlapping)))
 
-    def _take(self, board: str, sample: zenoh.Sample) -> None:
-        """On a thread of Zenoh's."""
+    def _take(self, board: str, overlapping: Sequence[zenoh.KeyExpr], sample: zenoh.Sample) -> None:
+        """Queue a sample, unless the subscription of an overlapping expression does; runs on a thread of Zenoh's."""
+        if any(expression.intersects(sample.key_expr) for expression in overlapping):
+            return
         deleted = sample.kind == zenoh.SampleKind.DELETE
         key, payload, encoding = str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding)
         heard = Heard(key, payload, encoding, time.time(), time.monotonic(), deleted, board)
+        self._queue(heard)
+
+    def _queue(self, heard: Heard) -> None:
         with self._lock:
             if len(self._waiting) >= ROOM:
                 self.dropped += 1
@@ -141,6 +153,25 @@ class Ears:
         if first:
             with suppress(RuntimeError):  # the loop has ended
                 self._loop.call_soon_threadsafe(self._called.set)
+
+    async def ask_last_known(self, bus: Bus, fleet: str) -> None:
+        """Ask the bridges for the percepts listened to that hold now: they put a percept only when it changes."""
+        every, encoder = zenoh.KeyExpr(keys.percept(fleet, "*", "**")), codec(Perception)
+        wanted = [one for one in map(zenoh.KeyExpr, self._expressions) if one.intersects(every)]
+        asked = {str(one if every.includes(one) else every) for one in wanted}
+        by_several_boards: set[tuple[str, bytes]] = set()
+        for key in asked if str(every) not in asked else {str(every)}:
+            with suppress(BusClosed):
+                async with aclosing(bus.query(key, None, Perception, ANSWER_TIMEOUT, limit=ROOM)) as replies:
+                    async for reply in replies:
+                        if reply.record is None or not any(one.intersects(reply.key) for one in wanted):
+                            continue
+                        payload = encoder.encode(reply.record, bus.wire)
+                        if (reply.key, payload) not in by_several_boards:
+                            by_several_boards.add((reply.key, payload))
+                            encoding, at = encoder.encoding(bus.wire), time.time()
+                            heard = Heard(reply.key, payload, encoding, at, time.monotonic(), last_known=True)
+                            self._queue(heard)
 
 
 class Copies:

@@ -11,13 +11,12 @@ from collections.abc import Iterable
 from itertools import pairwise
 
 from argosy.arguments import duration
-from argosy.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus, unreached
+from argosy.operator_bus import Where, add_fleet_arguments, on_the_bus, unreached
 from argosy.tools.hearing import QUIET, Ears, add_key_argument, key_expressions, tell_who_is_there
 from argosy.tools.output import note, put_out
 from argosy.tools.rendering import cut
 from commd.bus import Bus
 from commd.process import EXIT_DONE, EXIT_FAILED
-from schemas.keys import ROOT
 
 WINDOW = 5.0
 """Wall seconds that the figures are of, if nobody says otherwise."""
@@ -128,7 +127,7 @@ def run(args: Namespace) -> int:
         while True:
             until = loop.time() + every
             async for sample in ears.samples(until):
-                rates.add(_short(sample.key, where.fleet), sample.arrived, len(sample.payload))
+                rates.add(sample.key, sample.arrived, len(sample.payload))
             if missing.done() and not told and not redraw:
                 told = True
                 for board in missing.result():
@@ -155,7 +154,3 @@ def run(args: Namespace) -> int:
                 return EXIT_DONE if heard else EXIT_FAILED
 
     return on_the_bus(args, measure)
-
-
-def _short(key: str, fleet: str) -> str:
-    return key.removeprefix(f"{ROOT}/" if fleet == ANY else f"{ROOT}/{fleet}/")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from contextlib import aclosing
@@ -27,6 +28,8 @@ ASK = 2.0
 """Wall seconds that bridges have to say what they serve."""
 MOST = 20_000
 """Keys that are listed; what is said on further ones is only counted."""
+_CHUNK = re.compile(r"\{\w+\}")
+"""A chunk of a key in the table that may be any."""
 NOUNS = {"agentd": "agent", "client": "client", "bridged": "robot", "commd": "board"}
 
 
@@ -111,25 +114,25 @@ async def look_around(bus: Bus, fleet: str, seconds: float) -> tuple[dict[tuple[
 def lines_of(fleet: str, name: str, found: Name, seconds: float, types: bool) -> Iterator[str]:
     """The lines of one name: what it is, what is served under it, what was said."""
     nouns = [noun for daemon, noun in NOUNS.items() if daemon in found.daemons]
-    yield f"{fleet}/{name}  {', '.join(nouns) or ', '.join(sorted(found.daemons)) or 'no token'}"
+    at = f"{ROOT}/{fleet}/{name}"
+    yield f"{at}  {', '.join(nouns) or ', '.join(sorted(found.daemons)) or 'no token'}"
     for channel in keys.CHANNELS:
         if channel.kind == "query" and _serves(channel, found):
-            rest = channel.key.partition("/")[2]
-            if rest == "action/{name}" and found.acts:
-                for action in sorted(found.acts):
-                    yield f"  query  action/{action}{_types(channel, types)}"
-            else:
-                yield f"  query  {rest}{_types(channel, types)}"
+            rest = _CHUNK.sub("*", channel.key.partition("/")[2])
+            acts = [f"action/{action}" for action in sorted(found.acts)] if rest == "action/*" else []
+            for served in acts or [rest]:
+                yield f"  query  {at}/{served}{_types(channel, types)}"
     if "agentd" in found.daemons:
         for part in ("inputs", "decisions", "deeds"):
-            kind = _record(fleet, name, f"trace/{part}") if types else ""
-            yield f"  put    trace/{part}{kind}  while somebody listens"
+            key = f"{at}/trace/{part}"
+            yield f"  put    {key}{_record(key) if types else ''}  while somebody listens"
     for rest, (count, size) in sorted(found.said.items()):
-        yield f"  put    {rest}{_record(fleet, name, rest) if types else ''}  {count / seconds:.1f} Hz, {size} B"
+        key = f"{at}/{rest}"
+        yield f"  put    {key}{_record(key) if types else ''}  {count / seconds:.1f} Hz, {size} B"
 
 
-def _record(fleet: str, name: str, rest: str) -> str:
-    found = candidates(f"{ROOT}/{fleet}/{name}/{rest}")
+def _record(key: str) -> str:
+    found = candidates(key)
     return f"  {found[0].__name__}" if found else ""
 
 

@@ -29,6 +29,8 @@ from schemas.records import (
     Perception,
     Receipt,
     Record,
+    RunningMission,
+    RunState,
     ServiceRequest,
     StopOrder,
 )
@@ -104,6 +106,11 @@ def _small(record: Record) -> str:
             return f"cancel {record.id}"
         case StopOrder():
             return record.order
+        case RunningMission():
+            return f"{record.file}, {len(record.text)} characters"
+        case RunState():
+            said = f": {record.why}" if record.why else ""
+            return f"{record.phase.replace('_', ' ')}{said} ({record.mission_time:.1f} s)"
         case MindOrder():
             return f"{record.do} {record.text}".strip()
         case ServiceRequest():

@@ -17,6 +17,7 @@ from typing import Any
 
 import zenoh
 from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from argosy.operator_bus import add_fleet_arguments, where
 from argosy.ui.doors import Doors, is_loopback
@@ -73,8 +74,16 @@ def _tell_defects_in_a_line(log: logging.Logger) -> None:
     """Say of an error of ours what and where, not all the ways that led there, unless somebody looks for it."""
 
     class Line(logging.Handler):
+        refused = 0
+
         def emit(self, record: logging.LogRecord) -> None:
             error = record.exc_info[1] if record.exc_info else None
+            if isinstance(error, HttpProcessingError | web.RequestPayloadError):  # what somebody sent is no HTTP
+                self.refused += 1
+                if self.refused.bit_count() == 1:  # the 1st, 2nd, 4th, 8th: a flood fills no log
+                    what = f"{self.refused} malformed requests so far, the last: {type(error).__name__}"
+                    print(f"argosy ui: refused: {what}", file=sys.stderr, flush=True)
+                return
             what = f"{type(error).__name__}: {error}" if error is not None else record.getMessage()
             print(f"argosy ui: defect: {one_line(what)}; ARGOSY_DEBUG=1 shows where", file=sys.stderr, flush=True)
 

@@ -11,16 +11,16 @@ from typing import Literal
 from msgspec.structs import replace
 
 from argosy.operator_bus import ANY, Where
-from argosy.team import Entry, Letter, TeamModel, TeamWatcher, steady_clock
+from argosy.team import Entry, Letter, MissionClock, TeamModel, TeamWatcher, steady_clock
 from argosy.ui.believing import Believing
 from argosy.ui.explaining import FleetWish, WhyWish, explained
 from argosy.ui.feed import Page
 from argosy.ui.link import Link
 from argosy.ui.marks import marks
 from argosy.ui.orders import ControlWish, Orders, StopWish
-from argosy.ui.portraits import agent_view, board_view, robot_view
+from argosy.ui.portraits import agent_view, alarms, board_view, robot_view, shared_notes
 from argosy.ui.shown import OF_MINDS, OF_PLANS, Shown
-from argosy.ui.views import DefectView, HappenedView, HeadView, LetterView, OrderedView, SeenMind
+from argosy.ui.views import DefectView, HappenedView, HeadView, LetterView, OrderedView, RunView, SeenMind
 from commd.bus import Bus
 from commd.logs import one_line
 from schemas.mission import Ending, Mission
@@ -112,7 +112,7 @@ class Following:
         for gone in self._said.keys() - self.model.agents.keys():
             del self._said[gone]
         self._take_letters()
-        self.shown.show(self._parts(), [_happened(entry) for entry in entries])
+        self.shown.show(self._parts(), [_happened(entry, self.model.clock) for entry in entries])
 
     def left(self, page: Page) -> None:
         """Forget a page, and look away from what it alone looked at."""
@@ -130,12 +130,14 @@ class Following:
         self._looked = looked
 
     def _parts(self) -> dict[str, object]:
-        model, robots = self.model, {} if self.mission is None else self.mission.robots
+        model = self.model
+        robots = {} if model.mission is None else model.mission.robots
+        shared = {note.text for note in shared_notes(model)}
         parts: dict[str, object] = {"head": self._head(), "marks": self._marks}
         for name, agent in model.agents.items():
-            parts[f"agent/{name}"] = agent_view(model, agent, self._said.get(name, ""))
+            parts[f"agent/{name}"] = agent_view(model, agent, self._said.get(name, ""), shared)
         for name, robot in model.robots.items():
-            parts[f"robot/{name}"] = robot_view(model, robot, robots.get(name))
+            parts[f"robot/{name}"] = robot_view(model, robot, robots.get(name), shared)
         for name, board in model.boards.items():
             parts[f"board/{name}"] = board_view(board)
         for letter in self._letters.values():
@@ -152,8 +154,11 @@ class Following:
         return {f"order/{order.number}": order for order in self.orders.last}
 
     def _head(self) -> HeadView:
-        link, model, mission = self.link, self.model, self.mission
-        router: Literal["up", "away", "never"] = "up" if link.up else "away" if link.was_up else "never"
+        link, model, mission, started_with = self.link, self.model, self.model.mission, self.mission
+        router: Literal["up", "away", "never", "ended"] = "up" if link.up else "away" if link.was_up else "never"
+        if router == "away" and model.over:
+            router = "ended"
+        differs = started_with is not None and mission is not None and mission.text != started_with.text
         return HeadView(
             fleet=link.fleet,
             fleets=link.fleets if not link.fleet else (),
@@ -163,17 +168,22 @@ class Following:
             endpoint=self.place.router,
             router=router,
             router_since=link.changed,
-            problem=link.problem,
+            problem=link.problem or model.mission_problem,
             identity=self.identity,
             observer=self._rights(),
             inject=None if mission is None else mission.inject,
+            mission_differs=started_with.path.name if started_with is not None and differs else "",
+            run=_run(model),
+            as_of=model.as_of if model.over else None,
+            notes=tuple(shared_notes(model)),
+            alarms=tuple(alarms(model)),
             mission_zero=model.clock.zero,
             speed=model.clock.speed,
             timeout=None if mission is None else mission.timeout,
             done=_formulas(model, mission.done if mission else (), "done"),
             failed=_formulas(model, mission.failed if mission else (), "failed"),
             tiles=self._tiles,
-            unreached=link.unreached,
+            unreached=() if model.over else link.unreached,
         )
 
     def _take_letters(self) -> None:
@@ -198,7 +208,7 @@ class Following:
     # What is asked.
 
     def _robots(self) -> list[str]:
-        named = [] if self.mission is None else list(self.mission.robots)
+        named = [] if self.model.mission is None else list(self.model.mission.robots)
         return list(dict.fromkeys([*named, *(name for name, one in self.model.robots.items() if one.there)]))
 
     def _rights(self) -> str:
@@ -249,11 +259,26 @@ def _letter(letter: Letter, number: int) -> LetterView:
     )
 
 
-def _happened(entry: Entry) -> HappenedView:
+def _run(model: TeamModel) -> RunView | None:
+    state, silent = model.run_state, model.run_silent
+    if state is None:
+        return None
+    return RunView(
+        phase=state.phase,
+        why=state.why,
+        seconds=round(state.mission_time, 1) if model.over else 0.0,
+        report=state.report,
+        recording=state.recording,
+        silent=None if silent is None else round(model.now() - silent, 1),
+    )
+
+
+def _happened(entry: Entry, clock: MissionClock) -> HappenedView:
+    seconds = clock.seconds(entry.at)
     return HappenedView(
         n=entry.number,
         at=round(entry.at, 2),
-        mission=None if entry.mission is None else round(entry.mission, 1),
+        mission=None if seconds is None else round(seconds, 1),
         who=entry.who,
         what=entry.what,
         text=entry.text,

@@ -22,7 +22,7 @@ from commd.bus import Bus, BusClosed
 from schemas import keys
 from schemas.minds import MindOrder
 from schemas.names import check_name
-from schemas.records import Outcome
+from schemas.records import OperatorOrder, Outcome
 
 WAITING = ("waiting", "")
 CUT = ("NOT confirmed", "it was cut off: NOT known whether it was done")
@@ -42,7 +42,7 @@ LATE = 5.0
 class StopWish(msgspec.Struct, forbid_unknown_fields=True):
     """What a page asks of robots."""
 
-    order: Literal["hold", "land", "rtl", "release"]
+    order: OperatorOrder
     at: float
     """When that was, by our clock as the page was told it."""
     robots: list[str] | None = None

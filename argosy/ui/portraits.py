@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Container
+from typing import Literal
 
+from argosy.roll import Standing
 from argosy.seen import ActionSeen
-from argosy.team import TeamAgent, TeamBoard, TeamModel, TeamRobot
-from argosy.ui.views import AgentView, BoardView, IntentionLine, RobotView, RunningView
+from argosy.team import Member, TeamAgent, TeamBoard, TeamModel, TeamRobot, activity
+from argosy.ui.views import AgentView, BoardView, IntentionLine, NoteView, RobotView, RunningView
 from schemas.mission import Robot
 
 INTENTIONS = 4
@@ -15,11 +18,29 @@ STALE = 6.0
 """Seconds after which what a mind has shown is old: those that nobody looks at are asked every 2 s."""
 
 
-def agent_view(model: TeamModel, agent: TeamAgent, said: str) -> AgentView:
-    """Return an agent as it stands in the list."""
-    mind = agent.mind
+def shared_notes(model: TeamModel) -> list[NoteView]:
+    """Return the notes that several members have, with their names: they are said once."""
+    return [note for note in _named(model, lambda member: member.notes) if len(note.names) > 1]
+
+
+def alarms(model: TeamModel) -> list[NoteView]:
+    """Return the notes that are errors, with the names of those that have them."""
+    return _named(model, lambda member: member.alarms)
+
+
+def _named(model: TeamModel, notes_of: Callable[[Member], tuple[str, ...]]) -> list[NoteView]:
+    named: dict[str, list[str]] = {}
+    for members in (model.agents, model.robots, model.boards):
+        for member in members.values():
+            for note in notes_of(member):
+                named.setdefault(note, []).append(member.name)
+    return [NoteView(text=note, names=tuple(names)) for note, names in named.items()]
+
+
+def agent_view(model: TeamModel, agent: TeamAgent, said: str, shared: Container[str] = ()) -> AgentView:
+    """Return an agent as it stands in the list; notes that are `shared` are said elsewhere."""
+    mind, does = agent.mind, activity(model, agent)
     counted = {} if mind is None else {
-        "state": mind.state,
         "program": mind.program,
         "cycle": mind.cycle,
         "intentions": tuple(
@@ -40,13 +61,15 @@ def agent_view(model: TeamModel, agent: TeamAgent, said: str) -> AgentView:
         name=agent.name,
         board=agent.board,
         robot=agent.robot,
-        standing=agent.standing,
+        standing=_standing(agent),
         since=agent.since,
-        notes=agent.notes,
-        stale=agent.heard if (agent.age(model.now()) or 0.0) > STALE else None,
+        notes=tuple(note for note in agent.notes if note not in shared),
+        state=does.doing,
+        action=does.action[:200],
+        stale=agent.heard if (agent.age(model.as_of) or 0.0) > STALE else None,
         silent=agent.silent,
         why_silent=agent.why_silent,
-        actions=tuple(_running(one, model.now()) for one in model.open_actions(agent.name)[-INTENTIONS:]),
+        actions=tuple(_running(one, model.as_of) for one in model.open_actions(agent.name)[-INTENTIONS:]),
         said=said,
         **counted,  # type: ignore[arg-type]
     )
@@ -63,18 +86,19 @@ def _running(action: ActionSeen, now: float) -> RunningView:
     )
 
 
-def robot_view(model: TeamModel, robot: TeamRobot, named: Robot | None) -> RobotView:
+def robot_view(model: TeamModel, robot: TeamRobot, named: Robot | None, shared: Container[str] = ()) -> RobotView:
     """Return a robot as it stands on the map; `named` is what the mission says of it."""
-    seen, age = robot.seen, robot.age(model.now())
+    seen, age = robot.seen, robot.age(model.as_of)
     velocity = seen.velocity
     return RobotView(
         name=robot.name,
         board=robot.board,
         agents=robot.agents,
-        standing=robot.standing,
+        standing=_standing(robot),
         since=robot.since,
-        notes=robot.notes,
-        stale=round(model.now() - age, 1) if age is not None and robot.stale(model.now()) else None,
+        notes=tuple(note for note in robot.notes if note not in shared),
+        alarms=robot.alarms,
+        stale=round(model.as_of - age, 1) if age is not None and robot.stale(model.as_of) else None,
         lost=seen.lost,
         mode=seen.mode,
         armed=seen.armed,
@@ -88,6 +112,7 @@ def robot_view(model: TeamModel, robot: TeamRobot, named: Robot | None) -> Robot
         radius=None if named is None or named.limits.radius is None else float(named.limits.radius),
         ceiling=None if named is None or named.limits.altitude is None else float(named.limits.altitude),
         operator=seen.operator,
+        paused=seen.paused,
         told=dict(list(seen.told.items())[:8]),
     )
 
@@ -96,12 +121,16 @@ def board_view(board: TeamBoard) -> BoardView:
     """Return a board."""
     return BoardView(
         name=board.name,
-        standing=board.standing,
+        standing=_standing(board),
         since=board.since,
         notes=board.notes,
         waiting=board.waiting(),
         problem=board.problem,
     )
+
+
+def _standing(member: Member) -> Standing | Literal["ended"]:
+    return "ended" if member.ended else member.standing
 
 
 def _place(at: tuple[float, float] | None) -> tuple[float, float] | None:

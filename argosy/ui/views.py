@@ -9,7 +9,9 @@ from typing import Literal
 
 import msgspec
 
+from argosy.team.activity import Doing
 from schemas.minds import MindView
+from schemas.records import RunPhase
 
 _encoder = msgspec.json.Encoder()
 
@@ -23,6 +25,27 @@ class View(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """A part of what is shown; what is missing has its default."""
 
 
+class RunView(View, frozen=True, kw_only=True):
+    """What `argosy run` says of the run that it watches over."""
+
+    phase: RunPhase
+    why: str = ""
+    """Why it has failed, or why it brings its vehicles home."""
+    seconds: float = 0.0
+    """Mission seconds that it took; of a run that goes on, 0."""
+    report: str = ""
+    recording: str = ""
+    silent: float | None = None
+    """Unix seconds since when `argosy run` is not heard, although it should be."""
+
+
+class NoteView(View, frozen=True, kw_only=True):
+    """What several members say of themselves in the same words."""
+
+    text: str
+    names: tuple[str, ...]
+
+
 class HeadView(View, frozen=True, kw_only=True):
     """The fleet as a whole (part `head`)."""
 
@@ -34,8 +57,8 @@ class HeadView(View, frozen=True, kw_only=True):
     file: str = ""
     version: str = ""
     endpoint: str = ""
-    router: Literal["up", "away", "never"] = "never"
-    """`away`: it was there."""
+    router: Literal["up", "away", "never", "ended"] = "never"
+    """`away`: it was there; `ended`: it has left with its run."""
     router_since: float = 0.0
     problem: str = ""
     """Why nothing is seen, in words; or what else is to be said of the bus."""
@@ -44,7 +67,17 @@ class HeadView(View, frozen=True, kw_only=True):
     observer: str = ""
     """Why nothing can be ordered, in words; empty if it may be."""
     inject: bool | None = None
-    """Whether minds take orders by the mission; None = no mission was given, so their agents say."""
+    """Whether minds take orders by the mission; None = the mission is not known, so their agents say."""
+    mission_differs: str = ""
+    """The file that `argosy ui` was started with, if the fleet runs another mission."""
+    run: RunView | None = None
+    """None: nobody tells of a run, as in a fleet of boards."""
+    as_of: float | None = None
+    """When what is shown held, of a run that is over; None = it holds now."""
+    notes: tuple[NoteView, ...] = ()
+    """Notes that several members have; they do not stand with each."""
+    alarms: tuple[NoteView, ...] = ()
+    """Notes that are errors."""
     mission_zero: float | None = None
     """When mission second 0 was, as far as it is known."""
     speed: float = 1.0
@@ -97,11 +130,14 @@ class AgentView(View, frozen=True, kw_only=True):
     board: str = ""
     robot: str = ""
     standing: str
-    """Of its daemon, always told: up, coming, silent, twice, unclaimed or missing (docs/health.md)."""
+    """Of its daemon, always told: up, coming, silent, twice, unclaimed or missing (docs/health.md); ended = it has left
+    with its run."""
     since: float | None = None
     notes: tuple[str, ...] = ()
-    state: str = ""
-    """Of its mind: reasoning, waiting or paused; empty = it was not heard."""
+    state: Doing = ""
+    """What it does; empty = its mind was not heard."""
+    action: str = ""
+    """The action that it waits for."""
     stale: float | None = None
     """When its mind was last heard, if that is long ago; None = it answers, or was never heard."""
     silent: float | None = None
@@ -130,6 +166,8 @@ class RobotView(View, frozen=True, kw_only=True):
     standing: str
     since: float | None = None
     notes: tuple[str, ...] = ()
+    alarms: tuple[str, ...] = ()
+    """Those of the notes that are errors."""
     stale: float | None = None
     """When it last told something of itself, if that is long ago; None = what is shown is as it is now."""
     lost: bool = False
@@ -153,6 +191,8 @@ class RobotView(View, frozen=True, kw_only=True):
     """Metres above home."""
     operator: str = ""
     """The order that stands above its agents."""
+    paused: bool = False
+    """An operator has paused it."""
     told: dict[str, str] = {}
     """Of what is no vehicle: its last percepts."""
 
@@ -222,7 +262,7 @@ class HappenedView(View, frozen=True, kw_only=True):
     n: int
     at: float
     mission: float | None = None
-    """Mission seconds by the agent's own clock, if it has told."""
+    """Mission seconds by the fleet's clock; None = not known when it happened."""
     who: str
     what: str
     text: str

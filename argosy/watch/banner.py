@@ -6,7 +6,7 @@ from rich.text import Text
 
 from argosy.team import TeamModel
 from argosy.watch.link import Link
-from argosy.watch.rows import BAD, WARN, joined, said
+from argosy.watch.rows import BAD, GOOD, WARN, joined, said
 from argosy.watch.words import clock, count, span
 
 HINT_AFTER = 10.0
@@ -25,7 +25,7 @@ def title(model: TeamModel, router: str) -> Text:
         (f"argosy watch {model.fleet or 'any fleet'}", "bold"),
         *there,
         (others, WARN),
-        (clock(model.now()), "dim"),
+        (_run(model), "dim"),
         (router, "dim"),
     )
 
@@ -36,6 +36,8 @@ def banner(link: Link, model: TeamModel, paused: bool) -> list[Text]:
     live = link.model
     if link.failure:
         lines.append(said(link.failure, BAD))
+    elif live.over:
+        lines += _ended(live)
     elif not link.reached:
         why = link.problem or f"dialling {link.place.router}"
         lines.append(said(f"no router yet, waiting for {span(now - link.since)}: {why}", BAD))
@@ -58,7 +60,26 @@ def banner(link: Link, model: TeamModel, paused: bool) -> list[Text]:
                 else ""
             )
             lines.append(said(f"{others}is it started (argosy run, or its units)? argosy doctor tells more", WARN))
+    if live.run_silent is not None:
+        lines.append(said(f"argosy run is not heard for {span(live.run_silent)}: nobody watches over this run", WARN))
     if paused:
         text = f"PAUSED as it was at {clock(model.now())}: the fleet goes on without you; space to go on"
         lines.append(said(text, "reverse yellow"))
     return lines
+
+
+def _run(model: TeamModel) -> str:
+    """Return the mission time and the phase of the run; the time of day while no mission time is known."""
+    seconds = model.clock.seconds(model.as_of)
+    time = f"{clock(model.now())} (wall)" if seconds is None else f"{seconds:.0f} s of mission"
+    return time if model.run_state is None else f"{model.run_state.phase.replace('_', ' ')}, {time}"
+
+
+def _ended(model: TeamModel) -> list[Text]:
+    """Return how the run has ended, and where its report and its recording are."""
+    state = model.run_state
+    assert state is not None
+    after = f"after {state.mission_time:.1f} s"
+    words = f"the mission is done {after}" if state.phase == "done" else f"the mission has failed {after}: {state.why}"
+    kept = [f"{what}: {place}" for what, place in (("report", state.report), ("recording", state.recording)) if place]
+    return [said(words, GOOD if state.phase == "done" else BAD), *(said(line) for line in kept)]

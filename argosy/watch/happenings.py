@@ -26,7 +26,9 @@ class Happenings:
         """Return the rows for what the model has now."""
         if model is not self._model:  # paused, or going on again
             self._model, self._number, self._entries, self.rows = model, 0, [], []
-        new = [(one.at, one.number, _row(one)) for one in model.timeline.since(self._number) if self._concerns(one)]
+        new = [
+            (one.at, one.number, _row(model, one)) for one in model.timeline.since(self._number) if self._concerns(one)
+        ]
         self._number = model.timeline.number
         if new:  # agents tell their deeds a moment later than bridges: by time, not as they were told
             self._entries = sorted([*self._entries, *new], key=lambda entry: entry[:2])[-MOST:]
@@ -37,7 +39,9 @@ class Happenings:
         return not self._names or entry.who in self._names
 
 
-def _row(entry: Entry) -> Row:
+def _row(model: TeamModel, entry: Entry) -> Row:
     style = STYLES[entry.level] if entry.what not in ("sent", "received") else "magenta"
-    text = Text.assemble((f"{entry.clock} ", "dim"), (f"{entry.who}  ", "bold"), (entry.text, style))
+    seconds = model.clock.seconds(entry.at)
+    time = entry.clock if seconds is None else f"{seconds:8.1f}"
+    text = Text.assemble((f"{time} ", "dim"), (f"{entry.who}  ", "bold"), (entry.text, style))
     return Row(text, indent=10, found_by=entry.what)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from rich.text import Text
 
 from agentd.why import decision_lines, failure_lines
-from argosy.team import TeamAgent, TeamModel
+from argosy.team import TeamAgent, TeamModel, activity
 from argosy.watch.glyphs import Glyphs
 from argosy.watch.overview import unheard
 from argosy.watch.rows import BAD, DIM, GOOD, WARN, Row, head, joined, said
-from argosy.watch.words import count, place, places, span
+from argosy.watch.words import count, place, places, rounded, span
 from schemas.minds import DecisionView, FailureView, IntentionView, MindView
 
 OLD = 3.0
@@ -28,18 +28,19 @@ def seen(agent: TeamAgent) -> tuple[MindView | None, float | None]:
 def title(model: TeamModel, agent: TeamAgent) -> Text:
     """Return who it is and how it is, in one line."""
     view, heard = seen(agent)
-    now = model.now()
+    now = model.as_of
     if view is None or heard is None:
         why = f"its mind has not been seen yet {agent.why_silent}".strip()
         return joined((agent.name, "bold"), (why if agent.there else "it is not there", WARN))
-    old = now - heard
+    old, does = now - heard, activity(model, agent)
     return joined(
         (agent.name, "bold"),
-        (view.state, {"reasoning": GOOD, "paused": WARN}.get(view.state, "")),
+        (does.doing, {"paused": WARN, "waiting": "", "idle": ""}.get(does.doing, GOOD)),
         (f"board {agent.board}" if agent.board else "", DIM),
         (f"robot {agent.robot}" if agent.robot else "", DIM),
         f"cycle {view.cycle}",
-        f"{view.time:.0f} s of mission",
+        f"{model.clock.seconds(heard) or view.time:.0f} s of mission",
+        rounded(does.action),
         (f"lag {span(agent.lag)}", BAD if agent.lag >= 1 else DIM),
         (f"{agent.drops} dropped" if agent.drops else "", WARN),
         (_age(agent, old), BAD),
@@ -47,6 +48,8 @@ def title(model: TeamModel, agent: TeamAgent) -> Text:
 
 
 def _age(agent: TeamAgent, old: float) -> str:
+    if agent.ended:
+        return ""
     if not agent.there:
         return f"GONE, as it was {span(old)} ago"
     if agent.silent is not None:
@@ -57,7 +60,7 @@ def _age(agent: TeamAgent, old: float) -> str:
 def mind(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Row]:
     """Return intentions, actions, events, questions, messages: all that moves it."""
     view, _ = seen(agent)
-    rows: list[Row] = [Row(said(f"! {note}", WARN)) for note in agent.notes]
+    rows: list[Row] = [Row(said(f"! {note}", BAD if note in agent.alarms else WARN)) for note in agent.notes]
     if view is None:
         return [*rows, Row(Text("its mind has not been seen yet", WARN))]
     if view.paused_for is not None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rich.text import Text
 
 from argosy.seen import ActionSeen, RobotSeen
-from argosy.team import Member, TeamAgent, TeamModel, TeamRobot
+from argosy.team import Member, TeamAgent, TeamModel, TeamRobot, activity
 from argosy.track import distance
 from argosy.watch.glyphs import Glyphs
 from argosy.watch.rows import BAD, DIM, GOOD, WARN, Row, head, joined, said, table
@@ -46,9 +46,9 @@ def _vehicles(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
 
 def _robot(model: TeamModel, robot: TeamRobot, width: int, glyphs: Glyphs) -> list[Text]:
     """Return mode, arming, height and all else of a robot."""
-    seen, now = robot.seen, model.now()
+    seen, now = robot.seen, model.as_of
     actions = [action for agent in robot.agents for action in model.open_actions(agent)]
-    doing = joined(*(_action(action, now, glyphs) for action in actions))
+    doing = joined(*(_action(action, now, model.clock.speed, glyphs) for action in actions))
     if seen.told and not seen.mode:
         return [Text(), Text(), Text(), joined(doing, ("  ".join(seen.told.values()), DIM))]
     if not seen.mode:
@@ -59,6 +59,7 @@ def _robot(model: TeamModel, robot: TeamRobot, width: int, glyphs: Glyphs) -> li
         (f"LOST, last heard {span(old)} ago" if seen.lost else "", BAD),
         (f"as it was {span(old)} ago: {_absent(model, robot)}" if robot.stale(now) and not seen.lost else "", BAD),
         (f"operator: {seen.operator}" if seen.operator else "", WARN),
+        ("PAUSED" if seen.paused else "", WARN),
         (f"taken over: {seen.override}" if seen.override else "", WARN),
         (f"held by {seen.holder}" if seen.holder else "", DIM),
     )
@@ -81,11 +82,11 @@ def _figures(seen: RobotSeen, style: str, width: int) -> list[Text]:
     return found
 
 
-def _action(action: ActionSeen, now: float, glyphs: Glyphs) -> Text:
+def _action(action: ActionSeen, now: float, speed: float, glyphs: Glyphs) -> Text:
     figures = "  ".join(f"{name} {value:.1f}" for name, value in action.feedback.items())
     return joined(
         (f"{glyphs.runs} {rounded(action.text)}", "blue"),
-        f"{span(action.age(now))}",
+        f"{span(action.age(now) * speed)}",
         unheard(action, now),
         (figures, DIM),
     )
@@ -118,11 +119,14 @@ def _agent(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Text]:
         word = _absent(model, agent) if not agent.there else "its mind has not been seen yet"
         if agent.silent is not None:
             word = f"its mind does not answer for {span(now - agent.silent)} {agent.why_silent}".strip()
-        return [_mark(agent, glyphs), name, Text(), Text(), said(word, WARN), lag, mail]
-    state = Text(mind.state, {"reasoning": GOOD, "paused": WARN}.get(mind.state, ""))
+        return [_mark(agent, glyphs), name, Text(), Text(), said(word, DIM if agent.ended else WARN), lag, mail]
+    now_does = activity(model, agent)
+    state = Text(now_does.doing, {"paused": WARN, "waiting": "", "idle": ""}.get(now_does.doing, GOOD))
     intentions = len(mind.intentions) + mind.intentions_left_out
     does = _does(
-        mind.intentions[0].stack if mind.intentions else (), mind.intentions[0].reason if mind.intentions else ""
+        mind.intentions[0].stack if mind.intentions else (),
+        mind.intentions[0].reason if mind.intentions else "",
+        now_does.action,
     )
     if agent.silent is not None:
         does = joined((f"SILENT for {span(now - agent.silent)}; was:", BAD), does)
@@ -140,10 +144,10 @@ def _agent(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Text]:
     ]
 
 
-def _does(stack: tuple[str, ...], reason: str) -> Text:
+def _does(stack: tuple[str, ...], reason: str, action: str) -> Text:
     if not stack:
-        return Text("no intentions", DIM)
-    return joined(rounded(stack[0]), (f"waits: {reason}" if reason else "", DIM))
+        return joined(rounded(action)) if action else Text("no intentions", DIM)
+    return joined(rounded(stack[0]), (rounded(action) if action else f"waits: {reason}" if reason else "", DIM))
 
 
 def _boards(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
@@ -173,15 +177,16 @@ def _boards(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
 def _notes(members: Sequence[Member]) -> list[Row]:
     """Return what is to be said of members, once for all of whom it is said."""
     about: dict[str, list[str]] = {}
-    for member in members:
-        for note in member.notes if member.there else ():
+    alarms: set[str] = set()
+    for member in (one for one in members if one.there):
+        alarms.update(member.alarms)
+        for note in member.notes:
             about.setdefault(note, []).append(member.name)
-    rows = [
-        Row(joined(f"!  {_some(names)}: {note}"[:LONGEST_NOTE], gap=""), found_by=" ".join(names))
-        for note, names in about.items()
-    ]
-    for row in rows:
-        row.text.stylize(WARN)
+    rows = []
+    for note, names in sorted(about.items(), key=lambda one: one[0] not in alarms):  # what is cut off is no alarm
+        text = joined(f"!  {_some(names)}: {note}"[:LONGEST_NOTE], gap="")
+        text.stylize(BAD if note in alarms else WARN)
+        rows.append(Row(text, found_by=" ".join(names)))
     left_out = len(rows) - MOST_NOTES
     return [
         *rows[:MOST_NOTES],
@@ -195,7 +200,7 @@ def _some(names: Sequence[str]) -> str:
 
 def _mark(member: Member, glyphs: Glyphs) -> Text:
     if not member.there:
-        return Text(glyphs.away, BAD)
+        return Text(glyphs.away, DIM if member.ended else BAD)
     return Text(glyphs.well, GOOD if member.well else BAD)
 
 
@@ -203,5 +208,7 @@ def _absent(model: TeamModel, member: Member) -> str:
     """Return why a member is not there, or not as it should be, in words."""
     if member.there:
         return f"its {member.daemon} is {member.standing}"
+    if member.ended:
+        return f"its {member.daemon} has ended with the run"
     gone = f"gone for {span(model.now() - member.since)}" if member.since is not None else "was never there"
     return f"its {member.daemon} is not there ({gone})"

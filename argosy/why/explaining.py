@@ -23,6 +23,7 @@ from argosy.why.words import without_annotations
 from commd.bus import Bus
 from schemas import keys
 from schemas.minds import DecisionView, MindView
+from schemas.names import is_name
 from schemas.positions import did_you_mean
 from schemas.records import BoardServices, Mailboxes, Record
 
@@ -127,7 +128,8 @@ async def view_of(bus: Bus, fleet: str, agent: str) -> tuple[str, MindView]:
 
 async def mail_facts(bus: Bus, fleet: str, view: MindView) -> MailFacts:
     """Ask the boards what waits there and who lives where, and the receivers of open questions what they think."""
-    receivers = list(dict.fromkeys(question.receiver for question in view.questions))[:MOST_ASKED]
+    asked = dict.fromkeys(question.receiver for question in view.questions)
+    receivers = [one for one in asked if is_name(one)][:MOST_ASKED]  # who is asked stands in a key, as `*` would
     minds_asked = asyncio.gather(*(_mind(bus, fleet, name) for name in receivers))
     (boards, silent), homes, minds = await asyncio.gather(_mailboxes(bus, fleet), _homes(bus, fleet), minds_asked)
     known = {name: mind for name, mind in zip(receivers, minds, strict=True) if mind is not None}

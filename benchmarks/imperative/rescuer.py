@@ -1,5 +1,6 @@
 """A rescuer of a search and rescue (the paper, section 5.2). It hears of victims from the scout, negotiates with the
-other rescuers who goes, flies to its victim, drops a buoy, returns, takes a new buoy and charges, and goes on.
+other rescuers who goes, flies to its victim, drops a buoy, returns and takes a new one, and goes on
+while its battery lasts.
 
 What to do next follows from what it knows now, and never from where in its doing it was. Above all it looks at the
 latch that holds the buoy: whatever became of the action that opens it, open means dropped, and closed means not.
@@ -12,9 +13,10 @@ from commd.client import NotSent
 
 
 class Rescuer(Flyer):
-    def __init__(self, me, height, scout, peers):
+    def __init__(self, me, height, scout, peers, battery_low=40):
+        """Below `battery_low` percent it turns back, and 20 more are enough to go out."""
         super().__init__(me, height)
-        self.scout, self.peers = scout, peers
+        self.scout, self.peers, self.battery_low = scout, peers, battery_low
         self.victims, self.held, self.rescued = {}, {}, set()
         self.mine = self.rescuing = None
         self.search_over = self.resting = False
@@ -25,14 +27,17 @@ class Rescuer(Flyer):
     def aboard(self):
         return not self.gone()
 
-    def charged(self):
-        return self.battery() >= 97
+    def spent(self):
+        return 0 <= self.battery() < self.battery_low
+
+    def ready(self):
+        return self.battery() < 0 or self.battery() >= min(self.battery_low + 20, 95)
 
     def off(self, place):
         return metres(self.percept("global_pos"), place)
 
     def at_home(self):
-        return self.off(self.percept("home_pos")) < 3
+        return self.off(self.percept("home_pos")) < 5
 
     def open(self):
         """The victims that nobody else is to rescue."""
@@ -45,12 +50,12 @@ class Rescuer(Flyer):
     def bid(self, victim):
         """What it would take to rescue a victim: the way, longer with an emptier battery. Equal bids are told apart by
         the name. False if it is busy."""
-        if not self.perceives() or self.mine is not None or self.gone() or not self.charged() or self.armed():
+        if not self.perceives() or self.mine is not None or self.gone() or not self.ready() or self.armed():
             return False
         return [self.off(self.victims[victim]) * (2 - self.battery() / 100), self.me.name]
 
     def perceives(self):
-        return super().perceives("latch")
+        return super().perceives("latch", "home_pos")  # after a cold start home is known last
 
     async def serve(self):
         while True:
@@ -65,7 +70,7 @@ class Rescuer(Flyer):
             await self.until(self.perceives, 60)
         elif self.mine is not None and self.gone():
             await self.report(self.mine)
-        elif self.mine is not None and self.battery() < 40:  # enough to come home from anywhere, and no more
+        elif self.mine is not None and self.spent():
             print("too little battery for", self.mine)
             await self.tell([self.scout], "achieve", "give_back", self.mine)
             self.mine = None
@@ -83,20 +88,20 @@ class Rescuer(Flyer):
             print("a new buoy")
             await self.act("load_buoy")
             await self.until(self.aboard, 10)
-        elif not self.charged():
-            print("charging")
-            await self.until(self.charged, 600)
-        elif self.promised():  # the answer to a claim was lost
-            self.go_for(self.promised()[0])
-        elif self.open():
-            self.resting = False
-            await self.negotiate()
-        elif self.search_over and not self.resting:
+        elif not self.open() and self.search_over and not self.resting:
             self.resting = True
             print("resting")
-        else:
+        elif not self.open():
             self.news.clear()
             await self.news.wait()
+        elif not self.ready():
+            print("my battery has", self.battery(), "%: I wait until it has more")
+            await self.until(self.ready, 600)
+        elif self.promised():  # the answer to a claim was lost
+            self.go_for(self.promised()[0])
+        else:
+            self.resting = False
+            await self.negotiate()
 
     # Who goes: the nearest victim first, of those that nobody else is better placed for. The others answer by their own
     # bid, or not at all when they are busy, dead or cut off.

@@ -68,6 +68,16 @@ class PlainDriver:
         return self.setup.clock.wall() - self._heard_at
 
     @property
+    def airborne(self) -> bool:
+        """Never."""
+        return False
+
+    @property
+    def under_way(self) -> Order | None:
+        """Nothing: the robot shows no modes."""
+        return None
+
+    @property
     def overridden(self) -> str:
         """Nobody else has it."""
         return ""

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 from commd.bus import Bus
 from commd.clock import Clock
 from schemas.findings import Finding
 from schemas.manifest import ActionEntry, Manifest, Order
 from schemas.mission import Robot
+from schemas.records import Note
 
 Scalar = bool | int | float | str
 Value = Scalar | list[Any]
@@ -27,11 +28,21 @@ __all__ = [
     "OnReading",
     "Order",
     "Outcome",
+    "Pausable",
     "Reading",
     "Scalar",
     "Setup",
     "Value",
+    "defers",
 ]
+
+SAFETY: tuple[Order, ...] = ("hold", "rtl", "land")
+"""The orders from the least safe to the safest: what stays in the air needs somebody, what comes down does not."""
+
+
+def defers(order: Order | None, under_way: Order | None) -> bool:
+    """Whether an order that nobody insists on leaves the motion that is under way alone, because it is safer."""
+    return order is not None and under_way is not None and SAFETY.index(under_way) > SAFETY.index(order)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +73,8 @@ class Execution:
     """Progress in numbers, such as the distance to go in metres."""
     waits_for: str = ""
     """What it waits for now, in words: the reason if it runs out of time."""
+    cause: str = ""
+    """Why it cannot go on now, in the robot's own words (`Compass not calibrated`); empty = nothing hinders it."""
     ended: Callable[[], None] | None = None
     """Called once when the outcome is known."""
 
@@ -139,7 +152,8 @@ class Driver(Protocol):
     def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
         """Begin one of its `orders`, which stand above every action; whatever runs fails with `reason`.
 
-        The operator's orders `insist`; the others end when a pilot, a ground station or a failsafe takes over.
+        The operator's orders `insist`; the others end when a pilot, a ground station or a failsafe takes over, and
+        succeed at once where a safer motion is under way (`defers`), whoever began it.
         """
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
@@ -156,6 +170,14 @@ class Driver(Protocol):
     @property
     def silence(self) -> float:
         """Wall seconds since the robot was heard last; infinite if it never was."""
+
+    @property
+    def airborne(self) -> bool:
+        """Whether the robot is armed and off the ground, as it shows itself."""
+
+    @property
+    def under_way(self) -> Order | None:
+        """The order whose motion the robot's own state shows, whoever began it; None = none, or it cannot be heard."""
 
     @property
     def overridden(self) -> str:
@@ -176,5 +198,16 @@ class Driver(Protocol):
     def counters(self) -> dict[str, float]:
         """Figures for health."""
 
-    def notes(self) -> list[str]:
-        """Warnings that hold now, in words."""
+    def notes(self) -> Sequence[str | Note]:
+        """Warnings that hold now, in words; with a code where programs act on them."""
+
+
+@runtime_checkable
+class Pausable(Protocol):
+    """What a driver may offer besides `Driver`: a hold that can be undone; else `hold` is ordered for a pause."""
+
+    def pause(self, interrupted: Collection[Execution]) -> Execution:
+        """Hold the robot where it is, and end these executions of its own without a word: they are asked for again."""
+
+    def resume(self) -> Execution:
+        """Bring the robot back into the state from which `pause` took it, ready for what is asked for again."""

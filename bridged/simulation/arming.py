@@ -16,7 +16,7 @@ def arming_problems(copter: "Copter") -> list[str]:
         return ["Need Alt Estimate"]
     if not copter.passed(Milestone.ACCELS_AGREE):
         return ["Accels inconsistent"]
-    problems = []
+    problems = [copter.hindrance] if copter.hindrance else []
     if not copter.passed(Milestone.HOME):
         problems.append("AHRS: waiting for home")
     if not copter.passed(Milestone.GYROS_AGREE):

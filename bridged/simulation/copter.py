@@ -60,6 +60,8 @@ class Copter:
         self.transmitter = Transmitter(self.parameters)
         self.mission = stored or Mission()
         self.mode = Mode.STABILIZE
+        self.hindrance = ""
+        """An arming check that fails by a fault, in the vehicle's words."""
         self.home: Place | None = None
         self.events: list[Event] = []
         self._next_guard = 0.0

@@ -63,6 +63,9 @@ class Faults:
     lie: bool = False
     cuts: tuple[Cut, ...] = ()
     reboots: tuple[float, ...] = ()
+    autopilot: int | None = None
+    prearm: tuple[tuple[float, str], ...] = ()
+    """Arming checks that fail, each until a time."""
     seed: int = SEED
 
     @classmethod
@@ -115,6 +118,14 @@ def _cut(faults: Faults, text: str) -> Faults:
     return replace(faults, cuts=(*faults.cuts, Cut(_within(float(at)), _within(float(seconds)))))
 
 
+def _prearm(faults: Faults, text: str) -> Faults:
+    until, colon, said = text.partition(":")
+    end, said = (_within(float(until)), said) if colon else (math.inf, text)
+    if not said.strip():
+        raise ValueError(text)
+    return replace(faults, prearm=(*faults.prearm, (end, said.strip())))
+
+
 def _reboot(faults: Faults, text: str) -> Faults:
     return replace(faults, reboots=tuple(sorted((*faults.reboots, _within(float(text))))))
 
@@ -134,6 +145,16 @@ TABLE: dict[str, Row] = {
     "lie": Row("lie", "the vehicle acknowledges commands and obeys none; goals it ignores", _flag("lie")),
     "cut": Row("cut=AT+SECONDS", "nothing passes from AT for SECONDS of vehicle time", _cut),
     "reboot": Row("reboot=AT", "the autopilot restarts at AT; in the air the motors stop", _reboot),
+    "prearm": Row(
+        "prearm=[UNTIL:]TEXT",
+        "an arming check fails with this text, for ever or until UNTIL",
+        _prearm,
+    ),
+    "autopilot": Row(
+        "autopilot=N",
+        "its HEARTBEATs say that it is another autopilot (12 is PX4); it stays an ArduCopter",
+        lambda f, text: replace(f, autopilot=int(_within(int(text), 255))),
+    ),
     "seed": Row("seed=N", f"another row of dice (default {SEED})", lambda f, text: replace(f, seed=int(text))),
 }
 """All faults by name."""
@@ -232,9 +253,17 @@ class Character:
 
     def says(self, messages: Messages) -> Messages:
         """What is left of what the vehicle would say."""
+        if self._faults.autopilot is not None:
+            for message in messages:
+                if message.get_type() == "HEARTBEAT":
+                    message.autopilot = self._faults.autopilot
         if not self._faults.mute_acks:
             return messages
         return [message for message in messages if message.get_type() not in _ACKNOWLEDGEMENTS]
+
+    def hinders(self, now: float) -> str:
+        """Which arming check fails now, in the vehicle's words; empty = none by a fault."""
+        return next((said for until, said in self._faults.prearm if now < until), "")
 
     def restarts(self, now: float) -> bool:
         """Whether the vehicle restarts now; true once for each time."""

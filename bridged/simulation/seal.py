@@ -2,7 +2,8 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.signing import LATEST, Signing
+from bridged.drivers.mavlink.signed_streams import LATEST
+from bridged.drivers.mavlink.signing import Signing
 from bridged.drivers.mavlink.wire import Gate
 from bridged.simulation.copter import Copter
 from bridged.simulation.events import Severity

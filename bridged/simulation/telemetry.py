@@ -61,7 +61,7 @@ def sys_status(copter: Copter) -> dialect.MAVLink_message:
         enabled |= _LOGGING
     if copter.fence.enabled:
         enabled |= _FENCE
-    if copter.passed(Milestone.PREARM_GOOD):
+    if copter.passed(Milestone.PREARM_GOOD) and not copter.hindrance:
         healthy |= _PREARM
     battery = copter.battery
     return dialect.MAVLink_sys_status_message(

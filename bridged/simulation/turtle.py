@@ -25,7 +25,7 @@ class Pen:
     g: int = 184
     b: int = 255
     width: int = 3
-    """Pixels, 45 to the metre."""
+    """Pixels, 45 to the metre; a pen of 0 draws the thinnest line there is, of one pixel."""
     off: bool = False
 
 
@@ -143,7 +143,7 @@ def svg(turtle: Turtle) -> str:
         (x0, y0), (x1, y1), pen = stroke.start, stroke.end, stroke.pen
         lines.append(
             f'<line x1="{x0:.3f}" y1="{FIELD - y0:.3f}" x2="{x1:.3f}" y2="{FIELD - y1:.3f}" stroke-linecap="round" '
-            f'stroke="rgb({pen.r},{pen.g},{pen.b})" stroke-width="{pen.width / 45:.3f}"/>'
+            f'stroke="rgb({pen.r},{pen.g},{pen.b})" stroke-width="{max(pen.width, 1) / 45:.3f}"/>'
         )
     at = f"translate({turtle.x:.3f} {FIELD - turtle.y:.3f}) rotate({-math.degrees(turtle.theta):.1f})"
     lines.append(f'<path d="M0.3,0 L-0.2,0.2 L-0.2,-0.2 Z" fill="#fff" transform="{at}"/>')

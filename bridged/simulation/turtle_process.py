@@ -40,28 +40,28 @@ class Twist(msgspec.Struct):
 
 
 class SetPen(msgspec.Struct):
-    """What `set_pen` takes."""
+    """What `set_pen` takes. As in ROS, a field that is not given is zero, here and in the other messages."""
 
-    r: Colour
-    g: Colour
-    b: Colour
-    width: Annotated[int, Meta(ge=0, le=255)]
+    r: Colour = 0
+    g: Colour = 0
+    b: Colour = 0
+    width: Annotated[int, Meta(ge=0, le=255)] = 0
     off: bool = False
 
 
 class TeleportAbsolute(msgspec.Struct):
     """What `teleport_absolute` takes: metres, radians."""
 
-    x: Number
-    y: Number
-    theta: Number
+    x: Number = 0.0
+    y: Number = 0.0
+    theta: Number = 0.0
 
 
 class TeleportRelative(msgspec.Struct):
     """What `teleport_relative` takes: metres ahead, after a turn by radians to the left."""
 
-    linear: Number
-    angular: Number
+    linear: Number = 0.0
+    angular: Number = 0.0
 
 
 class Nothing(msgspec.Struct):

@@ -177,6 +177,7 @@ class Vehicle:
             self._reboot_in = REBOOT_SILENCE_S
             copter.flight.disarm()
             return
+        copter.hindrance = self._character.hinders(self.age)
         copter.step(STEP_S)
         if self.on_step is not None:
             self.on_step(copter.place)

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from bridged.simulation.copter import Copter
 
 _LAND_ON_FAILSAFE = (1, 4)
+PREARM_SAID_EVERY = 30.0
+"""Vehicle seconds (ArduPilot: PREARM_DISPLAY_PERIOD)."""
 _TERMINATE = 5
 """Values of BATT_FS_LOW_ACT and BATT_FS_CRT_ACT; others but 0 bring the copter home."""
 
@@ -22,6 +24,7 @@ def watch_over(copter: "Copter", dt: float) -> None:
     _station(copter)
     _fence(copter)
     _battery(copter, dt)
+    _arming(copter, dt)
     said = copter.outputs.step(copter.now)
     if said is not None:
         copter.say(said)
@@ -65,6 +68,12 @@ def _fence(copter: "Copter") -> None:
             copter.set_mode(Mode.BRAKE)
         case _:
             copter.bring_home()
+
+
+def _arming(copter: "Copter", dt: float) -> None:
+    """What a fault makes of the arming checks is said again and again while the motors are off."""
+    if copter.hindrance and not copter.armed and copter.now % PREARM_SAID_EVERY < dt:
+        copter.say(f"PreArm: {copter.hindrance}", Severity.CRITICAL)
 
 
 def _battery(copter: "Copter", dt: float) -> None:

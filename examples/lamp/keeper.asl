@@ -10,4 +10,6 @@
      .print("lit at 70 %, ", After, " degrees");
      +lit.
 
++restarted(_) : not lit & not gave_up(_) <- !light.
+
 -!light[error_msg(Why)] <- .print("cannot light: ", Why); +gave_up(Why).

@@ -19,6 +19,13 @@ row(10). row(14). row(18).              // metres north
      return_to_launch;
      +gave_up(Why).
 
+// Started again in mid-field: which rows are wet nobody knows any more.
++restarted(_) : not sprayed & not gave_up(_)
+  <- .wait(bridge(up) & state(_, _, _), 120000);
+     nozzle(1000);
+     return_to_launch;
+     +gave_up("started again").
+
 +!row_sprayed(_) : temperature(T) & T > 70 <- .fail(error_msg("the board is too hot")).
 +!row_sprayed(North)
   <- move(North, 0, 5);

@@ -49,6 +49,13 @@
      .wait(global_pos(X, Y) & home_pos(HX, HY) & math.abs(X - HX) <= 0.00001 & math.abs(Y - HY) <= 0.00001
            & altitude(A) & math.abs(A) <= 0.1 & state(_,_,"False"), 300000).
 
+// Whoever sent it home or down (the operator, a pilot, its own failsafe): coming home is coming home.
+coming_home :- state(Mode,_,"True") & .member(Mode, ["RTL", "LAND"]).
+
++!safe : coming_home <- .print("coming home").
 +!safe : state(_,_,"True") <- .print("returning to home"); set_mode("RTL").
 +!safe.
--!safe[error_msg(Why)] <- .print("could not return: ", Why, "; over to the pilot").
+-!safe[error_msg(Why)] <- .wait(coming_home, 3000, _); !otherwise(Why).    // an order may not show yet
+
++!otherwise(_) : coming_home <- .print("coming home").
++!otherwise(Why) <- .print("could not return: ", Why, "; over to the pilot").

@@ -4,11 +4,10 @@
 
 armed :- state(_, _, true).
 aloft :- armed & altitude(A) & A > 2.
+coming_home(Mode) :- armed & override(Mode) & .member(Mode, ["RTL", "SMART_RTL", "LAND"]).    // set by others
 
 // All that decisions are made by is perceived: after a start, and whenever the bridge was away.
 perceiving :- bridge(up) & state(_, true, _) & altitude(_) & global_pos(_, _) & battery(_, _, _).
-
-charged :- battery(_, _, Left) & Left >= 97.
 
 metres_per_degree(111320).
 metres(Lat1, Lon1, Lat2, Lon2, D)
@@ -20,6 +19,9 @@ metres(Lat1, Lon1, Lat2, Lon2, D)
 +!aloft(_) : aloft & state("GUIDED", _, _).
 +!aloft(_) : aloft <- set_mode("GUIDED").               // on its way home, or held by the bridge
 +!aloft(Height) <- set_mode("GUIDED"); !armed; takeoff(Height).
+
+// Before all other steps: what a pilot, a ground station or its own failsafe sends home is not called back.
++!step : coming_home(Mode) <- .print("coming home, others have set ", Mode); .wait(not coming_home(_), 900000, _).
 
 +!armed : armed.
 +!armed <- arm_motors(true).

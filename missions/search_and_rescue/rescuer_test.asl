@@ -145,6 +145,53 @@ victim(far, -27.6030, -48.518363).
      ?did(Actions);
      !assert_not_contains(Actions, drop_buoy).
 
+@batteries_that_nobody_charges_do_not_stop_it[test]
++!batteries_that_nobody_charges_do_not_stop_it
+  <- !company;
+     be_uncharged(85);
+     !!serve;
+     .wait(rescued(near) & rescued(far), 600000);
+     !assert_true(battery(_, _, 45)).
+
+@the_mission_says_how_low_a_battery_may_be[test]
++!the_mission_says_how_low_a_battery_may_be
+  <- !company;
+     +battery_low(20);
+     be_uncharged(50);
+     !!serve;
+     .wait(rescued(near), 300000);
+     .wait(20000);
+     !assert_false(rescued(far));
+     !assert_true(battery(_, _, 30)).
+
+@a_vehicle_that_does_not_know_its_battery_flies[test]
++!a_vehicle_that_does_not_know_its_battery_flies
+  <- !company;
+     be_uncharged(-1);
+     !!serve;
+     .wait(rescued(near), 300000);
+     !assert_true(aboard | gone).
+
+@who_has_nothing_to_do_rests_with_an_empty_battery_too[test]
++!who_has_nothing_to_do_rests_with_an_empty_battery_too
+  <- !company;
+     be_uncharged(10);
+     +rescued(near); +rescued(far); +search_over;
+     !!serve;
+     .wait(10000);
+     !assert_true(resting).
+
+@who_does_not_know_its_home_yet_does_not_ask_to_be_carried_there[test]
++!who_does_not_know_its_home_yet_does_not_ask_to_be_carried_there
+  <- !company;
+     start_cold;
+     !assert_false(home_pos(_, _));
+     !!serve;
+     .wait(1000);
+     !assert_false(.intend(be_carried));
+     find_home;
+     .wait(rescued(near), 300000).
+
 @it_turns_back_when_its_victim_was_promised_to_another[test]
 +!it_turns_back_when_its_victim_was_promised_to_another
   <- !company;

@@ -181,3 +181,16 @@ lost(1200).
      .signal({ +restarted(1) });
      .wait(310000);
      !assert_true(open(7)).
+
+@what_others_send_home_is_not_called_back[test]
++!what_others_send_home_is_not_called_back
+  <- !company;
+     be_flying(80);
+     ++override("RTL");
+     !!search;
+     .wait(100000);
+     ?did(Actions);
+     !assert_equals([], Actions);
+     --override("RTL");
+     .wait(2000);
+     .wait(did([_ | _]), 20000).

@@ -29,7 +29,7 @@ class Vehicle(Environment):
 
     def init(self, arguments: list[str]) -> None:
         self.mode, self.armed, self.altitude, self.place = "STABILIZE", False, 0.0, HOME
-        self.latch, self.battery = CLOSED, 100
+        self.latch, self.battery, self.charger, self.homed = CLOSED, 100, True, True
         self.done: list[Literal] = []
         self.broken: dict[str, str] = {}
         self.add_percept("bridge(up)")
@@ -44,6 +44,10 @@ class Vehicle(Environment):
                 self.mode, self.armed, self.altitude, self.battery = "GUIDED", True, 10.0, action.args[0]
             case "be_open":
                 self.latch = OPEN
+            case "be_uncharged":  # for tests: nobody charges it at home
+                self.charger, self.battery = False, action.args[0]
+            case "start_cold" | "find_home":  # for tests: it does not know yet where home is, or knows it now
+                self.homed = name == "find_home"
             case "see":  # for tests: its camera sees a victim, or no more
                 self.replace_percept(literal("victim", *action.args))
             case _ if name in SECONDS:
@@ -83,7 +87,8 @@ class Vehicle(Environment):
                 self.place, self.altitude = (action.args[0], action.args[1]), float(action.args[2])
                 self.battery -= PER_FLIGHT
             case "return_to_launch":
-                self.armed, self.altitude, self.place, self.battery = False, 0.0, HOME, 100
+                self.armed, self.altitude, self.place = False, 0.0, HOME
+                self.battery = 100 if self.charger else self.battery
             case "drop_buoy":
                 self.latch = OPEN
             case "load_buoy":
@@ -93,7 +98,10 @@ class Vehicle(Environment):
         self.replace_percept(literal("state", self.mode, True, self.armed))
         self.replace_percept(literal("altitude", self.altitude))
         self.replace_percept(literal("global_pos", *self.place))
-        self.replace_percept(literal("home_pos", *HOME))
+        if self.homed:
+            self.replace_percept(literal("home_pos", *HOME))
+        else:
+            self.remove_percept(literal("home_pos", *HOME))
         self.replace_percept(literal("battery", 0, 12.6, self.battery))
         self.replace_percept(literal("latch", self.latch))
         self.replace_percept(literal("did", [literal(one.functor) for one in self.done]))

@@ -17,10 +17,25 @@
 // Whatever went wrong, be it an action, a test or a plan: a flying vehicle comes home before the mission is given up.
 -!fly_mission[error_msg(Why)]
   <- .print("mission failed: ", Why);
+     !given_up(Why).
+
++!given_up(Why)
+  <- +failing(Why);
      !safe;
      +mission_failed(Why).
 
-+!airborne(Altitude)
+// Started again by a supervisor after a death: it goes on by what it believes, and does not fly the way there twice.
++restarted(_) : failing(Why) <- !heard; !given_up(Why).
++restarted(_) : not mission_done <- .print("started again"); !heard; !fly_mission.
+
++!heard <- .wait(state(_, true, _) & altitude(_), 120000).
+
+aloft :- state(_, _, true) & altitude(A) & A > 1.
+
++!airborne(_) : homeward.
++!airborne(_) : aloft & state("GUIDED", _, _).
++!airborne(_) : aloft & not override(_) <- set_mode("GUIDED").      // the bridge has held it meanwhile
++!airborne(Altitude) : not aloft
   <- set_mode("GUIDED");
      !armed;
      .print("taking off to ", Altitude, " m");
@@ -29,21 +44,31 @@
 +!armed : state(_, _, true).
 +!armed <- arm_motors(true).
 
++!visited(_, _, _) : homeward.
 +!visited(Lat, Long, Height)
   <- .print("flying to ", Lat, ", ", Long, " at ", Height, " m");
      goto(Lat, Long, Height).
 
 +!home_again
-  <- .print("returning to home");
+  <- +homeward;
+     .print("returning to home");
      return_to_launch.
 
+// Whoever sent it home or down (this program, the operator, a pilot, its own failsafe): coming home is coming home.
+coming_home(Mode) :- state(Mode, true, true) & .member(Mode, ["RTL", "SMART_RTL", "LAND"]).
+
++!safe : coming_home(Mode) <- .print("coming home in ", Mode); .wait(not coming_home(_), 900000, _); !safe.
 +!safe : state(_, true, true) <- .print("returning to home"); return_to_launch.
 +!safe : state(_, false, _)
   <- .print("waiting to hear of the vehicle again");
      .wait(state(_, true, _), 300000);
      !safe.
 +!safe.
--!safe[error_msg(Why)] <- .print("could not return: ", Why); !landed.
+-!safe[error_msg(Why)] <- .wait(coming_home(_), 3000, _); !otherwise(Why).    // an order may not show yet
+
++!otherwise(_) : coming_home(_) <- !safe.
++!otherwise(_) : override(Mode) <- .print("left to those who have it, in ", Mode).
++!otherwise(Why) <- .print("could not return: ", Why); !landed.
 
 +!landed : state(_, true, true) <- .print("landing here"); land.
 +!landed.

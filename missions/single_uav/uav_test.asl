@@ -47,3 +47,37 @@ waypoint(-27.603683, -48.518052, 40).
 +!nothing_is_done_about_a_vehicle_on_the_ground
   <- !safe;
      !assert_true(did([])).
+
+@the_way_there_is_not_flown_again_after_a_restart[test]
++!the_way_there_is_not_flown_again_after_a_restart
+  <- arm_motors(true);
+     +homeward;
+     !fly_mission;
+     !assert_true(mission_done);
+     !assert_true(did([return_to_launch, arm_motors])).
+
+@what_was_given_up_before_a_restart_comes_home[test]
++!what_was_given_up_before_a_restart_comes_home
+  <- arm_motors(true);
+     !given_up("blown away");
+     !assert_true(did([return_to_launch, arm_motors]));
+     !assert_true(mission_failed("blown away")).
+
+@what_others_send_home_is_waited_for_and_not_ordered_again[test]
++!what_others_send_home_is_waited_for_and_not_ordered_again
+  <- arm_motors(true);
+     be_sent("RTL");
+     !given_up("the mode became RTL");
+     !assert_true(state("RTL", _, false));
+     !assert_true(did([arm_motors]));
+     !assert_true(mission_failed("the mode became RTL")).
+
+@an_order_that_shows_late_is_coming_home_too[test]
++!an_order_that_shows_late_is_coming_home_too
+  <- arm_motors(true);
+     break_down(return_to_launch, "operator: rtl");
+     !!given_up("operator: rtl");
+     .wait(41000);
+     be_sent("RTL");
+     .wait(mission_failed(_), 100000);
+     !assert_true(did([arm_motors])).

@@ -9,6 +9,8 @@ from agentd import ActionFailed, Deferred, Environment, Literal, literal
 
 SECONDS = {"set_mode": 0.2, "arm_motors": 2.0, "takeoff": 6.0, "goto": 30.0, "return_to_launch": 40.0, "land": 8.0}
 """How long each action takes."""
+HOME_AFTER = 40.0
+"""How long it takes to come home."""
 
 
 class Vehicle(Environment):
@@ -26,11 +28,21 @@ class Vehicle(Environment):
         if name == "break_down":  # for tests: from now on this action fails, and why
             self.broken[action.args[0].functor] = action.args[1]
             return True
+        if name == "be_sent":  # for tests: others set this mode, and a flying vehicle comes down by it
+            self.mode = action.args[0]
+            self.replace_percept(literal("override", self.mode))
+            self.after(HOME_AFTER, self._land)
+            self._show()
+            return True
         if name not in SECONDS:
             return super().execute(agent, action)
         later = Deferred()
         self.after(SECONDS[name], lambda: self._end(action, later))
         return later
+
+    def _land(self) -> None:
+        self.armed = False
+        self._show()
 
     def _end(self, action: Literal, later: Deferred) -> None:
         name = action.functor

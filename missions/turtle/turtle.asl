@@ -22,6 +22,8 @@ facing(Ahead, Left) :- Ahead > 0 & math.abs(Left) < 0.05 * Ahead + 0.03.
      .print("drawn");
      +drawn.
 
++restarted(_) : not drawn & not gave_up(_) <- !draw.       // from the first corner on
+
 -!draw[error_msg(Why)] <- .print("given up: ", Why); +gave_up(Why).
 
 +!visited(X, Y) : near(X, Y) <- cmd_vel(0, 0, 0).

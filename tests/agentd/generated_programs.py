@@ -176,7 +176,8 @@ def bodies(terms: st.SearchStrategy[Term]) -> st.SearchStrategy[Body]:
 def plans(terms: st.SearchStrategy[Term]) -> st.SearchStrategy[Plan]:
     conditions = st.none() | formulas(terms)
     labels = st.none() | literals(terms)
-    return st.builds(Plan, triggers(terms), conditions, bodies(terms) | st.just(Body()), labels, conditions)
+    contexts = conditions.map(lambda one: Structure("c") if one == Structure("true") else one)  # it reads back as none
+    return st.builds(Plan, triggers(terms), contexts, bodies(terms) | st.just(Body()), labels, conditions)
 
 
 @_once
@@ -200,7 +201,7 @@ def _testable(formula: Formula) -> Formula:
 def _more_than_a_trigger(plan: Plan) -> Plan:
     if plan.label or plan.context or plan.goal_condition or plan.body.formulas:
         return plan
-    return replace(plan, context=Structure("true"))
+    return replace(plan, context=Structure("c"))
 
 
 def _no_trigger(body: Body) -> Body:

@@ -12,8 +12,9 @@ from agentd.language.syntax import Rule
 from tests.agentd.generated_queries import Call, Case, Generator
 from tests.agentd.minds import run
 from tests.agentd.reference import Reference, Undetermined
+from tests.support.amount import some_of
 
-MANY = 200
+MANY = some_of(200, 2)
 """Cases that the reference can judge; all are made from their numbers, so a failure is there again in the next run."""
 Made = TypeVar("Made")
 

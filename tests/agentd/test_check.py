@@ -10,7 +10,10 @@ import pytest
 
 from agentd.analysis.arities import Arities
 from agentd.check import add_arguments, check_program, run
+from agentd.language.compile import DirectiveError
 from agentd.language.parser import parse_file, parse_program
+from agentd.paths import SourcePaths
+from agentd.stdlib.registry import missing_action
 from schemas.findings import Finding
 from schemas.shipped import shipped
 
@@ -63,20 +66,6 @@ def test_a_program_without_mistakes_has_no_findings() -> None:
         ),
         ("+!g <- .print(math.abs(1, 2)).", "math.abs takes 1 argument, not 2"),
         ("+!g <- my.act(1).", "there is no function or internal action my.act/1: it fails where it is reached"),
-        (
-            "+!g : state(_,_,_,_) <- land.",
-            "the percept state has 3 arguments, not 4: state(_,_,_,_) is always false",
-        ),
-        (
-            "+!g : not state(_,_,_,_) <- land.",
-            "the percept state has 3 arguments, not 4: not state(_,_,_,_) is always true",
-        ),
-        ("+!g : not (not altitude) <- land.", "the percept altitude has 1 argument, not 0: altitude is always false"),
-        ("r :- altitude(_,_).", "the percept altitude has 1 argument, not 2: altitude(_,_) is always false"),
-        ("+!g <- ?altitude(_,_).", "the percept altitude has 1 argument, not 2: ?altitude(_,_) always fails"),
-        ("+!g <- while (altitude) { land }.", "the percept altitude has 1 argument, not 0: altitude is always false"),
-        ("+!g <- .wait(altitude).", "the percept altitude has 1 argument, not 0: altitude is always false"),
-        ("+altitude(_,_) <- land.", "the percept altitude has 1 argument, not 2: this plan never runs"),
         ("+!g <- !h.", "there is no plan for the goal !h/0"),
         ("!go.", "there is no plan for the goal !go/0"),
         ("+!g <- !!h(1). +!h.", "there is no plan for the goal !h/1; there are plans for h with no arguments"),
@@ -97,6 +86,20 @@ def test_a_mistake_is_an_error(text: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        (
+            "+!g : state(_,_,_,_) <- land.",
+            "the percept state has 3 arguments, not 4: state(_,_,_,_) is always false",
+        ),
+        (
+            "+!g : not state(_,_,_,_) <- land.",
+            "the percept state has 3 arguments, not 4: not state(_,_,_,_) is always true",
+        ),
+        ("+!g : not (not altitude) <- land.", "the percept altitude has 1 argument, not 0: altitude is always false"),
+        ("r :- altitude(_,_).", "the percept altitude has 1 argument, not 2: altitude(_,_) is always false"),
+        ("+!g <- ?altitude(_,_).", "the percept altitude has 1 argument, not 2: ?altitude(_,_) always fails"),
+        ("+!g <- while (altitude) { land }.", "the percept altitude has 1 argument, not 0: altitude is always false"),
+        ("+!g <- .wait(altitude).", "the percept altitude has 1 argument, not 0: altitude is always false"),
+        ("+altitude(_,_) <- land.", "the percept altitude has 1 argument, not 2: this plan never runs"),
         (
             "+!g : ready <- land.",
             "nothing adds the belief ready/0, and no percept has its name: unless an agent or a mission tells it, "
@@ -122,8 +125,9 @@ def test_a_mistake_is_an_error(text: str, message: str) -> None:
         ),
         ("r(X) :- altitude(Y) & Y > 1.", "the variable X stands only once; is it misspelt? if not, write _ or _X"),
         (
-            "+!g <- .send(bob, askOne, t(_), A); .print(A).",
-            "this ask has no time limit and may never end; give one in ms as fifth argument of .send",
+            "+!g <- !h. @h[atomic] +!h <- if (true) { .send(self, askOne, t(_), A) }; .print(A).",
+            "this ask never ends: the agent answers itself only when this atomic plan has ended; "
+            "give a time limit in ms as fifth argument of .send",
         ),
         (
             "+!g(_) <- land. +!g(1) <- takeoff(1).",
@@ -136,7 +140,7 @@ def test_a_mistake_is_an_error(text: str, message: str) -> None:
         ("+!g <- land; true.", "true in a body is performed as an action, and fails; only a first true is skipped"),
         (
             "+!g <- land\n takeoff(5).",
-            "no ';' before the formula on line 2: read as if it stood at the end of the action before it",
+            "no ';' before the formula on line 2: read as if it stood at the end of the formula before it",
         ),
     ],
 )
@@ -214,7 +218,7 @@ def test_all_findings_come_in_one_run_in_the_order_of_the_file() -> None:
 """
     assert [str(finding) for finding in findings_of(text)] == [
         "a.asl:1:2: error: there is no plan for the goal !go/0",
-        "a.asl:2:7: error: the percept state has 3 arguments, not 4: state(_,_,_,_) is always false",
+        "a.asl:2:7: warning: the percept state has 3 arguments, not 4: state(_,_,_,_) is always false",
         "a.asl:3:7: error: there is no action take_off/1; did you mean takeoff?",
         "a.asl:4:7: error: there is no internal action .pint/1: it fails where it is reached; did you mean .print?",
         "a.asl:5:8: error: there is no plan for the goal !h/1",
@@ -234,7 +238,73 @@ def test_included_files_are_checked_with_the_program(tmp_path: Path) -> None:
     assert [(Path(f.file).name, f.line, f.message.split(";")[0]) for f in findings] == [
         ("main.asl", 2, "there is no plan for the goal !lost/0"),
         ("common.asl", 2, "there is no action tke_off/1"),
+        ("more.asl", 2, 'cannot include "common.asl": files include one another without end'),
     ]
+
+
+@pytest.mark.parametrize("way", ["itself", "another"])
+def test_files_that_include_one_another_without_end_are_told_as_by_the_run(
+    way: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = "main.asl" if way == "itself" else "more.asl"
+    (tmp_path / "main.asl").write_text(f'{{ include("{again}") }}\n!s. +!s.\n')
+    (tmp_path / "more.asl").write_text('{ include("main.asl") }\n')
+    assert check(str(tmp_path / "main.asl")) == 1
+    told = capsys.readouterr().err
+    with pytest.raises(DirectiveError, match="files include one another without end"):
+        SourcePaths().compiled(str(tmp_path / "main.asl"))
+    file = tmp_path / ("main.asl" if way == "itself" else "more.asl")
+    assert told == f'{file}:1:1: error: cannot include "main.asl": files include one another without end\n'
+
+
+RUNS_ON_JASON = {
+    "an ask that is answered": "!s. +!s <- .send(bob, askOne, t(_), A); .print(A).",
+    "an ask in an atomic plan": "!s. @a[atomic] +!s <- .send(bob, askOne, t(_), A); .print(A).",
+    "a loop that another intention ends": "!s. !t. +!s <- .print(1); !s. +!t <- .wait(9); .drop_intention(s).",
+    "a loop that ends with its team": "!s. !t. +!s <- while (true) { +a(1) }. +!t <- .wait(9); .stopMAS.",
+    "a loop that a plan for all goals takes": "!s. +!G : G = s & n(3) <- .print(G). +!s <- .print(1); !s. n(3).",
+    "beliefs of an environment": "+temp(T) : wind(W) & not calm <- .print(T, W). -temp(_) <- ?pressure(P); .print(P).",
+    "a percept that is named as a belief": "pos(1). !s. +!s : pos(X,Y) <- .print(X, Y). +pos(X,Y,Z) <- .print(X,Y,Z).",
+    "a percept that is named as a belief of a namespace": "lab::t(1). !s. +!s : not t(_) <- ?lab::t(X); .print(X).",
+    "a percept that is named nearly as an event of agentd": "!s. +!s : state(M) <- .print(M).",
+    "plans that are only looked at": "!s. @p +!g(_). @q +!g(1). +!s <- .relevant_plans({+!g(_)}, L); .print(L).",
+    "its own namespace": "!s. v(1). +!s <- ?this_ns::v(X); !this_ns::t(X). +!t(X) <- .print(X).",
+    "any namespace": "!s. +!s <- !bar::open; +bar::known; -bar::known. +!N::open <- .print(N). +N::known <- .print(N).",
+    "a file that is included twice": '{ include("more.asl") } { include("more.asl") } { include("both.asl") } !h.',
+    "a test for the harness of Jason": '{ include("tester_agent.asl") } @[test] +!t <- !assert_equals([1], [1]).',
+}
+
+
+@pytest.mark.parametrize("program", RUNS_ON_JASON)
+def test_a_program_that_runs_on_jason_has_no_findings(
+    program: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "more.asl").write_text("@p +!g(X) : X > 1 <- .print(X). @q +!g(X) <- .print(X). v(1).")
+    (tmp_path / "both.asl").write_text('{ include("more.asl") } +!h <- !g(1).')
+    main = tmp_path / "main.asl"
+    main.write_text(RUNS_ON_JASON[program])
+    assert check(str(main)) == 0
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("way", [".send(bob, askHow, {+!fold(_)})", '.send(self, tellHow, "+!fold(_).")'])
+def test_a_goal_whose_plan_may_be_learnt_is_no_error(
+    way: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main = tmp_path / "main.asl"
+    main.write_text(f"!s. +!s <- {way}; .wait(100); !fold(1).")
+    assert check(str(main)) == 0
+    assert "!fold/1; it fails unless a plan for it is added in time" in capsys.readouterr().err
+
+
+def test_a_name_that_exists_with_other_arguments_is_not_taken_for_misspelt() -> None:
+    text = "!s. +!s <- .wait; !go(1); .print(a). +!go(X, Y) <- .print(X, Y)."
+    told = [one.message for one in check_program(parse_program(text, "a.asl"))]
+    assert told == [
+        ".wait takes 1, 2 or 3 arguments, not 0",
+        "there is no plan for the goal !go/1; there are plans for go with 2 arguments",
+    ]
+    assert missing_action(".wait", 0) == "there is no internal action .wait/0"
 
 
 def test_an_include_of_a_missing_or_wrong_file_is_an_error(tmp_path: Path) -> None:
@@ -419,3 +489,25 @@ def test_a_list_may_be_the_argument_of_an_action_that_takes_lists_and_of_no_othe
     program.write_text("!g.\n+!g <- takeoff([5]).\n")
     assert check(str(program), "--manifest", "arducopter") == 1
     assert "takeoff takes altitude: float 1..120 m, not [5]" in capsys.readouterr().err
+
+
+def test_arguments_with_a_default_may_be_left_out_and_are_checked_where_they_stand(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    manifest, program = tmp_path / "pen.toml", tmp_path / "a.asl"
+    manifest.write_text("""
+[robot]
+driver = "zenoh"
+[actions.pen]
+service = "pen"
+params = [{name = "r", type = "int"}, {name = "g", type = "int"}, {name = "width", max = 9, default = 3}]
+""")
+    program.write_text("+!g <- pen(1, 2); pen(1, 2, 5).\n+!h <- pen(1, 2, 10); pen(x).\n")
+    parser = ArgumentParser()
+    add_arguments(parser)
+    assert run(parser.parse_args(["--manifest", str(manifest), str(program)])) == 1
+    told = [line.partition(": error: ")[2] for line in capsys.readouterr().err.splitlines()]
+    assert told == [
+        "the action pen takes width: float ..9 = 3, not 10",
+        "the action pen takes 2 or 3 arguments, not 1",
+    ]

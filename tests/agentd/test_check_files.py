@@ -11,7 +11,7 @@ import pytest
 from agentd.check import add_arguments, run
 
 MISTAKES = """
-!go. !lost.
+!go. !lost. ever_said.
 +!go : never_said <- .print(here).
 +!unused <- .print(unused).
 +!round <- .print(round); !round.

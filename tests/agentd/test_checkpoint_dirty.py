@@ -13,6 +13,7 @@ from agentd.language.terms import atom
 from agentd.mind.inputs import ActionDone, GoalAdded, Mail, PerceptAdded, PerceptRemoved, PerceptReplaced
 from tests.agentd.kept_minds import Life, begun
 from tests.agentd.minds import term
+from tests.support.amount import some_of
 
 WAITS = {
     "formula": ".wait(at(N))",
@@ -105,8 +106,10 @@ class WatchedMindWithStatesOfGoals(WatchedMind):
     program = f"{PROGRAM} ^!formula(N)[state(finished)] <- +done(N)."
 
 
-WatchedMind.TestCase.settings = settings(max_examples=30, stateful_step_count=30, deadline=None)
-WatchedMindWithStatesOfGoals.TestCase.settings = settings(max_examples=15, stateful_step_count=30, deadline=None)
+WatchedMind.TestCase.settings = settings(max_examples=some_of(30, 2), stateful_step_count=30, deadline=None)
+WatchedMindWithStatesOfGoals.TestCase.settings = settings(
+    max_examples=some_of(15, 2), stateful_step_count=30, deadline=None
+)
 test_whatever_is_waited_for_no_change_goes_without_a_word = WatchedMind.TestCase
 test_nor_in_a_mind_with_plans_for_the_states_of_goals = WatchedMindWithStatesOfGoals.TestCase
 

@@ -296,7 +296,7 @@ def test_a_write_that_the_system_refuses_is_told_and_succeeds_later(path: Path) 
     assert lines[3:] == ["2 1"]
 
 
-@pytest.mark.parametrize("damage", ["garbage", "empty head", "middle", "cut", "log"])
+@pytest.mark.parametrize("damage", ["garbage", "empty head", "middle", "cut", "log", "schema"])
 def test_a_corrupt_file_is_set_aside_and_told_and_a_new_one_made(path: Path, damage: str) -> None:
     checkpoint = Checkpoint.open(path, "scout")
     checkpoint.save(Saving(mind=MindChanges(beliefs=[(n, bytes(200)) for n in range(500)])))
@@ -312,6 +312,9 @@ def test_a_corrupt_file_is_set_aside_and_told_and_a_new_one_made(path: Path, dam
             path.write_bytes(data)
         case "cut":
             path.write_bytes(data[: len(data) // 2])
+        case "schema":  # SQLite quotes it in its message, which is no UTF-8 then
+            path.write_bytes(data.replace(b"INTEGER PRIMARY KEY", b"INTEGER PRIMARY \xcbEY", 1))
+            path.with_name("mind.sqlite.sums").unlink()
         case "log":
             path.write_bytes(b"no database" * 1000)
             path.with_name("mind.sqlite-wal").write_bytes(os.urandom(3000))

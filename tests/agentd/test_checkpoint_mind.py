@@ -10,6 +10,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
+from agentd.language.parser import parse_plan
 from agentd.language.printer import source_text
 from agentd.language.signatures import signature
 from agentd.language.term_text import text
@@ -18,12 +19,13 @@ from agentd.mind.effects import SendMail
 from agentd.mind.failed import Failed
 from agentd.mind.inputs import BeliefAdded, GoalAdded, Mail, PerceptAdded, PerceptRemoved, PerceptReplaced
 from agentd.mind.loading import register_functions
-from agentd.mind.plan_terms import add_plans, remove_plans
+from agentd.mind.plan_terms import add_plans, label_of, remove_plans
 from agentd.wire import perceived
 from schemas.records import Perception
 from tests.agentd.generated_terms import any_terms, ground
 from tests.agentd.kept_minds import Life, begun, state_of
 from tests.agentd.minds import term
+from tests.support.amount import some_of
 
 EDITOR = """
 p(1). p(2)[noted]. p(X) :- q(X). p(3). q(4). ns::r(1). ~p(5). open(X, Y, X).
@@ -86,7 +88,7 @@ class KeptMind(RuleBasedStateMachine):
         with suppress(Failed):  # there is one with its label
             add_plans(self.life.mind, what, atom(teller), first)
 
-    @rule(label=st.sampled_from(("named", "other", "l__2", "l__9")), teller=st.sampled_from(TELLERS))
+    @rule(label=st.sampled_from(("named", "other", "p__2", "p__9")), teller=st.sampled_from(TELLERS))
     def removes_a_plan(self, label: str, teller: str) -> None:
         self.life.feed(Mail(teller, "untellHow", atom(label), "mid1"))
 
@@ -132,7 +134,7 @@ class KeptMind(RuleBasedStateMachine):
         assert not self.life.keeper.unkept
 
 
-KeptMind.TestCase.settings = settings(max_examples=30, stateful_step_count=25, deadline=None)
+KeptMind.TestCase.settings = settings(max_examples=some_of(30, 2), stateful_step_count=25, deadline=None)
 test_whatever_happens_to_a_mind_its_next_life_is_as_it_was_when_saved = KeptMind.TestCase
 
 
@@ -250,6 +252,11 @@ def test_a_belief_with_free_variables_is_asked_as_before() -> None:
     assert life.next().feed(GoalAdded(term("ask"))).prints == ["3ann"]
 
 
+def test_an_initial_belief_with_variables_is_a_schema_in_the_next_life_too() -> None:
+    life = begun("limit(_,50). limit(road,80). !go. +!go <- -+done(1). +!ask <- ?limit(a,X); ?limit(b,Y); .print(X,Y).")
+    assert life.next().feed(GoalAdded(term("ask"))).prints == ["5050"]
+
+
 def test_a_map_in_a_belief_is_kept_as_it_is_when_it_was_changed_in_place() -> None:
     source = """
     !start. +!start <- .map.create(M); +store(M).
@@ -327,20 +334,33 @@ def test_labels_made_for_plans_without_one_are_kept_and_not_given_twice() -> Non
     assert len(set(labels)) == 3
 
 
+def test_the_label_of_a_plan_names_its_file_in_the_next_life_too() -> None:
+    life = begun("+!go.")
+    life.mind.plans.add(life.mind.plans.make_of_file(parse_plan("@one +!go(1).", "more.asl")))
+    add_plans(life.mind, "@two +!go(2).", atom("self"), False)
+    life.save()
+    labels = [text(label_of(plan)) for plan in life.next().mind.plans]
+    assert [label.partition("[")[2] for label in labels] == [
+        'source(self),url("file:test.asl")]',
+        'source(self),url("file:more.asl")]',
+        "source(self)]",
+    ]
+
+
 def test_a_plan_keeps_the_label_that_was_made_for_it_when_others_before_it_are_gone() -> None:
     life = begun("+!go.")
     for n in (1, 2):
         add_plans(life.mind, f"+!go({n}).", atom("self"), False)
-    remove_plans(life.mind, atom("l__2"), atom("self"))
+    remove_plans(life.mind, atom("p__2"), atom("self"))
     life.save()
-    assert [text(p.label) for p in life.next().mind.plans] == ["l__1", "l__3"]
+    assert [text(p.label) for p in life.next().mind.plans] == ["p__1", "p__3"]
 
 
 def test_a_told_plan_that_others_tell_too_or_take_back_keeps_those_who_stand_for_it() -> None:
     life = begun("+!go.")
     for teller in ("ann", "cid", "dan"):
         life.feed(Mail(teller, "tellHow", "+!go(1).", "mid1")).save()
-    life.feed(Mail("ann", "untellHow", atom("l__2"), "mid1")).save()
+    life.feed(Mail("ann", "untellHow", atom("p__2"), "mid1")).save()
     assert [text(s) for s in life.next().mind.plans.plans[1].sources] == ["cid", "dan"]
 
 

@@ -37,6 +37,16 @@ def test_a_goal_of_another_agent_that_has_not_ended_begins_again_with_its_source
     assert again.at(20.0).prints == ["begun1", "ended1"]
 
 
+def test_a_goal_suspended_before_it_had_a_plan_is_given_again_be_it_a_sub_goal_or_not() -> None:
+    life = begun(
+        "@a[atomic] +!all <- !!g(1); !!g(2); .suspend(g(_)). +!top <- !sub. +!sub. +!hold <- .suspend(top). " + WAITS
+    )
+    life.feed(GoalAdded(term("all")), GoalAdded(term("top")), GoalAdded(term("hold"))).settle()
+    assert life.prints == ["begun2"]
+    life.save()
+    assert own(life) == ["+!top[source(self)]", "+!g(2)[source(self)]", "+!g(1)[source(self)]"]
+
+
 def test_a_goal_that_has_ended_is_not_given_again() -> None:
     life = begun(WAITS).feed(told("achieve", "g(1)"))
     assert life.save().pending
@@ -265,11 +275,13 @@ def test_pending_events_are_given_again_in_the_order_in_which_they_came() -> Non
         life.feed(told("achieve", f"go({n})"))
     life.feed(GoalAdded(term("block")))
     action = life.effects[-1].id
-    life.mind.feed(told("achieve", "go(3)", sender="cid"))  # it stays in the mailbox while the atomic plan waits
+    life.mind.feed(told("achieve", "go(3)", sender="cid"))  # not taken yet
     for n in (4, 5):
         life.mind.post(life.mind.plans.relevant("+", "!", term(f"go({n})").sig), (float(n),), told_by_ann())
     life.save()
     assert [one[5] for one in others(life)] == ["0", "1", "2", "4", "5"]
+    life.settle().save()
+    assert [one[5] for one in others(life)] == ["0", "1", "2", "4", "5", "3"], "taken while the atomic plan waits"
     life.feed(ActionDone(action, True))
     life.save()
     assert sorted(one[5] for one in others(life)) == ["0", "1", "2", "3", "4", "5"]
@@ -290,11 +302,12 @@ def test_marks_of_messages_come_back_when_the_mind_has_taken_them_and_not_before
     life.feed(GoalAdded(term("block")))
     assert life.save().absorbed == [("ann", 1)]
     life.keeper.feed(told("achieve", "go"), ("ann", 2))
-    life.keeper.feed(told("achieve", "go"), ("cid", 1))
-    life.settle()
+    life.keeper.feed(told("askOne", "go", msg_id="m1"), ("cid", 1))
     assert life.save().absorbed == []
-    life.feed(ActionDone(life.effects[-1].id, True))
+    life.settle()
     assert life.save().absorbed == [("ann", 2), ("cid", 1)]
+    asked = '+!kqml_received(ann,askOne,go,"m1")'
+    assert others(life) == ["+!go[source(ann)]", "+!go[source(ann)]", asked], "they wait for the atomic plan"
     assert life.save().absorbed == []
 
 

@@ -15,12 +15,13 @@ from agentd.language.syntax import Program
 from tests.agentd import mutants
 from tests.agentd.mutants import mutant
 from tests.agentd.trials import Pace, try_to_read, try_to_run
+from tests.support.amount import some_of
 
 SEED = 0
 """Of the series of inputs; `make soak` takes another and goes on to a million."""
 
-INPUTS = 2000
-RUNS = 300
+INPUTS = some_of(2000)
+RUNS = some_of(300)
 
 
 @lru_cache(maxsize=1)
@@ -40,7 +41,7 @@ def read() -> dict[int, Program | None]:
     return found
 
 
-def test_any_of_2000_texts_is_a_program_or_is_refused_in_words_and_in_time() -> None:
+def test_any_text_is_a_program_or_is_refused_in_words_and_in_time() -> None:
     found = read()
     assert len(found) == INPUTS
     programs = sum(program is not None for program in found.values())

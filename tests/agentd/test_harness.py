@@ -1,21 +1,24 @@
-"""A suite of test programs that manages itself in AgentSpeak, written in the idioms of Jason's own.
+"""A harness for unit tests written in AgentSpeak, in the style of Jason's own, run as a program like any other.
 
-``tests/data/harness``: a judge lists the files of cases, creates an agent of each and counts what they tell it; each
-includes a file by ``$suite/...`` that finds its plans with the annotation ``test`` and runs them one by one.
+``tests/data/harness``: a manager lists the files of cases, creates an agent of each and counts the results that they
+mail. Each case includes the tester, which finds its plans with the annotation `test` and runs them one by one; the
+assertion plans find file and line of the plan that makes them in its label.
 """
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
 from agentd.clocks import VirtualClock
-from agentd.paths import read_folders
+from agentd.paths import SourcePaths
 from agentd.standalone import Team
 from tests.agentd.teams import Stage
 
 HARNESS = Path(__file__).parents[1] / "data" / "harness"
+CASES = HARNESS / "cases"
 
 
 @pytest.fixture
@@ -24,30 +27,51 @@ def lines(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return []
 
 
-def _run(judge: str, lines: list[str]) -> int:
-    paths = read_folders(["$suite=suite"])
-    team = Team([("judge", paths.compiled(judge))], out=lines.append, paths=paths, clock=VirtualClock())
+def _run(lines: list[str]) -> int:
+    paths = SourcePaths()
+    team = Team([("manager", paths.compiled("suite/manager.asl"))], out=lines.append, paths=paths, clock=VirtualClock())
     return team.run(timeout=100.0, exit_when_idle=True)
 
 
-def test_each_case_is_run_and_each_failure_told_with_its_plan_file_line_formula_and_reason(lines: list[str]) -> None:
-    assert _run("suite/judge.asl", lines) == 1
-    assert [line for line in lines if not line.startswith("[judge]")] == [
-        "[bodies_case] nobody knows unheard_of (no_relevant)\n"
+def _line_of(plan: str) -> int:
+    """The line in which the plan of a name, or its label, stands in the failing case."""
+    text = (CASES / "failing_case.asl").read_text(encoding="utf-8")
+    return next(number for number, line in enumerate(text.splitlines(), 1) if re.match(rf"@{plan}\b|\+!{plan}\b", line))
+
+
+def test_each_failed_assertion_is_told_with_the_line_of_its_plan_and_each_failed_plan_with_that_of_its_formula(
+    lines: list[str],
+) -> None:
+    assert _run(lines) == 1
+    failed = "[manager] failing_case: {} failed at cases/failing_case.asl:{}: {}\n"
+    broken = "[manager] failing_case: {} broken at cases/failing_case.asl:{}: {}\n"
+    assert [line for line in lines if line.startswith("[manager] failing_case")] == [
+        failed.format("differs", _line_of("differs"), "expected 4, got 3"),
+        failed.format("differs", _line_of("differs"), "expected [a,b], got [a]"),
+        failed.format("deep_check", _line_of("deep_check"), "expected (7 < 3)"),
+        failed.format("deep_check", _line_of("deep_check"), "expected c in [a]"),
+        failed.format("deep_check", _line_of("deep_check"), "expected 1 <= 5 <= 4"),
+        failed.format("forced_to_fail", _line_of("forced_to_fail"), "not yet"),
+        broken.format(
+            "asks_in_vain", _line_of("asks_in_vain") + 1, "test_goal_failed: Failed to test 'nothing(7)' in nothing(7)"
+        ),
+        broken.format("fails_below", _line_of("deeper"), "constraint_failed:  in (2 > 3)"),
+        broken.format(
+            "has_no_plan",
+            _line_of("has_no_plan"),
+            "no_relevant: Found a goal for which there is no relevant plan: +!never_written(1)[source(self)] "
+            "in never_written(1)[source(self)]",
+        ),
     ]
-    assert [line for line in lines if line.startswith("[judge]")] == [
-        "[judge] looking for cases\n",
-        "[judge] failing_case: differs failed at suite/inc/checks.asl:11: "
-        'internal_action: values differ in .fail(error_msg("values differ"),values(3,4))\n',
-        "[judge] failing_case: asks_in_vain failed at cases/failing_case.asl:9: "
-        "test_goal_failed: Failed to test 'nothing(7)' in nothing(7)\n",
-        "[judge] failing_case: fails_below failed at cases/failing_case.asl:12: constraint_failed:  in (2 > 3)\n",
-        "[judge] failing_case: has_no_plan failed at cases/failing_case.asl:14: no_relevant: "
-        "Found a goal for which there is no relevant plan: +!never_written(1)[source(self)] "
-        "in never_written(1)[source(self)]\n",
-        "[judge] failing_case: acts_without_a_world failed at cases/failing_case.asl:16: "
-        "action_failed: there is no environment that could perform fly in fly(3)\n",
-        "[judge] 9 passed, 5 failed\n",
+
+
+def test_cases_that_pass_are_counted_and_say_nothing(lines: list[str]) -> None:
+    _run(lines)
+    assert [line for line in lines if "failing_case" not in line] == [
+        "[manager] looking for cases\n",
+        "[bodies_case] at .intention(_,_,[im(Label,{ +!Goal },{ Formula; _ },_)|_],current)\n",
+        "[bodies_case] nobody knows unheard_of (no_relevant)\n",
+        "[manager] 21 passed, 6 failed, 3 broken\n",
     ]
 
 
@@ -58,8 +82,8 @@ def test_a_suite_in_which_a_case_says_nothing_ends_by_its_own_time_limit(
     (tmp_path / "cases" / "silent_case.asl").write_text("!s. +!s <- .wait({+never}).\n")
     (tmp_path / "suite").symlink_to(HARNESS / "suite")
     monkeypatch.chdir(tmp_path)
-    assert _run("suite/judge.asl", lines) == 3
-    assert lines[-1] == "[judge] no word from [silent_case]\n"
+    assert _run(lines) == 3
+    assert lines[-1] == "[manager] no word from [silent_case]\n"
 
 
 INTENTION = """
@@ -78,10 +102,11 @@ INTENTION = """
 def test_a_context_sees_the_intention_it_is_evaluated_for_each_body_from_the_formula_that_it_is_at() -> None:
     stage = Stage({"bob": INTENTION})
     stage.run()
+    where, url = ',code_src("bob.asl"),source(self)', 'url("file:bob.asl")'
     assert stage.lines == [
-        "[bob] middle_plan[tag] { +!middle(5)[source(self)] } { !asked(5) }",
-        "[bob] outer_plan { +!outer[source(self)] } { !middle(5) } { .print(never) }",
+        f"[bob] middle_plan[code_line(4){where},tag,{url}] {{ +!middle(5)[source(self)] }} !asked(5)",
+        f"[bob] outer_plan[code_line(3){where},{url}] {{ +!outer[source(self)] }} !middle(5) .print(never)",
         "[bob] []",
         '[bob] 1 running [map("N",5)]',
-        "[bob] asked_plan { .intention(1,_,[im(L3,_,{ F3; _ },_)|_],current) }",
+        f"[bob] asked_plan[code_line(5){where},{url}] .intention(1,_,[im(L3,_,{{ F3; _ }},_)|_],current)",
     ]

@@ -58,6 +58,31 @@ def test_a_message_is_acknowledged_when_what_came_of_it_is_on_disk(endpoint: str
     on_a_bus(endpoint, body)
 
 
+def test_what_is_told_while_an_atomic_plan_waits_is_acknowledged_and_its_event_outlives_a_death(
+    endpoint: str, tmp_path: Path
+) -> None:
+    program = "!go. @busy[atomic] +!go <- .print(waits); .wait(60000). +n(N) <- .print(heard(N))."
+
+    async def body(connect: Connect) -> None:
+        asker = await connect("board", "commd")
+        agent = await host_on(await connect("b"), "b", program, tmp_path)
+        await served(asker, keys.inbox(FLEET, "b"))
+        await until(lambda: agent.prints == ["waits"], "the atomic plan waits")
+        told = [numbered(seq, Structure("n", (seq,))) for seq in (1, 2)]
+        assert await hand_over(asker, *told) == Receipt(taken=2)
+        assert {"n(1)[source(a)]", "n(2)[source(a)]"} <= set(agent.beliefs)
+        assert agent.prints == ["waits"]
+        await agent.die()
+        again = await host_on(await connect("b"), "b", program, tmp_path)
+        await served(asker, keys.inbox(FLEET, "b"))
+        await until(lambda: again.prints == ["heard(1)", "heard(2)"], "the events come once, in their order")
+        assert await hand_over(asker, *told) == Receipt(taken=2)
+        assert again.prints == ["heard(1)", "heard(2)"]
+        await again.end()
+
+    on_a_bus(endpoint, body)
+
+
 def test_what_was_not_on_disk_at_a_death_comes_again_and_counts_once(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -256,7 +281,7 @@ def test_what_commd_refuses_for_good_is_an_event_once_for_the_one_who_sent_it(en
         await agent.end()
         again = await host_on(await connect("a"), "a", program, tmp_path, others=("c",))
         await asyncio.sleep(0.3)
-        assert (again.prints, len(desk.batches)) == ([], 1)
+        assert (again.prints, sum(desk.batches)) == ([], 1)
         await again.end()
 
     on_a_bus(endpoint, body)
@@ -291,6 +316,7 @@ def test_what_cannot_be_read_of_mail_and_actions_is_told_and_left_out_once(endpo
         agent = await host_on(bus, "a", program, tmp_path, others=("c",))
         await until(lambda: any(saving.outgoing for saving in agent.disk.savings), "the messages are kept")
         await agent.die()
+        file.with_name("mind.sqlite.sums").unlink()  # what is done to the rows would be found by the checksums
         with closing(sqlite3.connect(file)) as database:
             database.execute("UPDATE outgoing SET message = cast(x'83' || message AS BLOB) WHERE seq = 1")
             database.execute("INSERT INTO action VALUES ('a:1:1', cast(x'67ff' AS TEXT), x'83')")

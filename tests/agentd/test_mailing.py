@@ -250,7 +250,7 @@ def test_more_than_may_wait_is_not_taken_and_a_broadcast_is_taken_whole_or_not_a
     on_a_bus(endpoint, body)
 
 
-def test_a_new_life_goes_on_with_the_numbers_and_what_was_not_handed_over(endpoint: str) -> None:
+def test_a_new_life_hands_over_the_rest_under_its_old_numbers_and_counts_anew(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
         bus = await connect("a")
         first, _ = an_outbox(bus)
@@ -259,14 +259,14 @@ def test_a_new_life_goes_on_with_the_numbers_and_what_was_not_handed_over(endpoi
         rows = first.take_unsaved()
         await first.drain(0)
         second, _ = an_outbox(bus)
-        second.restore(first.numbering, dict(first.numbers), rows[1:])
+        second.restore(rows[1:])
         send(second, 3)
         keep(second)
         desk = await a_desk(connect)
         second.hurry()
         await until(lambda: desk.told("b") == [1, 2, 3], "the rest leaves in order")
-        assert [one.header.seq for one in desk.taken] == [2, 3, 4]
-        assert len({one.header.boot for one in desk.taken}) == 1
+        assert [one.header.seq for one in desk.taken] == [2, 3, 1]
+        assert [one.header.boot for one in desk.taken] == [first.numbering, first.numbering, second.numbering]
         assert sorted(second.take_gone()) == [2, 3, 4]
 
     on_a_bus(endpoint, body)
@@ -293,7 +293,8 @@ class Reader:
     def __init__(self, bus: Bus, asker: Bus) -> None:
         self.fed: list[object] = []
         self.full = ""
-        self.inbox = Inbox(bus, "b", lambda: self.full, self.read)
+        self.missing: list[tuple[str, int]] = []
+        self.inbox = Inbox(bus, "b", lambda: self.full, self.read, lambda *what: self.missing.append(what))
         self._asker = asker
 
     def read(self, message: Message) -> Callable[[], None]:
@@ -380,6 +381,19 @@ def test_a_new_life_takes_no_message_again_that_the_last_one_kept(endpoint: str)
         await until(lambda: reader.fed == [8, 1], "new numbers and new numberings are new messages")
         reader.absorb()
         assert await answer == Receipt(taken=2)
+
+    on_a_bus(endpoint, body)
+
+
+def test_numbers_that_did_not_come_are_told(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        reader = await a_reader(connect)
+        reader.inbox.restore({Numbered("a", "n"): 7})
+        answer = asyncio.create_task(reader.hand_over(numbered(8), numbered(12), numbered(13, "bad"), numbered(14)))
+        await until(lambda: reader.fed == [8, 12, 14], "what came is taken")
+        reader.absorb()
+        await answer
+        assert reader.missing == [("a", 3)]
 
     on_a_bus(endpoint, body)
 

@@ -7,9 +7,11 @@ from agentd.mind.inputs import Mail
 from agentd.mind.mind import MOST_MAIL
 from tests.agentd.minds import World, mind_of, term
 from tests.agentd.teams import Stage
+from tests.support.amount import some_of
 
 
-def test_ten_thousand_messages_to_an_agent_that_is_busy_arrive_in_their_order() -> None:
+def test_thousands_of_messages_to_an_agent_that_is_busy_arrive_in_their_order() -> None:
+    count = some_of(10_000)
     stage = Stage(
         {
             "bob": """
@@ -21,12 +23,12 @@ def test_ten_thousand_messages_to_an_agent_that_is_busy_arrive_in_their_order() 
             """,
             "amy": """
             !go.
-            +!go <- for (.range(I, 1, 10000)) { .send(bob, tell, m(I)) }; .wait(1000); .send(bob, tell, done).
-            """,
+            +!go <- for (.range(I, 1, COUNT)) { .send(bob, tell, m(I)) }; .wait(1000); .send(bob, tell, done).
+            """.replace("COUNT", str(count)),
         }
     )
     stage.run()
-    assert stage.lines == ["[bob] 10000"]
+    assert stage.lines == [f"[bob] {count}"]
 
 
 def test_messages_beyond_the_bound_are_dropped_counted_and_told_once() -> None:
@@ -54,6 +56,65 @@ def test_a_question_is_dropped_with_its_intention_and_its_answer_is_no_belief() 
     )
     stage.run()
     assert stage.lines == ["[bob] w(1)[source(amy)]"]
+
+
+def test_an_answer_counts_only_from_who_was_asked() -> None:
+    world = World(mind_of("!go. +!go <- .send(amy, askOne, v(_), A); .print(A)."))
+    world.settle()
+    (question,) = world.mind.questions
+    world.mind.feed(Mail("joe", "tell", term("v(1)"), "1", question))
+    world.mind.feed(Mail("joe", "tellHow", "+!told.", "2", question))
+    world.settle()
+    assert list(world.mind.questions) == [question]
+    world.mind.feed(Mail("amy", "tell", term("v(2)"), "1", question))
+    world.settle()
+    assert world.prints == ["v(2)[source(amy)]"]
+
+
+def test_an_answer_names_who_gave_it_once_whether_or_not_it_named_itself() -> None:
+    for given in ("v(2)", "v(2)[source(self)]", "v(2)[source(amy)]"):
+        world = World(mind_of("!go. +!go <- .send(amy, askOne, v(_), A); .print(A)."))
+        world.settle()
+        (question,) = world.mind.questions
+        world.feed(Mail("amy", "tell", term(given), "1", question))
+        assert world.prints == ["v(2)[source(amy)]"]
+
+
+def test_a_question_without_an_answer_is_for_the_plan_of_the_one_asked_for_messages_that_fail() -> None:
+    ask = "!go. +!go <- .send(bob, askOne, {}, A); .print(A)."
+    own = "-!kqml_received(S, askOne, C, M)[error(E)] : C = v(_) | C = w(_) <- .send(S, tell, sorry(E), M)."
+    bob = f"+?v(X) <- .fail(error_msg(no)). +?u(X) : false. {own}"
+    answers = {
+        "v(_)": "sorry(internal_action)[source(bob)]",
+        "w(_)": "sorry(test_goal_failed)[source(bob)]",
+        "x(_)": "false",
+    }
+    for question, answer in answers.items():
+        stage = Stage({"bob": bob, "amy": ask.format(question)})
+        stage.run()
+        assert stage.lines == [f"[amy] {answer}"]
+
+
+def test_an_agent_that_asks_itself_by_the_name_self_has_its_answer() -> None:
+    stage = Stage({"bob": "!go. v(1). +!go <- .send(self, askOne, v(_), A); .print(A)."})
+    stage.run()
+    assert stage.lines == ["[bob] v(1)[source(bob)]"]
+
+
+def test_an_answer_that_is_told_nests_its_former_sources() -> None:
+    stage = Stage(
+        {
+            "bob": """
+            !go.
+            +!go <- .wait(10); .send(amy, askOne, b); .wait(10).
+            +b[source(amy)[source(joe)]] <- .print(both).
+            """,
+            "amy": "b.",
+            "joe": "!go. +!go <- .send(amy, tell, b).",
+        }
+    )
+    stage.run()
+    assert stage.lines == ["[bob] both"]
 
 
 def test_two_who_tell_the_same_plan_are_its_sources_and_each_takes_back_its_own() -> None:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from agentd.mind import Mind
 from agentd.mind.inputs import ActionDone, GoalAdded, Mail, TeamReply
 from tests.agentd.minds import World, mind_of, term
+from tests.support.amount import some_of
 
 PROGRAM = """
 +!g(0, N) <- .wait(50 * N + 1).
@@ -106,7 +107,7 @@ def left(mind: Mind) -> dict[str, Any]:
     }
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=some_of(150), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(STEPS, max_size=25))
 def test_each_intention_stands_in_one_place_and_leaves_nothing_behind(steps: list[str]) -> None:
     mind = mind_of(PROGRAM, has_team=True, agents=lambda: ("bob", "amy", "joe"))

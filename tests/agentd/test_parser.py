@@ -375,9 +375,28 @@ def test_comments_stand_between_any_tokens_and_not_in_strings() -> None:
         "+!g <- .print\n X = 1.",
         "+!g <- ns::act(f(1), [g(2)])\n if (a) { b }.",
         "+!g <- if (a) { b } act(1)\n while (c) { d }.",
+        "+!g <- !a\n !b.",
+        "+!g <- !a(1)[x]\n .print(b).",
+        "+!g <- !!ns::a\n ?b(X).",
+        "+!g <- !X\n +b.",
+        "+!g <- ?b(X)\n !c(X).",
+        "+!g <- ?b(X)\n +c(X).",
+        "+!g <- ?(X > 1 & b)\n c.",
+        "+!g <- +b(1)\n +c(2).",
+        "+!g <- -+b(1)\n -~c.",
+        "+!g <- +<b\n !c.",
+        "+!g <- X = f(1)\n !b.",
+        "+!g <- X = 1\n Y = 2.",
+        "+!g <- X = Y + 1\n +done.",
+        "+!g <- ?X > 1\n -~a(X).",
+        '+!g <- X = "a" | b\n if (c) { d }.',
+        "+!g <- X > 1\n not b.",
+        "+!g <- X\n a.",
+        "+!g <- !a |&| !b\n !c.",
+        "+!g <- if (a) { !b\n !c }.",
     ],
 )
-def test_a_missing_semicolon_before_a_new_line_after_an_action_is_a_warning(text: str) -> None:
+def test_a_missing_semicolon_before_a_new_line_that_can_only_begin_a_formula_is_a_warning(text: str) -> None:
     program = parse_program(text, "a.asl")
     (warning,) = program.warnings
     assert (warning.file, warning.line, warning.severity) == ("a.asl", 2, "warning")
@@ -395,12 +414,18 @@ def test_several_lines_without_semicolon_give_a_warning_each() -> None:
     "text",
     [
         "+!g <- a b.",
-        "+!g <- !a\n !b.",
-        "+!g <- X = f(1)\n !b.",
+        "+!g <- !a !b.",
+        "+!g <- X = 1 !b.",
+        "+!g <- !a\n+!h <- b.",
+        "+!g <- !a\nb(1).",
+        "+!g <- if (a)\n b.",
+        "+!g <- (a\n b).",
+        "+!g <- X = {a}\n b.",
+        "+!g <- X = [a\n b].",
+        "+!g <- .add_plan({+!h : a\n b <- c}).",
         "+!g : a\n b <- c.",
         "b(1)\nb(2).",
         "+!g <- f(a\n b).",
-        "+!g <- X\n a.",
     ],
 )
 def test_a_missing_semicolon_elsewhere_stays_an_error(text: str) -> None:
@@ -409,7 +434,15 @@ def test_a_missing_semicolon_elsewhere_stays_an_error(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["+!g <- X = .length(L)\n + 1.", "+!g <- X = math.max(1,2)\n - Y.", "+!g : .f(X)\n & b <- c\n & d."]
+    "text",
+    [
+        "+!g <- X = 5\n div 2.",
+        "+!g <- X = Y\n + math.abs(Z).",
+        "+!g <- ?X > 1\n - Y.",
+        "+!g <- X = .length(L)\n + 1.",
+        "+!g <- X = math.max(1,2)\n - Y.",
+        "+!g : .f(X)\n & b <- c\n & d.",
+    ],
 )
 def test_an_expression_may_go_on_in_the_next_line(text: str) -> None:
     assert parse_program(text, "a.asl").warnings == ()

@@ -14,12 +14,13 @@ from agentd.language.term_text import text
 from agentd.language.terms import equal
 from tests.agentd.generated_programs import literals, plans, programs, terms, triggers
 from tests.agentd.generated_terms import printable
+from tests.support.amount import some_of
 
 SLOW_TO_MAKE = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much)
-SOME = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=SLOW_TO_MAKE)
+SOME = settings(max_examples=some_of(60), deadline=None, derandomize=True, suppress_health_check=SLOW_TO_MAKE)
 
 
-@settings(SOME, max_examples=200)
+@settings(SOME, max_examples=some_of(200))
 @given(terms)
 def test_a_printed_term_reads_back_as_itself(term: Term) -> None:
     assert parse_term(source_text(term)) == term

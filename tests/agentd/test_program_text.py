@@ -15,6 +15,7 @@ from agentd.mind.program_text import program_text
 from agentd.wire import from_wire, to_wire
 from tests.agentd.generated_programs import terms
 from tests.agentd.minds import World, mind_of, term
+from tests.support.amount import some_of
 
 SLOW_TO_MAKE = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much)
 
@@ -23,7 +24,7 @@ def written(value: object) -> str:
     return source_text(ToSyntax(100).term(value))
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=SLOW_TO_MAKE)
+@settings(max_examples=some_of(200), deadline=None, suppress_health_check=SLOW_TO_MAKE)
 @given(terms.map(source_text))
 def test_a_term_written_as_syntax_reads_back_as_a_term_written_alike(text: str) -> None:
     try:
@@ -33,7 +34,7 @@ def test_a_term_written_as_syntax_reads_back_as_a_term_written_alike(text: str) 
     assert written(term(once)) == once
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=some_of(300), deadline=None)
 @given(st.text(alphabet="ab\"\\\nt'{}[]#", max_size=8))
 def test_a_string_reads_back_as_itself_or_is_refused(text: str) -> None:
     try:

@@ -170,6 +170,12 @@ def test_the_source_path_may_begin_with_a_name_that_is_mapped(run, tmp_path: Pat
     assert "warning: aslSourcePath: nothing says which folder $jasonJar is; give --map '$jasonJar=FOLDER'" in told.err
 
 
+def test_the_source_path_begins_at_the_projects_folder_and_at_the_working_folder(run) -> None:
+    files = {"team.mas2j": 'MAS t { agents: bob; ann; aslSourcePath: "own"; }', "own/bob.asl": HELLO}
+    told = run({**files, "../elsewhere/own/ann.asl": HELLO})
+    assert (told.code, sorted(told.lines), told.err) == (0, ["[ann] hi", "[bob] hi"], "")
+
+
 def test_all_that_is_wrong_with_the_programs_of_a_project_is_told_at_once(run) -> None:
     told = run({"team.mas2j": "MAS t { agents: bad; gone; worse; }", "bad.asl": "!a <- .", "worse.asl": "+!a <- ; ."})
     assert told.code == 2

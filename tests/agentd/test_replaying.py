@@ -41,6 +41,7 @@ from schemas.minds import DecisionView, MindDecisions, MindInput
 from schemas.records import Perception
 from tests.agentd.minds import term
 from tests.agentd.traced import Traced
+from tests.support.amount import some_of
 
 Schedule = list[tuple[float, list[Input]]]
 """Seconds that go by, and what is fed then."""
@@ -186,7 +187,7 @@ _items = st.one_of(
 _schedules = st.lists(st.tuples(st.floats(0, 0.2), st.lists(_items, max_size=4)), min_size=1, max_size=25)
 
 
-@settings(max_examples=50)
+@settings(max_examples=some_of(50, 2))
 @given(_parts, _schedules, st.integers(1, 40))
 def test_any_programs_on_any_inputs_live_again_the_same(parts: list[str], schedule: Schedule, cycles: int) -> None:
     traced = _lived("\n".join(parts), schedule, cycles)
@@ -320,6 +321,8 @@ def test_a_recording_that_is_no_whole_life_is_refused_in_words() -> None:
         replay([batches[0], msgspec.structs.replace(batches[1], number=5)])
     with pytest.raises(CannotReplay, match="is of ann, not of bob"):
         replay(_with(batches, 1, agent="ann"))
+    with pytest.raises(CannotReplay, match="counts cycles in which nothing can have happened"):
+        replay([*batches[:-1], msgspec.structs.replace(batches[-1], last=10**30)])
     cloned = msgspec.structs.replace(born, unknown="it is a clone of ann")
     with pytest.raises(CannotReplay, match="bob cannot live again: it is a clone of ann"):
         replay(_with(batches, 0, birth=cloned))

@@ -117,7 +117,9 @@ def test_a_waiting_agent_sleeps(program) -> None:
 
 def test_what_still_waits_when_nothing_is_left_to_do_is_told(program) -> None:
     path = program(
-        """!a. !b. !c. !d. !e.
+        """!a. !b. !c. !d. !e. !f.
+@f[atomic] +!f <- !!later(1); .suspend(later(_)).
++!later(_).
 +!a <- .wait("+never").
 +!b <- !sub(3).
 +!sub(N) <- .wait(flag(N)).
@@ -131,14 +133,15 @@ def test_what_still_waits_when_nothing_is_left_to_do_is_told(program) -> None:
     assert (done.stdout, done.returncode) == ("[agent] hi\n", 0)
     told = [line for line in done.stderr.splitlines() if "warning: " in line]
     assert [line.partition("warning: ")[2].removeprefix(f"{path.parent}/") for line in told] == [
-        'agent.asl:2:8: .wait("+never") waits for what cannot come any more',
-        "agent.asl:4:13: .wait(flag(3)) waits for what cannot come any more",
-        "agent.asl:5:8: the intention was suspended after .suspend, and nothing resumes it",
-        "agent.asl:7:8: .send(bob,askOne,x(_),_) waits for what cannot come any more",
-        'agent.asl:6:10: .wait("+x") waits for what cannot come any more',
+        'agent.asl:4:8: .wait("+never") waits for what cannot come any more',
+        "agent.asl:6:13: .wait(flag(3)) waits for what cannot come any more",
+        "agent.asl:7:8: the intention was suspended after .suspend, and nothing resumes it",
+        "agent.asl:9:8: .send(bob,askOne,x(_),_) waits for what cannot come any more",
+        'agent.asl:8:10: .wait("+x") waits for what cannot come any more',
+        "+!later(1) was suspended before it began, and nothing resumes it",
         "bob.asl:1:11: .wait({ +never }) waits for what cannot come any more",
     ]
-    assert f"in the plan for +!sub(3) ({path}:4), called by +!b ({path}:3)" in done.stderr
+    assert f"in the plan for +!sub(3) ({path}:6), called by +!b ({path}:5)" in done.stderr
     assert _run(path, bob, "--exit-when-idle", "--fail-on-error").returncode == 1
 
 

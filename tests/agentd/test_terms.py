@@ -16,8 +16,9 @@ from agentd.wire import BadTerm, from_wire, to_wire
 from schemas.codec import Codec, Wire
 from schemas.records import Perception
 from tests.agentd.generated_terms import any_terms, ground, made_again
+from tests.support.amount import some_of
 
-FEW = settings(max_examples=100, deadline=None, derandomize=True)
+FEW = settings(max_examples=some_of(100, 2), deadline=None, derandomize=True)
 SLOW_TO_MAKE = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much)
 
 

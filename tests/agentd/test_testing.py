@@ -97,6 +97,14 @@ ASSERTIONS = [
     ("!assert_true(false)", "expected that false holds; it does not"),
     ("!assert_false(known(2))", None),
     ("!assert_false(known(_))", "expected that known(_) does not hold; it does"),
+    ("!assert_equals([a,b], [b,a])", "expected [a,b], got [b,a]"),
+    ("!assert_greater_than(2, 1)", None),
+    ("!assert_greater_than(1, 1)", "expected 1 > 1"),
+    ("!assert_greater_than_equals(1, 1)", None),
+    ("!assert_greater_than_equals(1, 2)", "expected 1 >= 2"),
+    ("!assert_between(2, 1, 2)", None),
+    ("!assert_between(3, 1, 2)", "expected 1 <= 3 <= 2"),
+    ("!assert_between(a, 1, 2)", "expected 1 <= a <= 2: only numbers have an order"),
     ("!assert_contains([a, b(1)], b(_))", None),
     ('!assert_contains("hello", "ell")', None),
     ("!assert_contains([a], c)", "expected c in [a]; it is not there"),
@@ -173,7 +181,11 @@ def test_a_test_that_fails_otherwise_is_in_error_with_the_reason_and_the_formula
     ]
     assert told.details("action")[0] == "action_failed: there is no environment that could perform fly"
     assert told.details("own_reason")[0] == "internal_action: too windy"
-    assert told.details("context") == ["no_applicable: the context of the test plan does not hold"]
+    assert told.details("context") == [
+        "no_applicable: the context of the test plan does not hold",
+        "no plan applied to +!d",
+        "context[test] (some_test.asl:5): windy does not hold",
+    ]
     assert told.details("dropped")[0] == "dropped: the intention of the test was dropped before it ended"
     assert told.details("stopped") == [".stopMAS ended the team with exit code 3"]
     assert told.details("relation")[1:3] == ["at some_test.asl:9: X > 3.", "that is: (1 > 3)"]
@@ -348,6 +360,19 @@ def test_assertions_work_within_a_namespace(run) -> None:
     assert told.lines[0].endswith("expected 1, got 2")
 
 
+def test_what_a_test_begins_goes_on_after_its_goal_for_ten_seconds_of_its_own_time(run) -> None:
+    told = run(
+        """
+        @t[test] +!t <- !!later(50); !force_pass.
+        @u[test] +!u <- !!later(11000); !force_pass.
+        @v[test] +!v <- !!again; !force_pass.
+        +!later(T) <- .wait(T); !assert_true(false).
+        +!again <- .wait(1000); !again.
+        """
+    )
+    assert [told.verdict(name) for name in "tuv"] == ["FAIL", "ok", "ok"]
+
+
 @pytest.mark.parametrize("mapped", [False, True])
 def test_programs_for_the_harness_of_jason_run_without_it(run, tmp_path: Path, mapped: bool) -> None:
     (tmp_path / "jason" / "test" / "inc").mkdir(parents=True)
@@ -357,6 +382,52 @@ def test_programs_for_the_harness_of_jason_run_without_it(run, tmp_path: Path, m
         *(["--map", "$jasonJar=jason"] if mapped else []),
     )
     assert (told.code, told.lines) == (0, ["ok      some_test.asl:2 t"])
+
+
+FOR_JASON = """
+{ include("tester_agent.asl") }
+!execute_test_plans.
+@[atomic,test] +!lists <- !assert_equals([a,b,b], [b,a]); !assert_equals([f(_)], [f(1)]); !assert_equals([], []).
+@[test] +!no_lists <- !assert_equals(a, [a]).
+@[test] +!other_members <- !assert_equals([a], [a,c]).
+@[test] +!timed <- !check_performance(work, 3, Mean); !assert_greater_than(Mean, 0).
++!work <- .findall(X, .range(X, 1, 100), L).
+"""
+
+
+@pytest.mark.parametrize("there", [(), ("tester_agent.asl", "test_assert.asl", "test_manager.asl")])
+def test_a_program_for_the_harness_of_jason_includes_it_by_its_name_alone(
+    run, tmp_path: Path, there: tuple[str, ...]
+) -> None:
+    _make_harness(tmp_path / "inc", there)
+    told = run(FOR_JASON, "--include-path", "inc")
+    assert told.lines == [
+        "ok      some_test.asl:4 lists",
+        "FAIL    some_test.asl:5 no_lists: expected the members of a, got [a]: both must be lists",
+        "FAIL    some_test.asl:6 other_members: expected the members of [a], got [a,c]",
+        "ok      some_test.asl:7 timed",
+    ]
+    assert "no plan" not in told.out
+
+
+def test_a_file_that_is_only_named_as_one_of_the_harness_of_jason_is_included(run, tmp_path: Path) -> None:
+    _make_harness(tmp_path / "inc", ("tester_agent.asl",))
+    assert run(FOR_JASON, "--include-path", "inc").verdict("lists") == "ERROR"
+
+
+def _make_harness(folder: Path, names: tuple[str, ...]) -> None:
+    folder.mkdir()
+    for name in names:
+        (folder / name).write_text("+!assert_equals(_, _) <- .fail.")
+
+
+def test_an_included_file_that_is_not_found_is_told_with_the_option_that_names_its_folder(run, tmp_path: Path) -> None:
+    told = run('{ include("tester_agent.asl") }\n{ include("bob.asl") }\n@t[test] +!t <- !force_pass.', name="t/t.asl")
+    assert told.code == 2
+    assert "give its folder by --include-path FOLDER" in told.err
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib" / "bob.asl").write_text("b.")
+    assert run(None, "t/t.asl", "--include-path", "lib").code == 0
 
 
 def test_a_folder_is_searched_for_files_with_test_plans_and_each_plan_is_run_once(run, tmp_path: Path) -> None:
@@ -517,4 +588,26 @@ def test_the_tests_of_the_first_mission_pass_with_a_vehicle_that_pretends() -> N
     command = [sys.executable, "-m", "agentd", "test", "--env", f"{folder}/vehicle.py:Vehicle", folder]
     done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, timeout=120, check=False)
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.count("ok ") == 5
+    assert done.stdout.count("ok ") == 9
+
+
+def test_a_test_that_fails_as_no_plan_applied_to_an_event_tells_why_each_did_not(run) -> None:
+    told = run(
+        """
+        @rescues[test] +!rescues <- +victim(1, 2); .wait(10); !assert_true(rescued).
+        @flies[test] +!flies <- !go(1).
+        @ok[test] +!ok <- +victim(1, 2); !assert_true(true).
+        @nearby +victim(X, Y) : armed & X > 0 <- +rescued.
+        +!go(X) : X > 5.
+        """
+    )
+    assert told.verdict("ok") == "ok"
+    assert told.details("rescues")[-2:] == [
+        "no plan applied to +victim(1,2), raised at some_test.asl:2",
+        "nearby (some_test.asl:5): armed does not hold",
+    ]
+    assert told.details("flies")[-2:] == [
+        "no plan applied to +!go(1), raised at some_test.asl:3",
+        "+!go(X) (some_test.asl:6): 1 > 5 does not hold",
+    ]
+    assert told.out.count("no plan applied") == 2

@@ -15,8 +15,9 @@ from agentd.mind.resolving import resolve
 from agentd.mind.unifier import Trail, undo, unify
 from tests.agentd.generated_terms import ground, plain_pairs, variables_of
 from tests.agentd.minds import run
+from tests.support.amount import some_of
 
-FEW = settings(max_examples=100, deadline=None, derandomize=True)
+FEW = settings(max_examples=some_of(100, 2), deadline=None, derandomize=True)
 
 
 def by_the_book(left: Any, right: Any) -> dict[Var, Any] | None:

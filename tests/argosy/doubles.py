@@ -24,7 +24,7 @@ from commd.process import report_health
 from schemas import keys
 from schemas.minds import IntentionView, MindView
 from schemas.mission import load_mission
-from schemas.records import ActionStatus, Outcome, Perception, StopOrder
+from schemas.records import ActionStatus, Health, Outcome, Perception, StopOrder
 from schemas.terms import Term
 
 HERE = str(Path(__file__).resolve())
@@ -85,7 +85,7 @@ async def bridge(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
     print("INFO bridged bridged serving uav1", file=sys.stderr)
     flying = asyncio.create_task(fly_with_agent())
     await stop.wait()
-    if FAULT == "stubborn":
+    if FAULT in ("stubborn", "done-aloft"):
         await asyncio.sleep(60)
     flew = begun.is_set() and not flying.done()
     flying.cancel()
@@ -104,7 +104,7 @@ async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
             landed.set()
 
     async def mind(query: Query[MindView]) -> None:
-        done = landed.is_set() and said.is_set() and FAULT not in ("never-done", "aimless")
+        done = (landed.is_set() or FAULT == "done-aloft") and said.is_set() and FAULT not in ("never-done", "aimless")
         running = IntentionView(
             id=1, state="waiting", stack=("+!visited(-27.6,-48.5,40)", "+!fly_mission"), at="uav.asl:41"
         )
@@ -135,7 +135,7 @@ async def daemon(kind: str, mission_file: str, router: str, speed: float) -> Non
     asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop.set)
     name = {"bridged": "uav1", "agentd": "uav"}[kind]
     async with open_bus(router, fleet=mission.fleet, name=name, daemon=kind, stamp=time.time_ns, stop=stop) as bus:
-        health = asyncio.create_task(report_health(bus, name, clock))
+        health = asyncio.create_task(report_health(bus, name, clock, lambda: Health(idle=FAULT == "aimless")))
         await (bridge if kind == "bridged" else agent)(bus, clock, stop)
         health.cancel()
 

@@ -34,6 +34,11 @@ class Recording:
         """Play a percept of the agent."""
         self.picture.percept(keys.percept("single-uav", "uav", name), Perception(name=name, parameters=parameters))
 
+    def percept_gone(self, name: str) -> None:
+        """Play the removal of a percept of the agent."""
+        gone = Perception(name=name, update="remove")
+        self.picture.percept(keys.percept("single-uav", "uav", name), gone)
+
     def action(self, number: int, name: str, state: State, *parameters: Term, reason: str = "") -> None:
         """Play the status of an action."""
         status = ActionStatus(id=f"uav:1:{number}", state=state, name=name, parameters=parameters, reason=reason)

@@ -11,6 +11,7 @@ from argosy.endings import Ending
 from argosy.lines import Left, Line, Ordered, of_a_bridge, read_line
 from argosy.summary import summary
 from schemas.mission import Failsafe
+from schemas.terms import Term
 from tests.argosy.recorded import Recording
 
 FAILED = Ending(1, "failed: for a test")
@@ -68,6 +69,32 @@ def test_a_lost_vehicle_that_was_armed_may_be_flying_and_the_summary_keeps_its_l
     assert last_words(recording).startswith("uav1 MAY STILL BE IN THE AIR: last heard 12 s ago, armed, GUIDED, 39 m up")
     text = summary(recording.status, FAILED, [("startup", 1.0)])
     assert "  uav1       LOST, last heard 12 s ago: GUIDED, armed, 39.0 m above home" in text
+
+
+@pytest.mark.parametrize(("name", "term"), [("holder", "uav"), ("paused", True)])
+def test_what_a_bridge_knows_without_its_vehicle_is_no_word_of_the_vehicle(name: str, term: Term) -> None:
+    """A bridge that was started again says at once who holds its robot: it has not heard the vehicle by that."""
+    recording = airborne()
+    robot = recording.picture.robots["uav1"]
+    heard = robot.heard
+    recording.percept(name, term)
+    assert getattr(robot, name) == term
+    assert robot.heard == heard < recording.status.now()
+    recording.percept("altitude", 38.0)
+    assert robot.heard > heard
+
+
+def test_a_vehicle_whose_bridge_died_is_heard_again_by_its_state_alone() -> None:
+    """A bridge that was started again tells positions before the first HEARTBEAT: it cannot bring it home by them."""
+    recording = airborne()
+    robot = recording.picture.robots["uav1"]
+    recording.health("uav1", "bridged")
+    recording.picture.bridge_ended("uav1")
+    recording.at = 14.0
+    recording.percept("global_pos", -27.6, -48.5)
+    assert (robot.lost, robot.armed, robot.heard) == (True, True, 12.0)
+    recording.percept("state", "GUIDED", True, True)
+    assert (robot.lost, robot.heard) == (False, 14.0)
 
 
 def test_a_vehicle_that_its_bridge_found_disarmed_is_not_called_flying() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from argosy.__main__ import main
+from argosy.check import check_mission
 
 MISSION = """\
 mission: pair
@@ -49,6 +50,29 @@ def said(path: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
     """Return what the check complains about, files without their folder."""
     main(["check", str(path)])
     return capsys.readouterr().err.replace(f"{path.parent}/", "").splitlines()
+
+
+def test_mail_that_its_receiver_refuses_by_the_mission_is_told_where_it_is_sent(
+    pair: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pair.write_text(f"{MISSION}security: {{operators: [ops]}}\n")
+    begin = """\
++!begin <- +enough;
+    .send(two, tellHow, {+!hunt <- .send(planner, achieve, this); .send(one, tellHow, "+!a.")});
+    .send([planner, two], achieve, hello);
+    .send(two, askHow, "+!hello", _, 1000);
+    for (.member(How, [tell, tellHow])) { .send(two, How, hello) }.
+"""
+    (pair.parent / "one.asl").write_text(ONE.replace(ONE.splitlines(keepends=True)[1], begin))
+    (pair.parent / "two.asl").write_text("+hello <- true. +!hello <- true.\n")
+
+    def refused(line: str, performative: str) -> str:
+        what = f"`two` does not accept `{performative}` from `one`"
+        return f"{line}: warning: .send: {what}; `accepts` of agent `two` in the mission can allow it"
+
+    assert said(pair, capsys) == [refused("one.asl:3:5", "tellHow"), refused("one.asl:5:5", "askHow")]
+    pair.write_text(pair.read_text().replace("board: pi2}", "board: pi2, accepts: {one: [tellHow, askHow]}}"))
+    assert said(pair, capsys) == [refused("one.asl:4:5", "achieve")]
 
 
 def test_a_team_in_which_all_is_right_is_ok(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -160,9 +184,10 @@ program has no plan for `+restarted(N)`\
     ("way", "mission", "expected"),
     [
         ("", "restart: on-failure\n", [IDLE]),
-        ("", "", []),
+        ("", "", [IDLE]),  # its boards have addresses: units start it again
         ("+restarted(N) <- !begin.\n", "restart: on-failure\n", []),
         ("+!other <- !!begin.\n!other.\n", "restart: on-failure\n", []),
+        ("+restarted(N) : n(N) <- !begin.\n", "restart: on-failure\n", []),
         ("+battery(B) <- .print(B).\n", "restart: on-failure\n", []),
         ("+!help(X) <- .print(X).\n", "restart: on-failure\n", []),
     ],
@@ -176,3 +201,30 @@ def test_an_agent_that_would_be_idle_after_a_restart_is_told(
     assert [line for line in said(pair, capsys) if "restart" in line] == [
         line.replace(":4:", f":{4 + mission.count(chr(10))}:") for line in expected
     ]
+
+
+@pytest.mark.parametrize(
+    ("program", "agent", "mission", "told"),
+    [
+        ("!fly. +!fly <- .wait(1000); +done. +battery(B) <- .print(B).", "", "restart: on-failure\n", True),
+        ("!fly. +!fly <- .wait(1000); +done.", "", "", False),
+        ("!fly. +!fly <- .wait(1000); +done.", ", on_restart: goal(fly)", "restart: on-failure\n", False),
+        ("!fly. +!fly <- +done. +restarted(_) <- !fly.", "", "restart: on-failure\n", False),
+    ],
+)
+def test_a_program_with_a_robot_says_what_it_does_when_it_is_started_again(
+    tmp_path: Path, program: str, agent: str, mission: str, told: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "uav.asl").write_text(program)
+    path = tmp_path / "m.yaml"
+    path.write_text(
+        f"{mission}mission: m\nagents:\n  uav: {{program: uav.asl, robot: uav1{agent}}}\ndone: 'uav: done'\nrobots:\n"
+        "  uav1: {manifest: arducopter, link: udpin:127.0.0.1:14550, simulate: {home: [-27.6, -48.5, 21.0]}}\n"
+    )
+    text = (
+        "agents.uav: the program has no plan for `+restarted(N)`, and the agent no `on_restart`: "
+        "started again in the middle it leaves uav1 to its bridge"
+    )
+    assert (f"m.yaml:4:3: warning: {text}" in said(path, capsys)) is told
+    _, found = check_mission(path, restarts=True)
+    assert any(one.message == text for one in found) is (told or not mission), "`argosy run --restart` says so too"

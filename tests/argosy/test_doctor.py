@@ -15,10 +15,10 @@ import pytest
 from argosy.diagnosis import Facts, RobotFacts, Said
 from argosy.doctor import CHECKS, show
 from argosy.doctor_fleet import clocks, daemons, disks, links, mail, versions
-from argosy.doctor_robots import percepts, vehicles
+from argosy.doctor_robots import failsafes, percepts, vehicles
 from argosy.roll import Row
 from schemas.mission import load_mission
-from schemas.records import BoardReport, DeadLetter, Header, Health, LinkReport, Mailboxes, Message, Queue
+from schemas.records import BoardReport, DeadLetter, Header, Health, LinkReport, Mailboxes, Message, Note, Queue
 from schemas.release import RELEASE
 from tests.support.ports import free_port
 from tests.support.processes import ROOT, Daemon
@@ -102,6 +102,36 @@ def test_what_is_to_be_done_about_a_known_warning_is_said_and_no_unit_named(fact
     found = only(daemons(replace(facts, rows=[row("uav", "bridged", notes=(note,))])), "warning")
     assert do in found.do
     assert "systemctl" not in found.do
+
+
+def test_a_vehicle_whose_autopilot_is_not_commanded_is_an_error(facts: Facts) -> None:
+    note = Note(code="autopilot_unknown", text="the autopilot of the vehicle is PX4")
+    found = only(daemons(replace(facts, rows=[row("uav", "bridged", notes=(note.text,), coded=(note,))])), "error")
+    assert found.text == "bridged uav: the autopilot of the vehicle is PX4"
+    assert "Only ArduPilot is flown" in found.do
+
+
+def test_a_robot_that_nobody_attends_is_an_error_and_told_once(facts: Facts) -> None:
+    note = Note(code="robot_unattended", text="in the air without anybody in charge", value=12.5)
+    said = daemons(replace(facts, rows=[row("uav", "bridged", notes=("other", note.text), coded=(note,))]))
+    found = only(said, "error")
+    assert found.text == "bridged uav: in the air without anybody in charge"
+    assert "argosy stop land|rtl" in found.do
+    assert only(said, "warning").text == "bridged uav: other"
+
+
+def test_vehicles_without_a_declared_failsafe_are_told_of_once(facts: Facts, tmp_path: Path) -> None:
+    path = tmp_path / "watched.yaml"
+    robot = "{manifest: arducopter, link: 'udpin:127.0.0.1:%d'%s}"
+    declared = {"a": "", "b": ", failsafe: {gcs: bridge}", "c": ", failsafe: {gcs: none}", "d": ""}
+    robots = "".join(f"  {name}: {robot % (number, said)}\n" for number, (name, said) in enumerate(declared.items(), 1))
+    path.write_text(f"mission: m\nagents: {{x: {{program: x.asl, robot: a}}}}\nrobots:\n{robots}")
+    rows = [row(name, "bridged", counters={"messages": 100.0}) for name in declared]
+    said = failsafes(replace(facts, mission=load_mission(path), rows=rows, earlier=rows))
+    assert only(said, "ok").text == "b: watches heartbeats of `bridge`"
+    found = only(said, "warning")
+    assert found.text == "a, d: none declared: if the bridge dies, nothing brings the vehicle home"
+    assert "`failsafe: {gcs: bridge}`" in found.do
 
 
 def test_units_alone_are_named_only_for_boards_with_addresses(facts: Facts, tmp_path: Path) -> None:

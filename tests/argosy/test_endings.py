@@ -6,9 +6,17 @@ import re
 import time
 from dataclasses import replace
 
-from argosy.endings import ANSWERED, Ending, Endings
+import msgspec
+import pytest
+
+from argosy.endings import ANSWERED, NOTHING_LEFT, Ending, Endings
 from argosy.summary import summary
 from argosy.supervise import Supervisor
+from schemas import keys
+from schemas.minds import MindView
+from schemas.mission import NO_STEPS
+from schemas.records import Note
+from schemas.terms import Atom
 from tests.argosy.recorded import Recording
 from tests.argosy.test_live import in_flight, screen
 
@@ -49,6 +57,24 @@ def test_hold_keeps_the_run_going_and_says_how_to_give_the_robot_back() -> None:
     assert "stopped" not in screen(recording)[0]
 
 
+def test_a_pause_is_shown_and_the_timeout_waits_for_its_end() -> None:
+    recording = in_flight()
+    recording.at, recording.status.timeout_at = 50.0, 60.0
+    endings = Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None))
+    recording.percept("paused", Atom("operator"))
+    assert recording.lines[-1] == "uav1: paused by the operator; `argosy stop continue uav1` lets it go on"
+    assert "paused (uav1)" in screen(recording)[0]
+    recording.at = 500.0
+    assert endings.look() is None
+    recording.percept_gone("paused")
+    assert recording.lines[-1] == "uav1: goes on: it is not paused any longer"
+    assert "paused (" not in screen(recording)[0]
+    recording.at = 509.0
+    assert endings.look() is None
+    recording.at = 511.0
+    assert endings.look() is not None
+
+
 def test_an_agent_that_gives_up_does_not_end_the_operators_order() -> None:
     recording = ordered("land")
     recording.fail('mission_failed("operator: land")[source(self)]')
@@ -66,6 +92,35 @@ def test_a_run_is_there_until_an_order_on_the_ground_is_answered_and_ends_with_t
     assert endings.look() is None
     times.append(1.0 + ANSWERED)
     assert endings.look() == Ending(1, "stopped by the operator: hold")
+
+
+@pytest.mark.parametrize("prevented", ["", "armed", "the agent acts", "intends something", "a client", "on_idle: none"])
+def test_a_run_ends_when_on_idle_brought_home_what_flew_and_nobody_goes_on(prevented: str) -> None:
+    recording, now = in_flight(), [1.0]
+    recording.status.timeout_at = 500.0
+    recording.action(1, "goto", "succeeded", -27.603683, -48.518052, 40)
+    alarm = Note(code="robot_unattended", text="in the air without anybody in charge", value=12.0)
+    recording.health("uav1", "bridged", notes=(alarm.text,), coded=(alarm,))
+    recording.health("uav1", "bridged")
+    recording.picture.mind(MindView(agent="uav", cycle=7))
+    recording.health("uav", "agentd", idle=prevented != "intends something")
+    recording.percept("state", "RTL", True, prevented == "armed")
+    match prevented:
+        case "the agent acts":
+            recording.action(2, "set_mode", "accepted", "GUIDED")
+            recording.action(2, "set_mode", "succeeded", "GUIDED")
+        case "a client":
+            recording.picture.token(keys.alive("single-uav", "pilot", "client", "b1"), alive=True)
+        case "on_idle: none":
+            recording.status.setup.mission.robots["uav1"] = msgspec.structs.replace(
+                recording.status.setup.mission.robots["uav1"], on_idle=NO_STEPS
+            )
+    endings = Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: now[-1])
+    assert endings.look() is None
+    now.append(1.0 + NOTHING_LEFT)
+    said = "uav1 was in the air with nobody in charge and was brought home (on_idle)"
+    over = Ending(1, f"failed: {said}; no agent has anything left to do")
+    assert endings.look() == (None if prevented else over)
 
 
 def test_a_lost_vehicle_is_not_down() -> None:
@@ -148,3 +203,12 @@ def test_what_ran_on_a_bridge_that_died_has_ended_and_restarts_are_summed_up() -
     told = summary(recording.status, Ending(0, "done"), [("startup", 1.0)])
     assert "failed: its bridge died" in told
     assert "  restarts   bridged uav1 2, agentd uav 1\n" in told
+
+
+def test_a_vehicle_whose_autopilot_is_not_commanded_ends_the_run_at_the_start() -> None:
+    recording = Recording()
+    said = "the autopilot of the vehicle is PX4"
+    recording.health("uav1", "bridged", notes=(said,))
+    assert look(recording) is None, "programs read the code, not the words"
+    recording.health("uav1", "bridged", notes=(said,), coded=(Note(code="autopilot_unknown", text=said),))
+    assert look(recording) == Ending(1, f"failed at the start: uav1: {said}")

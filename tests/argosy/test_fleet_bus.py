@@ -19,7 +19,8 @@ from schemas.records import Header, Health, Mailboxes
 def asked(monkeypatch: pytest.MonkeyPatch, *, opening: Exception | None = None, asking: Exception) -> list[str]:
     """Ask two boards, of which one is not reached for `opening`, and the other one fails; return what is said."""
     bus, boards = object.__new__(FleetBus), object.__new__(Boards)
-    bus.boards, boards.homes = boards, {}
+    bus.boards, bus.name, boards.homes = boards, "ops", {}
+    boards.why_unseen = lambda *_: ""
 
     async def opened() -> FleetBus:
         if opening is not None:

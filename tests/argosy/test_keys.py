@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from argosy.__main__ import main as argosy
+from argosy.extras import install_command
 from commd.tls import files_in, identity_of
 from schemas.findings import Findings
 
@@ -314,4 +315,4 @@ def test_the_extra_that_is_missing_is_named(desk: Desk) -> None:
     code = "import sys; sys.modules['cryptography'] = None\nfrom argosy.__main__ import main\nsys.exit(main())"
     command = [sys.executable, "-c", code, "keys", "init", str(desk.mission), "--dir", str(desk.keys)]
     said = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    assert (said.returncode, said.stderr) == (2, "error: argosy needs cryptography: pip install 'argosy[keys]'\n")
+    assert (said.returncode, said.stderr) == (2, f"error: argosy needs cryptography: {install_command('keys')}\n")

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from argosy.__main__ import main
-from argosy.mail import _age, _board, _size
+from argosy.mail import _age, _size, board_lines
 from schemas import keys
 from schemas.records import DeadLetter, Header, Mailboxes, Message, Queue, Receipt
 from schemas.terms import Atom, Structure
@@ -178,7 +178,7 @@ def test_what_came_from_others_is_shown_without_what_a_terminal_would_obey() -> 
         dead=(DeadLetter(message=letter, reason="expired\x07", stamp=0),),
         dead_count=3,
     )
-    lines = _board(boxes, dead=True)
+    lines = board_lines(boxes, dead=True)
     assert lines[:4] == [
         "pi1 : 13 messages waiting, 3 dead letters",
         "  outbox  a  > b          1 message, 90 B      oldest 5.0 s  pi2 is away",

@@ -9,7 +9,7 @@ from argosy.endings import Ending
 from argosy.journal import MAX_LOGGED, Journal, printable
 from argosy.summary import summary
 from schemas import keys
-from schemas.records import Perception
+from schemas.records import Note, Perception
 from tests.argosy.recorded import Recording, flight
 
 
@@ -95,6 +95,13 @@ def test_a_warning_of_a_daemon_is_told_while_it_is_new() -> None:
     for seconds in (6, 7):
         recording.health("uav1", "bridged", notes=(f"nothing has come on pose for {seconds} s", f"{seconds} of 9 cut"))
     assert recording.lines == ["uav1: no failsafe is on", "uav1: nothing has come on pose for 6 s", "uav1: 6 of 9 cut"]
+
+
+def test_an_alarm_is_told_as_an_error() -> None:
+    recording = Recording()
+    recording.health("uav1", "bridged", notes=("alone",), coded=(Note(code="robot_unattended", text="alone"),))
+    assert recording.status.journal.entries[-1].level == "error"
+    assert recording.lines == ["uav1: alone"]
 
 
 def test_records_of_strangers_and_of_odd_shapes_change_nothing() -> None:

@@ -90,8 +90,8 @@ def test_every_process_has_its_command_in_the_order_of_the_start_and_each_daemon
             "simulator uav2",
             f"bridged simulate copter --link tcpin:127.0.0.1:5760 --home=1.5,2.5,0.0 --sysid 2 {speed}",
         ),
-        ("bridged pi1 uav1", f"bridged serve {file} uav1 {pi1} {speed} {state} --simulated"),
-        ("bridged pi2 uav2", f"bridged serve {file} uav2 {pi2} {speed} {state} --simulated"),
+        ("bridged pi1 uav1", f"bridged serve {file} uav1 {pi1} {speed} {state} --until-home --simulated"),
+        ("bridged pi2 uav2", f"bridged serve {file} uav2 {pi2} {speed} {state} --until-home --simulated"),
         ("agentd pi1", f"agentd serve {file} scout ground {pi1} {speed} {state}"),
         ("agentd pi2", f"agentd serve {file} rescuer {pi2} {speed} {state}"),
     ]
@@ -148,7 +148,7 @@ def test_robots_that_share_a_link_share_a_bridge_and_each_calls_it_by_its_own_si
     started = commands(text=SHARED)
     assert (
         started["bridged pi1 uav1 uav2"]
-        == f"bridged serve {file} uav1 uav2 {router} {speed} --state /state --simulated"
+        == f"bridged serve {file} uav1 uav2 {router} {speed} --state /state --until-home --simulated"
     )
     links = [line.split()[4] for name, line in started.items() if name.startswith("simulator")]
     assert links == ["udpout:127.0.0.1:14550"] * 2

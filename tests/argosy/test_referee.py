@@ -13,7 +13,13 @@ from argosy.referee import drops_of, judge
 from argosy.surroundings import servo_log, victims
 from bridged.simulation.servo_log import ServoMove
 from bridged.simulation.world import Victim
+from commd.bus import Bus
+from schemas import keys
 from schemas.mission import World, load_mission
+from schemas.records import Perception
+from schemas.terms import Term
+from tests.argosy.recording.recorders import recording, seen
+from tests.support.buses import FLEET, Connect, on_a_bus, subscribed
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 MISSION = MISSIONS / "search_and_rescue.yaml"
@@ -106,3 +112,99 @@ def test_a_run_without_logs_is_not_judged(tmp_path: Path, capsys: pytest.Capture
 def test_a_mission_without_a_world_is_not_judged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["referee", str(MISSIONS / "single_uav.yaml"), str(tmp_path)]) == 2
     assert "has no `world`" in capsys.readouterr().err
+
+
+class Told:
+    """What a rescuer and a scout perceive in a flight, put on a real bus as their bridges do."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus = bus
+        self.count = 0
+
+    def percept(self, name: str, *parameters: Term, agent: str = "rescuer1") -> None:
+        """Put a percept."""
+        record = Perception(header=self.bus.header("percepts", agent), name=name, parameters=parameters)
+        self.bus.put(keys.percept(FLEET, agent, name), record)
+        self.count += agent == "rescuer1" and name == "latch"
+
+    def rescue(self, victim: Victim) -> None:
+        """Drop a buoy and take another one at home."""
+        self.percept("state", "GUIDED", True, True)
+        self.percept("global_pos", victim.lat, victim.lon)
+        self.percept("latch", 1900)
+        self.percept("global_pos", *HOME)
+        self.percept("state", "RTL", True, False)
+        self.percept("latch", 1100)
+
+
+HOME = (-27.604033, -48.518262)
+
+
+@pytest.fixture
+def mission(tmp_path: Path) -> Path:
+    """Return the shipped mission in the fleet of the tests; only one of its rescuers is a copter of the recording."""
+    text = MISSION.read_text(encoding="utf-8").replace("fleet: sar", f"fleet: {FLEET}")
+    text = text.replace(": search_and_rescue/", f": {MISSIONS}/search_and_rescue/")
+    begin, end = text.index("  uav3:"), text.index("world:")
+    text = (text[:begin] + text[end:]).replace("    robot: uav3\n", "").replace("victims: 8", "victims: 2")
+    path = tmp_path / "mission.yaml"
+    path.write_text(text)
+    return path
+
+
+def recorded(endpoint: str, file: Path, rescued: list[Victim], found: list[Victim], first: int = 1100) -> None:
+    """Record a flight by `argosy record`, in which the latch stood at `first` in the beginning."""
+
+    async def body(connect: Connect) -> None:
+        told = Told(await connect("uav2", "bridged"))
+        async with recording(endpoint, file) as recorder:
+            for agent, name in (("rescuer1", "latch"), ("scout", "victim")):
+                await subscribed(told.bus, keys.percept(FLEET, agent, name))
+            told.percept("home_pos", *HOME)
+            told.percept("global_pos", *HOME)
+            told.percept("state", "STABILIZE", True, False)
+            told.percept("latch", first)
+            told.percept("latch", 1100)
+            for victim in found:
+                told.percept("victim", victim.number, victim.lat, victim.lon, agent="scout")
+            for victim in rescued:
+                told.rescue(victim)
+            await seen(file, keys.percept(FLEET, "rescuer1", "latch"), told.count)
+            assert (await recorder.end())[0] == 0
+
+    on_a_bus(endpoint, body)
+
+
+@pytest.mark.parametrize(("count", "code", "said"), [(2, 0, "PASSED: 2 of 2"), (1, 1, "FAILED: 1 of 2")])
+def test_a_flight_of_real_vehicles_is_judged_by_its_recording(
+    endpoint: str, mission: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], count: int, code: int, said: str
+) -> None:
+    world = load_mission(mission).world
+    assert world is not None
+    recorded(endpoint, tmp_path / "flight.mcap", victims(world)[:count], [], first=1900)
+    assert main(["referee", str(mission), str(tmp_path / "flight.mcap")]) == code
+    assert said in capsys.readouterr().out
+
+
+def test_without_a_world_the_victims_are_those_that_a_camera_told_of(
+    endpoint: str, mission: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = mission.read_text()
+    text = text[: text.index("world:")] + text[text.index("done:") :]
+    mission.write_text(text.replace("      camera: 16m\n", ""))
+    recorded(endpoint, tmp_path / "flight.mcap", [ONE], [ONE, OTHER])
+    assert main(["referee", str(mission), str(tmp_path / "flight.mcap")]) == 1
+    said = capsys.readouterr().out
+    assert "1 of 2 victims got exactly one buoy, 1 none" in said
+    assert "astray" not in said
+
+
+def test_a_recording_of_something_else_is_not_judged(
+    endpoint: str, mission: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "flight.mcap"
+    recorded(endpoint, file, [], [])
+    assert main(["referee", str(MISSION), str(file)]) == 2
+    assert f"expected a recording of the fleet `sar`, it has {FLEET}" in capsys.readouterr().err
+    assert main(["referee", str(MISSION), str(mission)]) == 2
+    assert "no MCAP file" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import pty
 import re
@@ -16,6 +17,10 @@ from pathlib import Path
 import psutil
 import pytest
 
+from argosy.extras import install_command
+from commd.bus import open_bus
+from schemas import keys
+from schemas.records import RunState
 from tests.argosy.conftest import DOUBLES, Running, Start
 from tests.support.promises import least
 
@@ -48,30 +53,29 @@ def test_a_mission_that_is_done_ends_with_0_a_summary_and_a_report(
     assert "single-uav: done" in (tmp_path / "report" / "summary.txt").read_text()
 
 
-def test_every_process_is_started_in_order_each_when_the_one_before_is_there(start: Start, single_uav: Path) -> None:
+def test_all_processes_start_together_but_agents_which_are_born_to_a_bridge_that_is_there(
+    start: Start, single_uav: Path
+) -> None:
     running = start(single_uav, "--speed", "10")
     running.until("agentd uav: up")
     lines = running.stdout.splitlines()
-    wanted = ["commd: started", "commd: up", "simulator uav1: started", "bridged uav1: started", "bridged uav1: up"]
+    wanted = ["commd: started", "simulator uav1: started", "bridged uav1: started", "commd: up", "bridged uav1: up"]
     places = [next(i for i, line in enumerate(lines) if text in line) for text in [*wanted, "agentd uav: started"]]
     assert places == sorted(places)
 
 
-@pytest.mark.parametrize("victim", ["commd serve", "bridged simulate", "bridged serve", "agentd serve"])
-def test_any_process_killed_in_flight_ends_the_run_within_5_s_and_is_named(
-    start: Start, single_uav: Path, victim: str
+def test_a_simulator_killed_in_flight_ends_the_run_within_5_s_as_its_vehicle_is_no_more(
+    start: Start, single_uav: Path
 ) -> None:
     def ending() -> float:
         running = start(single_uav, "--speed", "2")
         running.until("uav1: armed")
-        running.family[victim].kill()
+        running.family["bridged simulate"].kill()
         killed = time.monotonic()
         code, out, err = ended(running)
-        took = time.monotonic() - killed
-        name = {"bridged simulate": "simulator uav1", "bridged serve": "bridged uav1", "agentd serve": "agentd uav"}
         assert code == 1
-        assert f"error: failed: {name.get(victim, 'commd')} was killed by SIGKILL" in err, out + err
-        return took
+        assert "error: failed: simulator uav1 was killed by SIGKILL" in err, out + err
+        return time.monotonic() - killed
 
     assert least(ending, 5.0) < 5.0
 
@@ -117,12 +121,44 @@ def test_ctrl_c_in_flight_brings_the_vehicle_home_and_ends_with_130(start: Start
 
 
 def test_a_bridge_that_does_not_leave_is_killed_after_a_bound(start: Start, single_uav: Path) -> None:
+    single_uav.write_text(single_uav.read_text() + "bring_home: 4s\n")
     running = start(single_uav, "--speed", "2", fault="stubborn")
     running.until("uav1: armed")
     running.process.send_signal(signal.SIGINT)
-    code, out, _ = ended(running, 20)
+    code, out, _ = ended(running, 40)
     assert code == 130
-    assert "bridged uav1: did not leave within 3 s and was killed" in out
+    assert re.search(r"waiting for uav1 \(.* to be disarmed, 4 s left; ctrl-C again leaves", out)
+    assert "bridged uav1: did not leave within 10 s and was killed" in out
+
+
+@pytest.mark.parametrize("hurried", [False, True])
+def test_a_mission_that_is_done_has_failed_if_its_vehicle_is_left_armed(
+    start: Start, single_uav: Path, hurried: bool
+) -> None:
+    if not hurried:
+        single_uav.write_text(single_uav.read_text() + "bring_home: 4s\n")
+    running = start(single_uav, "--speed", "1", fault="done-aloft")
+    running.until("argosy: done")
+    for told in ("to be disarmed", "ctrl-C again leaves at once") if hurried else ():
+        running.until(told)
+        running.process.send_signal(signal.SIGINT)
+    code, out, err = ended(running, 40)
+    assert code == 1
+    why = "left by ctrl-C" if hurried else "`bring_home` ran out after 4 s"
+    assert re.search(rf"argosy: uav1 \(.* up\) left armed: {why}\n", out)
+    assert re.fullmatch(rf"error: failed: uav1 \(.* up\) left armed: {why}\n", err)
+    assert "single-uav: failed: uav1" in out
+
+
+def test_of_two_runs_that_start_together_at_one_router_one_is_refused_and_does_not_join_the_other(
+    start: Start, single_uav: Path
+) -> None:
+    runs = [start(single_uav, "--speed", "10") for _ in range(2)]
+    codes = [ended(running, 90)[0] for running in runs]
+    refused, flew = sorted(runs, key=lambda running: len(running.stdout))
+    assert sorted(codes) == [0, 1]
+    assert (refused.stdout, flew.stderr) == ("", "")
+    assert "is in use: is another mission running?" in refused.stderr
 
 
 def test_a_second_ctrl_c_hurries(start: Start, single_uav: Path) -> None:
@@ -219,6 +255,33 @@ def test_a_mission_that_does_not_check_does_not_start(start: Start, single_uav: 
     assert code == 2
     assert "unknown field `time_out`, did you mean `timeout`?" in err
     assert out == ""
+
+
+def test_a_program_that_jason_would_run_runs_and_its_mistakes_are_told(start: Start, tmp_path: Path) -> None:
+    (tmp_path / "one.asl").write_text("""\
+!begin.
++!begin <- .send(two, tell, hello); !try; +finished.
++!try : battery(_, _, _) <- no_such_action(1); !no_such_goal.
++!try <- no_such_action(2).
+-!try[error(E)] <- .print("goes on after ", E).
+""")
+    (tmp_path / "two.asl").write_text("+hello[source(One)] : state(_, _) <- .print(One).\n")
+    mission = tmp_path / "pair.yaml"
+    mission.write_text("""\
+mission: pair
+agents: {one: {program: one.asl}, two: {program: two.asl}}
+done: "one: finished"
+failed: "two: nobody_ever_believes(this)"
+timeout: 1min
+""")
+    code, out, err = ended(start(mission, real_daemons=True))
+    assert code == 0, out + err
+    assert "one: goes on after action_failed" in out
+    told = [line.partition(": warning: ")[2] for line in err.splitlines()]
+    assert "there is no action no_such_action/1" in told
+    assert "there is no plan for the goal !no_such_goal/0" in told
+    assert "failed: no program ever believes `nobody_ever_believes/1`" in told
+    assert "" not in told
 
 
 def test_a_real_robot_gets_no_simulator_and_real_time(start: Start, single_uav: Path) -> None:
@@ -346,4 +409,33 @@ def test_a_missing_extra_is_one_line_that_says_what_to_install(single_uav: Path,
     os.close(inside)
     os.close(terminal)
     assert done.returncode == 2
-    assert done.stderr == f"error: argosy needs {missing}: pip install 'argosy[operator]'\n"
+    assert done.stderr == f"error: argosy needs {missing}: {install_command('operator')}\n"
+
+
+def test_the_run_says_on_the_bus_how_far_it_has_come_and_how_it_ended(
+    start: Start, single_uav: Path, tmp_path: Path, endpoint: str
+) -> None:
+    running = start(single_uav, "--speed", "10", "--report", str(tmp_path / "report"))
+    running.until("commd: up")
+    told: list[RunState] = []
+
+    async def listen() -> None:
+        async with open_bus(endpoint, fleet="single-uav", name="ears", daemon="argosy", stamp=time.time_ns) as bus:
+            bus.subscribe(keys.run("single-uav", "*"), RunState, lambda key, state: told.append(state))
+            async with asyncio.timeout(60):
+                while not told or told[-1].phase not in ("done", "failed"):
+                    await asyncio.sleep(0.05)
+
+    asyncio.run(listen())
+    assert ended(running)[0] == 0
+    assert list(dict.fromkeys(state.phase for state in told)) in (
+        ["starting", "flying", "done"],
+        ["flying", "done"],
+    )
+    last = told[-1]
+    assert (last.why, last.report, last.recording) == (
+        "",
+        str(tmp_path / "report"),
+        str(tmp_path / "report" / "recording.mcap"),
+    )
+    assert last.mission_time > 20

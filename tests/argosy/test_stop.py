@@ -100,7 +100,7 @@ def test_options_of_an_emergency_command_may_stand_anywhere(endpoint: str, capsy
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "the following arguments are required: {hold,land,rtl,release}"),
+        ([], "the following arguments are required: {hold,land,rtl,release,pause,continue}"),
         (["rlt"], "there is no order `rlt`, did you mean `rtl`?"),
         (["hold", "--router", "nonsense"], "Expected an endpoint such as `tcp/127.0.0.1:7447`, got `nonsense`"),
     ],

@@ -76,9 +76,11 @@ def test_a_board_gets_its_units_its_router_and_the_files_of_its_part_of_the_miss
         "etc/argosy/survey/code/common.asl",
         "etc/argosy/survey/code/diver.asl",  # a program may include what stands beside it at run time
         "etc/argosy/survey/code/scout.asl",
+        "etc/argosy/survey/firewall.nft",
         "etc/argosy/survey/router.json5",
         "etc/argosy/survey/survey.yaml",
         "etc/systemd/system/agentd@.service",
+        "etc/systemd/system/argosy-survey-firewall.service",
         "etc/systemd/system/argosy-survey.target",
         "etc/systemd/system/bridged@.service",
         "etc/systemd/system/bridged@survey.service.d/board.conf",
@@ -159,7 +161,7 @@ def test_one_process_is_one_unit_with_what_the_three_may(tmp_path: Path) -> None
     out = tmp_path / "out"
     write(Board(mission(tmp_path), "pi1", one_process=True), out)
     units = {name for name in tree(out) if name.endswith(".service")}
-    assert units == {"etc/systemd/system/board@.service"}
+    assert units == {f"etc/systemd/system/{name}.service" for name in ("board@", "argosy-survey-firewall")}
     assert "DeviceAllow=/dev/ttyAMA0 rw" in added(out, "board")
     assert "PrivateNetwork=yes" not in added(out, "board")
     assert "keys ~0700 argosy-board argosy" in (out / "etc/tmpfiles.d/argosy-survey.conf").read_text()

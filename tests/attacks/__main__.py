@@ -6,8 +6,13 @@ import asyncio
 import sys
 import time
 
+from tests.attacks.admission import ADMISSION
 from tests.attacks.links import LINKS
+from tests.attacks.mail import MAIL
 from tests.attacks.messages import MESSAGES
+from tests.attacks.readers import READERS
+from tests.attacks.text_and_files import TEXT_AND_FILES
+from tests.attacks.vehicle import VEHICLE
 from tests.attacks.world import TEXT, Row, World
 from tests.soak_report import ROOT, here
 from tests.support.secured import Secured
@@ -34,7 +39,7 @@ def main() -> int:
     with Secured(TEXT) as fleet:
         world = World(fleet)
         world.begin()
-        for attack in (*LINKS, *MESSAGES):
+        for attack in (*LINKS, *ADMISSION, *READERS, *MESSAGES, *MAIL, *VEHICLE, *TEXT_AND_FILES):
             began = time.monotonic()
             rows.append(asyncio.run(asyncio.wait_for(attack(world), 90)))
             row = rows[-1]

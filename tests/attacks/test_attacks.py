@@ -16,8 +16,13 @@ from commd.client import Client, NotJoined, UnknownReceiver, join
 from schemas import keys
 from schemas.minds import MindView
 from schemas.mission import read_mission
+from tests.attacks.admission import ADMISSION
 from tests.attacks.links import LINKS
+from tests.attacks.mail import MAIL
 from tests.attacks.messages import MESSAGES
+from tests.attacks.readers import READERS
+from tests.attacks.text_and_files import TEXT_AND_FILES
+from tests.attacks.vehicle import VEHICLE
 from tests.attacks.world import NAME, TEXT, Attack, World
 from tests.support.buses import until
 from tests.support.secured import Secured
@@ -32,7 +37,11 @@ def world() -> Iterator[World]:
         yield world
 
 
-@pytest.mark.parametrize("attack", [*LINKS, *MESSAGES], ids=lambda attack: str(attack.__name__))
+@pytest.mark.parametrize(
+    "attack",
+    [*LINKS, *ADMISSION, *READERS, *MESSAGES, *MAIL, *VEHICLE, *TEXT_AND_FILES],
+    ids=lambda attack: str(attack.__name__),
+)
 def test_it_is_refused_and_what_is_allowed_is_not(world: World, attack: Attack) -> None:
     row = asyncio.run(asyncio.wait_for(attack(world), 90))
     assert row.problems == []

@@ -21,7 +21,9 @@ from tests.support.processes import Daemon
 from tests.support.secured import FLEET, Secured
 
 NAME = "three"
-TEXT = FLEET.replace("prefix: r1}", "prefix: r1, simulate: {vehicle: turtle}}")
+TEXT = FLEET.replace("prefix: r1}", "prefix: r1, simulate: {vehicle: turtle}}").replace(
+    "[eye]", "{eye: telemetry, mate: minds, judge: mail}"
+)
 R = TypeVar("R", bound=Record)
 
 

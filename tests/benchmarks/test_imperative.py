@@ -85,8 +85,9 @@ def replace_manifest(robot: Any) -> dict[str, Any]:
 def test_beliefs_of_agents_become_settings_of_programs(tmp_path: Path) -> None:
     original = load_mission(ROOT / "missions" / "search_and_rescue.yaml")
     scout, rescuer, _ = programs(original, tmp_path / "m.yaml", lambda board: f"tcp/{board}")
-    assert rescuer.argv[-6:] == (
-        str(tmp_path / "m.yaml"), "rescuer1", "tcp/pi2", "height=10", 'scout="scout"', 'peers=["rescuer2"]'
+    assert rescuer.argv[-7:] == (
+        str(tmp_path / "m.yaml"), "rescuer1", "tcp/pi2", "height=10", 'scout="scout"', 'peers=["rescuer2"]',
+        "battery_low=40",
     )  # fmt: skip
     assert "area=[-27.603853, -48.5193, -27.602955, -48.5173]" in scout.argv
 

@@ -12,6 +12,7 @@ from tests.boards.letters import Post
 from tests.boards.network import Network
 from tests.boards.troubles import Trouble, plan
 from tests.soak_mail import AGENTS, BOARDS, control, run
+from tests.support.amount import some_of
 
 RATE = 60.0
 """Messages a second of all together."""
@@ -39,8 +40,8 @@ def test_a_board_that_is_killed_wholly_returns_and_has_lost_nothing(network: Net
 
 def test_kills_cuts_and_a_full_disk_lose_and_duplicate_nothing(network: Network, tmp_path: Path) -> None:
     """A cut of what `make soak` does with 100,000 messages."""
-    post = _post(700)
-    troubles = plan(BOARDS, 60, kills=6, cuts=(5.0, 5.0), full=("pi3", 5.0), seed=4)
+    post = _post(some_of(700, 2))
+    troubles = plan(BOARDS, some_of(60, 2), kills=6, cuts=(3.0, 3.0), full=("pi3", 3.0), seed=4)
     outcome = run(tmp_path, post, troubles, 240)
     assert outcome.verdict.clean, outcome.verdict.details
     assert (outcome.verdict.taken, outcome.waiting, outcome.dead) == (post.total, 0, 0)

@@ -34,6 +34,7 @@ class Airfield:
         self.link = f"udpin:127.0.0.1:{free_port()}"
         self.mission: Mission = read_mission(mission, Path("test.yaml"))
         self.vehicle = Vehicle(HOME)
+        self.vehicle.copter.parameters.set("DISARM_DELAY", 127)  # s: its 10 s pass too soon on a busy machine
         self.stop = asyncio.Event()
         self.silent = False
         """Nothing gets through, either way."""
@@ -52,6 +53,7 @@ class Airfield:
             state=self.state,
             link=self.link,
             simulated=True,
+            until_home=False,
         )
 
     def start(self) -> asyncio.Task[int]:

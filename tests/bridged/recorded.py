@@ -14,6 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.wire import Framer, WireCounters
 
 DATA = Path(__file__).parent.parent / "data"
+PX4 = "px4/quad_flight"
+"""What a PX4 copter said in a flight: heartbeats, texts, and a tenth of its telemetry."""
 RECORDINGS = sorted(path.name.removesuffix(".tlog.gz") for path in DATA.glob("*.tlog.gz"))
 
 

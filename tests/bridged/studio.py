@@ -88,6 +88,7 @@ def in_the_studio(
                 speed=None,
                 state=state,
                 link=None,
+                until_home=False,
                 simulated=True,
             )
             daemon = asyncio.create_task(serve(declared, arguments, stop))

@@ -7,6 +7,7 @@ from typing import Any
 from unittest.mock import Mock
 
 import pytest
+from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.flight import Call, Flight, Steps, Task
@@ -93,7 +94,7 @@ def test_arming_in_a_mode_that_does_not_arm_is_refused_with_the_vehicles_text(sk
     sky.do("set_mode", "RTL")
     final = sky.do("arm_motors", True)
     assert final.state == "refused"
-    assert "Arm: RTL mode not armable" in final.reason
+    assert final.reason == "the vehicle refuses to arm until somebody sees to it: RTL mode not armable"
 
 
 def test_an_acknowledged_mode_without_effect_is_no_success(sky: Sky) -> None:
@@ -223,6 +224,20 @@ def test_the_newest_askers_hear_the_end_however_often_the_link_flaps(sky: Sky) -
     sky.forward(lambda: askers[-1][-1] is not None and askers[-1][-1].final, "arrival")
     ends = [asker[-1].state if asker[-1] is not None else None for asker in askers]
     assert ends == [None] * 4 + ["succeeded"] * MAX_FOLLOWERS
+
+
+def test_an_asker_that_asks_again_leaves_no_follower_of_its_former_query_behind(sky: Sky) -> None:
+    sky.flying()
+    first = sky.begin("goto", *GOAL)
+    heard: dict[str, list[ActionStatus | None]] = {}
+    for query, source, attempt in (("1st", "uav", 2), ("watcher", "anna", 1), ("2nd", "uav", 3)):
+        action = replace(action_of(first, attempt=attempt), header=Header(source=source))
+        sky.bridge.desk.ask("uav", "goto", action, heard.setdefault(query, []).append)
+    assert heard["1st"][-1] is None, "its query ends"
+    assert len(sky.bridge.desk._jobs[first[0].id].followers) <= 3
+    sky.forward(lambda: heard["2nd"][-1] is not None and heard["2nd"][-1].final, "arrival")
+    assert [one.state for one in (heard["2nd"][-1], heard["watcher"][-1]) if one] == ["succeeded"] * 2
+    assert len(sky.commands(dialect.MAV_CMD_NAV_TAKEOFF)) == 1, "nothing is done twice"
 
 
 def test_a_full_disk_refuses_what_moves_but_not_the_way_down(sky: Sky, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from bridged.arguments import BadArgument, read_arguments, signature
@@ -28,6 +30,13 @@ params = [{name = "tones", type = "list", each = [{name = "hertz", min = 20}]}, 
 [actions.light]
 topic = "light"
 params = [{name = "on", type = "boolean"}, {name = "colour", type = ["string", "list"]}]
+[actions.pen]
+topic = "pen"
+params = [
+  {name = "r", type = "int"},
+  {name = "width", type = "int", max = 9, default = 3},
+  {name = "off", type = "boolean", default = false},
+]
 """
 ACTIONS = read_manifest(MANIFEST, "m.toml").actions
 
@@ -94,6 +103,25 @@ def test_a_long_argument_is_shown_short() -> None:
     with pytest.raises(BadArgument) as caught:
         called(f'light("{"x" * 5000}", red)')
     assert len(str(caught.value)) < 200
+
+
+@pytest.mark.parametrize(
+    ("call", "arguments"),
+    [
+        ("pen(1)", {"r": 1, "width": 3, "off": False}),
+        ("pen(1, 9)", {"r": 1, "width": 9, "off": False}),
+        ("pen(1, 9, true)", {"r": 1, "width": 9, "off": True}),
+    ],
+)
+def test_arguments_that_are_left_out_are_their_defaults(call: str, arguments: dict[str, Argument]) -> None:
+    assert called(call) == arguments
+
+
+def test_too_few_and_too_many_are_told_with_how_many_it_takes() -> None:
+    expected = "pen(r: int, width: int ..9 = 3, off: boolean = false) takes 1 to 3 arguments, got"
+    for count in (0, 4):
+        with pytest.raises(BadArgument, match=re.escape(f"{expected} {count}")):
+            read_arguments("pen", ACTIONS["pen"], [1] * count)
 
 
 def test_a_signature_shows_the_structures() -> None:

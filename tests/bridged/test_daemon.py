@@ -227,13 +227,15 @@ def test_a_second_bridge_of_the_same_robot_refuses_to_start_and_says_which(endpo
     on_the_airfield(endpoint, tmp_path, body)
 
 
-def test_the_operator_stops_the_robot_above_the_agent_until_it_is_released(endpoint: str, tmp_path: Path) -> None:
-    async def order(bus: Bus, what: str) -> Outcome:
-        ask = StopOrder(order=what)  # type: ignore[arg-type]
-        [reply] = [one async for one in bus.query(keys.stop("test", "uav1"), ask, Outcome, 20)]
-        assert reply.record is not None, reply.error
-        return reply.record
+async def order(bus: Bus, what: str) -> Outcome:
+    """Order the robot as an operator does."""
+    ask = StopOrder(order=what)  # type: ignore[arg-type]
+    [reply] = [one async for one in bus.query(keys.stop("test", "uav1"), ask, Outcome, 20)]
+    assert reply.record is not None, reply.error
+    return reply.record
 
+
+def test_the_operator_stops_the_robot_above_the_agent_until_it_is_released(endpoint: str, tmp_path: Path) -> None:
     async def body(field: Airfield) -> None:
         async with field.router(), field.client() as bus:
             daemon = field.start()
@@ -249,6 +251,34 @@ def test_the_operator_stops_the_robot_above_the_agent_until_it_is_released(endpo
             assert (refused.state, refused.reason) == ("refused", "operator: hold")
             assert (await order(bus, "release")).ok
             assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
+            field.stop.set()
+            await daemon
+
+    on_the_airfield(endpoint, tmp_path, body)
+
+
+def test_a_paused_action_is_kept_for_who_asked_and_goes_on(endpoint: str, tmp_path: Path) -> None:
+    async def body(field: Airfield) -> None:
+        async with field.router(), field.client() as bus:
+            daemon = field.start()
+            await until_served(bus)
+            await field.take_off(bus)
+            health: list[Health] = []
+            bus.subscribe(keys.health("test", "uav1", "bridged"), Health, lambda _key, one: health.append(one))
+            asker, _ = await beginning(field, bus, "goto", *FAR)
+            outcome = await order(bus, "pause")
+            assert (outcome.ok, outcome.reason) == (True, "the vehicle is in BRAKE")
+            assert field.vehicle.copter.mode.name == "BRAKE"
+            await until(lambda: bool(health) and health[-1].paused, "health says that it is paused")
+            assert (await order(bus, "pause")).ok
+            outcome = await order(bus, "continue")
+            assert (outcome.ok, outcome.reason) == (True, "the vehicle is in GUIDED")
+            heard = await asker
+            assert heard[-1].state == "succeeded", heard[-1].reason
+            assert any(one.paused and one.reason == "paused by the operator" for one in heard)
+            await until(lambda: not health[-1].paused, "health says that it goes on")
+            again = await order(bus, "continue")
+            assert (again.ok, again.reason) == (True, "it was not paused")
             field.stop.set()
             await daemon
 

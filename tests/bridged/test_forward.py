@@ -9,10 +9,8 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink import links
 from bridged.drivers.mavlink.forward import target_of
 from bridged.drivers.mavlink.signing import Signing, key_of
 from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
@@ -169,12 +167,11 @@ def test_a_companion_of_the_vehicle_may_speak_from_a_station_and_its_own_packets
     run(body)
 
 
-def test_a_vehicle_that_comes_back_from_another_port_is_seen_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(links, "HOME_AFTER", 0.2)
-
+def test_a_vehicle_that_comes_back_from_another_port_is_seen_again_after_a_link_loss() -> None:
     async def body() -> None:
         port, station = free_port(), Speaker()
-        async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")):
+        async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")) as [ride]:
+            ride.driver._rider.address.link_loss = 0.2
             before, after = Speaker(port), Speaker(port)
             before.say(BEAT)
             await until(lambda: len(station.listen()) == 1, "it is seen")

@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.wire import Framer, WireCounters
 from tests.bridged.sky import GOAL, Sky
+from tests.support.amount import some_of
 
 HEARD = (
     "HEARTBEAT",
@@ -51,7 +52,7 @@ def packets(draw: st.DrawFn) -> bytes:
     return b"\xfd" + covered + struct.pack("<H", checksum)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=some_of(60, 2), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(st.tuples(packets(), st.sampled_from([0.0, 0.02, 0.5, 3.0])), max_size=40), st.sampled_from(ACTIONS))
 def test_absurd_messages_end_every_action_once_and_raise_nothing(
     said: list[tuple[bytes, float]], action: tuple[Any, ...]
@@ -73,7 +74,7 @@ def test_absurd_messages_end_every_action_once_and_raise_nothing(
         sky.bridge.ledger.close()
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=some_of(100, 2), deadline=None)
 @given(st.lists(st.binary(max_size=120), max_size=20))
 def test_noise_between_packets_never_stops_the_driver(noise: list[bytes]) -> None:
     with tempfile.TemporaryDirectory() as state:

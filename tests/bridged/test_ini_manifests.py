@@ -8,12 +8,13 @@ import pytest
 from msgspec.structs import replace
 
 from argosy.__main__ import main
+from bridged.arguments import read_arguments
 from bridged.drivers import check_manifest
 from bridged.drivers.mavlink.mavros import CALLS, TOPICS, below_mavros
 from bridged.ini_manifests import translate_pair
 from bridged.manifests import load_robot_manifest
 from schemas.findings import Findings
-from schemas.manifest import Manifest, PerceptEntry, load_manifest, read_manifest
+from schemas.manifest import ActionEntry, Manifest, PerceptEntry, load_manifest, read_manifest
 from schemas.manifest_text import write_toml
 from tests.bridged.ini_pairs import MISSIONS, of_the_uav, pair, service
 
@@ -133,6 +134,57 @@ def test_what_the_vocabulary_lacks_is_an_error_at_its_line_that_names_what_there
         "manual_input, system_status",
         "p:8: [c] name: mavros/cmd/land is not perceived but done: it belongs into the actions manifest",
         "p:12: [d] args: mavros/state: `mode` is no list of structures",
+    ]
+
+
+def act(actions: str) -> ActionEntry:
+    """The action of a pair with one section."""
+    return pair(actions).actions["act"]
+
+
+def test_older_names_of_a_global_setpoint_say_the_same() -> None:
+    names = ("latitude", "longitude", "altitude")
+    older = act(service("mavros/setpoint_position/global", *names, method="topic"))
+    new_names = [f"pose.position.{name}" for name in names]
+    today = act(service("mavros/setpoint_position/global", *new_names, method="topic"))
+    assert [(one.unit, one.min, one.max) for one in older.params] == [(o.unit, o.min, o.max) for o in today.params]
+    assert older.fields.keys() == today.fields.keys()
+    twice = service("mavros/setpoint_position/global", "latitude", new_names[0], method="topic")
+    where = "a:4: [act] params_name:"
+    assert problems(twice) == [
+        f"{where} `pose.position.latitude` of mavros/setpoint_position/global says the same as another field here",
+        f"{where} mavros/setpoint_position/global needs `pose.position.altitude`",
+        f"{where} mavros/setpoint_position/global needs `pose.position.longitude`",
+    ]
+
+
+def test_velocities_that_are_not_named_are_zero_as_in_ros() -> None:
+    entry = act(service("mavros/setpoint_velocity/cmd_vel_unstamped", "linear.x", method="topic", types="float"))
+    assert entry.fields == {"vx": 0, "vy": "linear.x", "vz": 0, "yaw_rate": 0}
+
+
+def test_defaults_are_arguments_that_may_be_left_out() -> None:
+    text = service("turtle1/set_pen", "r", "g", types="int, int") + "defaults = g=7, width=3, off=False, style=dotted\n"
+    entry = act(text)
+    assert entry.arities == range(1, 6)
+    assert read_arguments("act", entry, [1], "text") == {"r": 1, "g": 7, "width": 3, "off": False, "style": "dotted"}
+    assert read_arguments("act", entry, [1, 2, 9], "text")["width"] == 9
+    arm = act(service("mavros/cmd/arming") + "defaults = value=True\n")
+    assert read_arguments("act", arm, [], "text") == {"value": True}
+
+
+def test_what_is_wrong_with_defaults_is_told() -> None:
+    assert problems(
+        service("turtle1/set_pen", "r", "g", types="int, int")
+        + "defaults = r=red, g=1\n"
+        + service("mavros/cmd/takeoff", "altitude").replace("[act]", "[up]")
+        + "defaults = altitude=500\n"
+        + service("x", "y").replace("[act]", "[other]")
+        + "defaults = width\n"
+    ) == [
+        "a:6: [act] defaults: expected `r`: int, got `red`",
+        "a:11: [up] defaults: `altitude` of mavros/cmd/takeoff: expected float 1..120 m, got `500.0`",
+        "a:16: [other] defaults: expected a field and its value such as `width=3`, got `width`",
     ]
 
 

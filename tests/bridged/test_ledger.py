@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 from collections.abc import Callable
 from pathlib import Path
 from threading import Event
@@ -241,3 +242,45 @@ def test_who_has_the_robot_is_kept_beside_the_ids(tmp_path: Path) -> None:
     assert again.held() == ("c", True)
     assert not known(again, "c")
     again.close()
+
+
+def test_what_the_operator_has_said_is_kept_however_old_it_is_and_however_often_the_file_is_made_smaller(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "REWRITE_AT", 2_000)
+    path, now = tmp_path / "uav1.actions", [1_000.0]
+    ledger = Ledger(path, lambda: now[0])
+    ledger.order("hold")
+    ledger.pause(True)
+    for number in range(100):
+        now[0] += 100
+        ledger.begin(begun(f"a:{number}"))
+    ledger.close()
+    again = Ledger(path, lambda: now[0])
+    assert (again.ordered, again.paused, again.before_boot) == ("hold", True, False)
+    again.order(None)
+    again.pause(False)
+    again.close()
+    last = Ledger(path, lambda: now[0])
+    assert (last.ordered, last.paused) == (None, False)
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["uav1.actions"]
+    assert path.stat().st_mode & 0o077 == 0
+    last.close()
+
+
+@pytest.mark.parametrize("seed", range(15))
+def test_a_bit_of_the_file_that_is_hit_is_told(tmp_path: Path, seed: int) -> None:
+    path, chance = tmp_path / "uav1.actions", random.Random(seed)
+    ledger = Ledger(path)
+    for number in range(20):
+        ledger.begin(Action(id=f"a{number}", agent="uav1", name="goto"))
+    ledger.close()
+    data = bytearray(path.read_bytes())
+    data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+    path.write_bytes(bytes(data))
+    again = Ledger(path)
+    assert "damaged" in again.note
+    again.close()
+    well = Ledger(path)
+    assert well.note == ""
+    well.close()

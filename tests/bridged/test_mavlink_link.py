@@ -17,6 +17,7 @@ from bridged.drivers.mavlink.address import LinkAddress, LinkAddressError
 from bridged.drivers.mavlink.link import MAX_PEERS, Link, LinkError, open_link
 from bridged.drivers.mavlink.sockets import ROOM_EACH
 from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
+from tests.support.amount import some_of
 from tests.support.buses import until
 from tests.support.ports import free_port
 
@@ -153,7 +154,7 @@ def test_a_mavlink_1_packet_is_read() -> None:
     assert [message.get_srcSystem() for message in Framer(WireCounters()).feed(packet)] == [7]
 
 
-@settings(max_examples=300)
+@settings(max_examples=some_of(300))
 @given(st.lists(st.binary(max_size=400), max_size=5), st.booleans())
 def test_no_bytes_break_the_framer_and_a_packet_after_them_arrives(noise: list[bytes], datagrams: bool) -> None:
     framer, encoder = Framer(WireCounters()), Encoder(3, 1)
@@ -165,7 +166,7 @@ def test_no_bytes_break_the_framer_and_a_packet_after_them_arrives(noise: list[b
     assert "HEARTBEAT" in found
 
 
-@settings(max_examples=200)
+@settings(max_examples=some_of(200))
 @given(st.integers(0, 60000), st.binary(max_size=255), st.binary(min_size=6, max_size=6))
 def test_no_payload_with_a_right_checksum_breaks_the_framer(msgid: int, payload: bytes, header: bytes) -> None:
     known = sorted(dialect.mavlink_map)

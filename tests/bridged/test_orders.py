@@ -5,16 +5,18 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from typing import Literal
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.robot import Execution, Order
-from bridged.orders import Step
+from bridged.idle import Idleness
+from bridged.orders import UNATTENDED, Step
 from tests.bridged.sky import Sky, is_command
 
-LOITER, GUIDED = 5, 4
+LOITER, GUIDED, LAND = 5, 4, 9
 HOME_AT_LAST = (Step("hold", 5.0), Step("rtl"))
 
 
@@ -117,6 +119,407 @@ def test_a_lost_agents_vehicle_that_nobody_took_over_holds_and_returns(sky: Sky)
         assert mode_of(sky) == "BRAKE"
         await passing(sky, 10)
         assert mode_of(sky) == "RTL"
+
+    flown(body, sky)
+
+
+def test_an_agent_that_is_back_and_commands_nothing_does_not_end_what_the_bridge_has_begun(sky: Sky) -> None:
+    async def body(sky: Sky) -> None:
+        orders = sky.bridge.orders
+        orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        await passing(sky, 3)
+        orders.agent_back("uav")
+        await passing(sky, 9)
+        assert mode_of(sky) == "BRAKE", "it has 10 s to take control"
+        while mode_of(sky) != "RTL":
+            await passing(sky, 0.5)
+        while sky.vehicle.copter.armed:
+            await passing(sky, 1)
+
+    flown(body, sky)
+
+
+def test_an_agent_that_is_back_has_the_robot_from_its_first_action_on(sky: Sky) -> None:
+    async def body(sky: Sky) -> None:
+        orders = sky.bridge.orders
+        orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        await passing(sky, 3)
+        orders.agent_back("uav")
+        await passing(sky, 3)
+        refused = sky.begin("goto", -27.6036, -48.5180, 20, agent="other")
+        assert refused[-1].reason == "agent uav is lost: the bridge brings the robot to safety first"
+        mode = sky.begin("set_mode", "GUIDED")
+        await passing(sky, 3)
+        assert mode[-1].state == "succeeded"
+        flight = sky.begin("goto", -27.6036, -48.5180, 20)
+        while not flight[-1].final:
+            await passing(sky, 1)
+        assert flight[-1].state == "succeeded"
+        await passing(sky, 20)
+        assert mode_of(sky) == "GUIDED"
+
+    flown(body, sky)
+
+
+def test_an_order_ends_before_the_action_that_takes_control_begins(sky: Sky) -> None:
+    async def body(sky: Sky) -> None:
+        deaf = is_command(dialect.MAV_CMD_DO_SET_MODE)
+        sky.hears_us = lambda message: not deaf(message)
+        sky.bridge.orders.agent_lost("uav", "its token is gone", (Step("rtl"),))
+        await passing(sky, 0.5)
+        sky.hears_us = lambda message: True
+        assert sky.begin("goto", -27.6036, -48.5180, 20)[-1].state == "accepted"
+        sky.wait(5)
+        assert mode_of(sky) == "GUIDED"
+
+    flown(body, sky)
+
+
+def alarms(sky: Sky) -> list[str]:
+    return [alarm.code for alarm in sky.bridge.health().coded]
+
+
+async def idling(sky: Sky, seconds: float, steps: tuple[Step, ...] = (Step("rtl"),), *, lost: bool = False) -> None:
+    """Let mission time pass with an agent that is there and says that it intends nothing, or is lost."""
+    idleness, until = Idleness(10.0), sky.clock.time + seconds
+    idleness.told("uav", True)
+    while sky.clock.time < until:
+        there, unattended = set() if lost else {"uav"}, sky.bridge.orders.unattended
+        idle = idleness.look(there, unattended, sky.clock.now(), sky.clock.wall(), lost=lost)
+        sky.bridge.orders.agents_idle(idle, steps, lost=lost)
+        await passing(sky, 0.5)
+
+
+def test_a_robot_in_the_air_whose_agent_intends_nothing_is_an_alarm_and_is_brought_home(sky: Sky) -> None:
+    async def body(sky: Sky) -> None:
+        await idling(sky, 9)
+        assert (mode_of(sky), alarms(sky)) == ("GUIDED", [])
+        await idling(sky, 15)
+        assert (mode_of(sky), alarms(sky)) == ("RTL", [UNATTENDED])
+        (alarm,) = sky.bridge.health().coded
+        assert alarm.text in sky.bridge.health().notes
+        assert alarm.value is not None
+        assert 10 <= alarm.value <= 16
+        await idling(sky, 60)
+        assert (sky.vehicle.copter.armed, alarms(sky)) == (False, [])
+
+    flown(body, sky)
+
+
+def test_with_on_idle_none_the_alarm_is_all(sky: Sky) -> None:
+    async def body(sky: Sky) -> None:
+        await idling(sky, 20, ())
+        assert (mode_of(sky), alarms(sky)) == ("GUIDED", [UNATTENDED])
+        sky.begin("goto", -27.6036, -48.5180, 20)
+        await idling(sky, 1, ())
+        assert alarms(sky) == []
+
+    flown(body, sky)
+
+
+async def ordered(sky: Sky, order: Order) -> None:
+    """The operator orders something, and it is confirmed."""
+    asked = asyncio.ensure_future(sky.bridge.orders.operator(order))
+    while not asked.done():
+        await passing(sky, 0.5)
+    assert (await asked).state == "succeeded"
+
+
+async def until_mode(sky: Sky, mode: str) -> None:
+    while mode_of(sky) != mode:
+        await passing(sky, 0.5)
+        await asyncio.sleep(0.01)
+
+
+@pytest.mark.parametrize("when", ["under the hold", "before the hold", "long before the hold"])
+def test_a_lost_agent_is_answered_for_when_the_operator_releases_the_robot(sky: Sky, when: str) -> None:
+    async def body(sky: Sky) -> None:
+        if when != "under the hold":
+            sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+            await passing(sky, 3 if when == "before the hold" else 15)
+        await ordered(sky, "hold")
+        if when == "under the hold":
+            sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        await passing(sky, 20)
+        assert mode_of(sky) == "BRAKE"
+        assert "agent uav is lost; operator: hold: it is brought to safety on `release`" in sky.bridge.health().notes
+        said = "actions are taken again; agent uav is lost: the bridge brings the robot to safety first"
+        assert sky.bridge.orders.release().reason == said
+        await until_mode(sky, "RTL")
+
+    flown(body, sky)
+
+
+def restarted(sky: Sky, tmp_path: Path) -> Sky:
+    """Another life of a bridge that was killed, at the same vehicle."""
+    again = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)
+    again.bridge.orders.restore()
+    return again
+
+
+def test_the_operators_order_outlives_a_bridge_that_is_killed_until_release(sky: Sky, tmp_path: Path) -> None:
+    async def body(sky: Sky) -> None:
+        await ordered(sky, "hold")
+        again = restarted(sky, tmp_path)
+        assert again.begin("set_mode", "GUIDED", id="uav:t:90")[-1].reason == "operator: hold", "from the start on"
+        await passing(again, 3)
+        assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].reason == "operator: hold"
+        assert "no action is taken: operator: hold" in again.bridge.health().notes
+        assert again.bridge.orders.release().state == "succeeded"
+        last = restarted(again, tmp_path)
+        await passing(last, 2)
+        assert last.begin("set_mode", "GUIDED", id="uav:t:92")[-1].state == "accepted"
+
+    flown(body, sky)
+
+
+def test_an_order_that_the_vehicle_had_not_done_when_its_bridge_was_killed_is_given_again(
+    sky: Sky, tmp_path: Path
+) -> None:
+    async def body(sky: Sky) -> None:
+        sky.hears_us = lambda message: False
+        asked = asyncio.ensure_future(sky.bridge.orders.operator("land"))
+        await passing(sky, 1)
+        asked.cancel()
+        assert mode_of(sky) == "GUIDED"
+        again = restarted(sky, tmp_path)
+        while mode_of(sky) != "LAND":
+            await passing(again, 0.5)
+
+    flown(body, sky)
+
+
+def test_a_restarted_bridge_leaves_a_safer_motion_alone_that_a_pilot_has_begun_meanwhile(
+    sky: Sky, tmp_path: Path
+) -> None:
+    async def body(sky: Sky) -> None:
+        await ordered(sky, "hold")
+        take_over(sky, LAND)
+        again = restarted(sky, tmp_path)
+        await passing(again, 3)
+        assert mode_of(again) == "LAND"
+        assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].reason == "operator: hold"
+
+    flown(body, sky)
+
+
+def test_a_restarted_bridge_leaves_a_pilot_the_vehicle_that_was_taken_over_under_the_operators_hold(
+    sky: Sky, tmp_path: Path
+) -> None:
+    async def body(sky: Sky) -> None:
+        await ordered(sky, "hold")
+        take_over(sky)
+        await passing(sky, 2)
+        again = restarted(sky, tmp_path)
+        for _ in range(20):
+            await passing(again, 0.5)
+            await asyncio.sleep(0.02)
+        assert mode_of(again) == "LOITER"
+        assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].reason == "operator: hold"
+
+    flown(body, sky)
+
+
+@pytest.mark.parametrize("said", ["hold", "pause"])
+def test_what_the_operator_has_said_ends_with_an_orderly_end_of_the_bridge(
+    tmp_path: Path, said: Literal["hold", "pause"]
+) -> None:
+    async def body(sky: Sky) -> None:
+        orders = sky.bridge.orders
+        asked = asyncio.ensure_future(orders.pause() if said == "pause" else orders.operator(said))
+        await passing(sky, 2)
+        assert asked.done()
+        await leaving(sky, orders.shut_down("land"))
+        last = restarted(sky, tmp_path).bridge.desk
+        assert (last.paused, last.ordered, last.blocked) == (False, None, "")
+
+    sky = Sky(tmp_path)
+    sky.wait(2)
+    flown(body, sky)
+
+
+@pytest.mark.parametrize("armed", [False, True])
+def test_an_order_from_before_the_machine_was_started_ends_when_the_vehicle_is_heard_and_not_armed(
+    sky: Sky, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, armed: bool
+) -> None:
+    async def body(sky: Sky) -> None:
+        await ordered(sky, "hold" if armed else "land")
+        while sky.vehicle.copter.armed != armed:
+            await passing(sky, 1)
+        monkeypatch.setenv("ARGOSY_BOOT", "the battery was changed")
+        again = restarted(sky, tmp_path)
+        assert again.bridge.desk.blocked
+        for _ in range(20):
+            await passing(again, 0.5)
+            await asyncio.sleep(0.02)
+        assert (again.bridge.desk.ordered, bool(again.bridge.desk.blocked)) == ("hold" if armed else None, armed)
+
+    flown(body, sky)
+
+
+def test_a_pause_from_before_the_machine_was_started_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def body(sky: Sky) -> None:
+        asked = asyncio.ensure_future(sky.bridge.orders.pause())
+        await passing(sky, 2)
+        assert asked.done()
+        monkeypatch.setenv("ARGOSY_BOOT", "the battery was changed")
+        again = restarted(sky, tmp_path)
+        for _ in range(20):
+            await passing(again, 0.5)
+            await asyncio.sleep(0.02)
+        assert again.bridge.desk.paused
+
+    sky = Sky(tmp_path)
+    sky.wait(2)
+    flown(body, sky)
+
+
+def test_an_agent_that_is_back_during_the_operators_hold_has_time_to_take_control_after_it(sky: Sky) -> None:
+    async def body(sky: Sky) -> None:
+        await ordered(sky, "hold")
+        sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        await passing(sky, 2)
+        sky.bridge.orders.agent_back("uav")
+        await passing(sky, 30)
+        sky.bridge.orders.release()
+        await asyncio.sleep(0.5)
+        await passing(sky, 5)
+        assert sky.begin("set_mode", "GUIDED")[-1].state == "accepted"
+        await passing(sky, 2)
+        await ordered(sky, "hold")
+        sky.bridge.orders.release()
+        await asyncio.sleep(0.5)
+        await passing(sky, 20)
+        assert mode_of(sky) == "BRAKE", "an agent took control: it is lost no longer"
+
+    flown(body, sky)
+
+
+def test_a_robot_that_was_landed_under_the_operators_order_is_anybodys(sky: Sky) -> None:
+    async def body(sky: Sky) -> None:
+        sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        await passing(sky, 2)
+        await ordered(sky, "land")
+        while sky.vehicle.copter.armed:
+            await passing(sky, 1)
+        await passing(sky, 3)
+        await asyncio.sleep(0.5)
+        assert not [note for note in sky.bridge.health().notes if "safety" in note]
+        assert sky.bridge.orders.release().reason == "actions are taken again"
+        assert sky.begin("set_mode", "GUIDED", agent="other")[-1].state == "accepted"
+
+    flown(body, sky)
+
+
+def test_a_robot_in_the_air_whose_agent_is_lost_is_an_alarm_when_no_sequence_has_it(sky: Sky) -> None:
+    async def body(sky: Sky) -> None:
+        sky.bridge.orders.agent_lost("uav", "its token is gone", (Step("hold"),))
+        await idling(sky, 9, lost=True)
+        assert (mode_of(sky), alarms(sky)) == ("BRAKE", [])
+        await idling(sky, 15, lost=True)
+        assert (mode_of(sky), alarms(sky)) == ("RTL", [UNATTENDED])
+        (alarm,) = sky.bridge.health().coded
+        said = "in the air without anybody in charge: agent uav is lost; it is brought to safety (rtl)"
+        assert alarm.text == said
+
+    flown(body, sky)
+
+
+@pytest.mark.parametrize("who", ["an action", "operator", "pilot", "its way home", "by hand", "nobody yet"])
+def test_a_robot_that_somebody_has_is_not_unattended(sky: Sky, who: str) -> None:
+    async def body(sky: Sky) -> None:
+        match who:
+            case "an action":
+                sky.begin("goto", -27.60, -48.51, 20)
+            case "operator":
+                held = asyncio.ensure_future(sky.bridge.orders.operator("hold"))
+                await passing(sky, 3)
+                await held
+            case "pilot":
+                take_over(sky)
+            case "its way home":
+                sky.begin("set_mode", "RTL")
+            case "by hand":
+                sky.begin("goto", -27.6036, -48.5180, 20, id="")
+                await passing(sky, 20)
+            case "nobody yet":
+                sky.bridge.lease.restore("uav", True)
+                sky.bridge.lease.answers = ""
+        await passing(sky, 1)
+        before = mode_of(sky)
+        await idling(sky, 20)
+        assert alarms(sky) == []
+        assert mode_of(sky) == before
+
+    flown(body, sky)
+
+
+@pytest.mark.parametrize(("action", "mode"), [("return_to_launch", "RTL"), ("land", "LAND")])
+def test_a_lost_agents_way_home_or_down_is_not_replaced_by_a_hold(sky: Sky, action: str, mode: str) -> None:
+    """Neither is LAND by RTL: the sequence counts what is safer as done, and the agent's action has failed."""
+    assert sky.do("goto", -27.6036, -48.5180, 20).state == "succeeded"
+    home = sky.begin(action)
+    sky.wait(3)
+
+    async def body(sky: Sky) -> None:
+        sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        assert home[-1].state == "failed"
+        modes = set()
+        for _ in range(30):
+            await passing(sky, 0.5)
+            modes.add(mode_of(sky))
+        assert modes == {mode}
+
+    flown(body, sky)
+
+
+def test_a_vehicle_that_turned_home_while_it_could_not_be_heard_is_not_held(sky: Sky) -> None:
+    async def body(sky: Sky) -> None:
+        sky.begin("return_to_launch")
+        await passing(sky, 0.5)
+        sky.we_hear = lambda message: False
+        await passing(sky, 8)
+        sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        await passing(sky, 2)
+        sky.we_hear = lambda message: True
+        modes = set()
+        for _ in range(10):
+            await passing(sky, 0.5)
+            modes.add(mode_of(sky))
+        assert modes == {"RTL"}
+
+    flown(body, sky)
+
+
+def test_a_bridge_that_stops_lets_a_landing_go_on(sky: Sky) -> None:
+    sky.begin("land")
+    sky.wait(3)
+
+    async def body(sky: Sky) -> None:
+        left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
+        assert left == "rtl: land is under way: the vehicle is in LAND"
+        assert mode_of(sky) == "LAND"
+
+    flown(body, sky)
+
+
+@pytest.mark.parametrize(("action", "mode"), [("return_to_launch", "RTL"), ("land", "LAND")])
+def test_a_way_home_or_down_that_takes_longer_than_its_deadline_goes_on(sky: Sky, action: str, mode: str) -> None:
+    late = sky.do(action, deadline=3.0)
+    assert late.state == "timed_out"
+    sky.wait(5)
+    assert mode_of(sky) == mode
+
+
+def test_the_operators_hold_stops_a_way_home(sky: Sky) -> None:
+    sky.begin("return_to_launch")
+    sky.wait(3)
+
+    async def body(sky: Sky) -> None:
+        ordered = asyncio.ensure_future(sky.bridge.orders.operator("hold"))
+        await passing(sky, 5)
+        assert (await ordered).state == "succeeded"
+        assert mode_of(sky) == "BRAKE"
 
     flown(body, sky)
 
@@ -262,7 +665,7 @@ def test_a_defect_while_a_lost_agent_is_answered_for_does_not_keep_the_robot_fro
         assert sky.bridge.lease.holder == ""
 
     flown(body, sky)
-    assert "defect while the lost agent uav is answered for" in caplog.text
+    assert "defect while the robot is brought to safety (agent uav is lost)" in caplog.text
 
 
 def test_while_the_bridge_leaves_its_robot_the_operator_cannot_let_the_agents_act_again(sky: Sky) -> None:

@@ -28,14 +28,18 @@ def beats(sky: Sky) -> int:
     return sum(one.get_type() == "HEARTBEAT" for one in sky.sent)
 
 
-def test_by_default_we_speak_as_the_vehicles_companion_and_warn_that_nobody_watches(tmp_path: Path) -> None:
-    sky = Sky(tmp_path)
+@pytest.mark.parametrize("failsafe", ["", "    failsafe: {gcs: none}\n"])
+def test_by_default_we_speak_as_the_vehicles_companion_and_what_was_switched_off_on_purpose_is_told(
+    tmp_path: Path, failsafe: str
+) -> None:
+    sky = Sky(tmp_path, mission=MISSION.replace("    link:", f"{failsafe}    link:"))
     sky.wait(2)
     beats = [one for one in sky.sent if one.get_type() == "HEARTBEAT"]
     assert {(one.get_srcSystem(), one.get_srcComponent(), one.type, one.autopilot) for one in beats} == {
         (1, 191, 18, 8)
     }
-    assert sky.driver.notes() == ["failsafe: none: if this bridge dies, nothing brings the vehicle home"]
+    told = ["failsafe: none: if this bridge dies, nothing brings the vehicle home"]
+    assert sky.driver.notes() == (told if failsafe else [])
 
 
 def watched(tmp_path: Path) -> Sky:

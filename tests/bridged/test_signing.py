@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink.signed_streams import AHEAD, LATEST, MINUTE, OUTDATED, SignedStreams
 from bridged.drivers.mavlink.signing import (
     FAR_AHEAD,
-    LATEST,
-    MINUTE,
     RESERVE,
     Signing,
     SigningError,
@@ -200,3 +199,80 @@ def test_a_passphrase_is_the_first_line_of_a_file_that_only_its_owner_reads(tmp_
         read_key(file)
     with pytest.raises(SigningError, match="missing: no such file or directory"):
         read_key(tmp_path / "missing")
+
+
+def life(file: Path, clock: Hand, key: bytes = KEY) -> tuple[Signing, SignedStreams]:
+    """What one life of a bridge checks by."""
+    streams = SignedStreams(file)
+    return Signing(key, Timestamps(None, clock), streams=streams), streams
+
+
+@pytest.mark.parametrize("cleanly", [True, False])
+def test_packets_of_before_are_not_taken_by_the_next_life_of_the_bridge(tmp_path: Path, cleanly: bool) -> None:
+    file, clock, vehicle, camera = tmp_path / "link.signed", Hand(), pymavlinks(), pymavlinks()
+    camera.srcComponent = 100
+    by, streams = life(file, clock)
+    packets = [BEAT.pack(one) for _ in range(50) for one in (vehicle, camera)]
+    assert [by.objection(packet) for packet in packets] == [""] * 100
+    if cleanly:
+        streams.close()
+    by, streams = life(file, clock)
+    assert [by.objection(packet) for packet in packets] == [OUTDATED] * 100
+    vehicle.signing.timestamp += 1 if cleanly else AHEAD
+    assert by.objection(BEAT.pack(vehicle)) == "", "its next packet is, after a crash two seconds later at most"
+
+
+def test_a_sender_that_is_behind_after_a_crash_is_told_a_time_at_which_it_is_taken(tmp_path: Path) -> None:
+    """Its clock stands still: it goes on above what it hears, as the devguide says."""
+    file, clock, vehicle = tmp_path / "link.signed", Hand(), pymavlinks()
+    by, _ = life(file, clock)
+    vehicle.signing.timestamp = clock.at + 5 * MINUTE
+    assert by.objection(BEAT.pack(vehicle)) == ""
+    by, _ = life(file, clock)
+    assert by.objection(BEAT.pack(vehicle)) == OUTDATED
+    vehicle.signing.timestamp = max(vehicle.signing.timestamp, timestamp(Encoder(255, 190, by).pack(BEAT)) + 1)
+    assert by.objection(BEAT.pack(vehicle)) == ""
+
+
+def test_another_key_begins_its_streams_at_their_beginning(tmp_path: Path) -> None:
+    file, clock, late = tmp_path / "link.signed", Hand(), pymavlinks(key_of(b"gold"))
+    by, streams = life(file, clock)
+    assert by.objection(BEAT.pack(pymavlinks())) == ""
+    streams.close()
+    by, _ = life(file, clock, key_of(b"gold"))
+    late.signing.timestamp -= 1000
+    assert by.objection(BEAT.pack(late)) == ""
+    assert KEY.hex() not in file.read_text()
+
+
+def test_bounds_are_written_every_two_seconds_and_not_for_every_packet(tmp_path: Path) -> None:
+    file, clock, vehicle, written = tmp_path / "link.signed", Hand(), pymavlinks(), set()
+    by, _ = life(file, clock)
+    for _ in range(200):  # 10 s at 20 Hz
+        vehicle.signing.timestamp += MINUTE // 1200
+        assert by.objection(BEAT.pack(vehicle)) == ""
+        written.add(file.read_text())
+    assert len(written) <= 6
+
+
+@pytest.mark.parametrize("at", [0, 10, 40, -3])
+def test_a_damaged_file_is_told_whichever_byte_was_hit_and_the_vehicle_is_heard(
+    tmp_path: Path, at: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    file, clock, vehicle = tmp_path / "link.signed", Hand(), pymavlinks()
+    by, streams = life(file, clock)
+    assert by.objection(BEAT.pack(vehicle)) == ""
+    streams.close()
+    torn = bytearray(file.read_bytes())
+    torn[at] ^= 0x85
+    file.write_bytes(torn)
+    by, streams = life(file, clock)
+    assert streams.damage.startswith(f"{file} is damaged (")
+    assert streams.damage in caplog.text
+    assert by.objection(BEAT.pack(vehicle)) == ""
+
+
+def test_bounds_that_can_no_longer_be_written_are_a_problem_and_no_silence(tmp_path: Path) -> None:
+    by, streams = life(tmp_path / "gone" / "link.signed", Hand())
+    assert by.objection(BEAT.pack(pymavlinks())) == ""
+    assert streams.problem == f"{tmp_path / 'gone' / 'link.signed'}: no such file or directory"

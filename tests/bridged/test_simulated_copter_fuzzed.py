@@ -15,6 +15,7 @@ from bridged.simulation.motion import Vector
 from bridged.simulation.parameters import Parameters
 from bridged.simulation.vehicle import Vehicle
 from tests.bridged.virtual_copter import FIELD, Station
+from tests.support.amount import some_of
 
 
 @pytest.mark.parametrize(
@@ -66,7 +67,7 @@ def messages(draw: st.DrawFn) -> dialect.MAVLink_message:
     return message
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=some_of(300), deadline=None)
 @given(st.lists(st.tuples(messages(), st.floats(0, 3)), max_size=25), st.booleans())
 def test_no_messages_break_the_vehicle_and_all_that_it_says_can_be_packed(
     story: list[tuple[dialect.MAVLink_message, float]], flying: bool
@@ -82,7 +83,7 @@ def test_no_messages_break_the_vehicle_and_all_that_it_says_can_be_packed(
     assert any(message.get_type() == "HEARTBEAT" for message in station.wait(3.0))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=some_of(100, 2), deadline=None)
 @given(st.lists(st.binary(max_size=300), max_size=10))
 def test_no_bytes_break_the_vehicle(noise: list[bytes]) -> None:
     vehicle, framer, encoder = Vehicle(FIELD), Framer(WireCounters()), Encoder(255, 190)

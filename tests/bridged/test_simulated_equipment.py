@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.signing import MINUTE, Signing, key_of, now_10us
+from bridged.drivers.mavlink.signed_streams import MINUTE
+from bridged.drivers.mavlink.signing import Signing, key_of, now_10us
 from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
 from bridged.simulation.battery import ChargeState
 from bridged.simulation.faults import Faults

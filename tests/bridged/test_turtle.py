@@ -129,6 +129,28 @@ def test_an_agent_drives_it_and_perceives_where_it_is(endpoint: str, tmp_path: P
     in_the_studio(endpoint, tmp_path, body)
 
 
+def test_it_stands_while_it_is_paused_and_does_then_what_it_was_asked(endpoint: str, tmp_path: Path) -> None:
+    async def body(studio: Studio) -> None:
+        async def order(what: str) -> Outcome | None:
+            stop, ask = keys.stop(studio.bus.fleet, "turtle"), StopOrder(order=what)  # type: ignore[arg-type]
+            (reply,) = [one async for one in studio.bus.query(stop, ask, Outcome, 10)]
+            return reply.record
+
+        await until(lambda: bool(studio.values("pose")), "the pose is perceived")
+        assert (await studio.do("cmd_vel", 1, 0, 0)).state == "succeeded"
+        await until(lambda: studio.turtle.linear[0] == 1, "it moves")
+        assert await order("pause") == Outcome(ok=True)
+        await until(lambda: studio.turtle.linear == (0, 0), "it stands")
+        asked = asyncio.create_task(studio.do("cmd_vel", 2, 0, 0))
+        await until(lambda: bool(studio.values("paused")), "it is perceived to be paused")
+        assert studio.turtle.linear == (0, 0)
+        assert await order("continue") == Outcome(ok=True)
+        assert (await asked).state == "succeeded"
+        await until(lambda: studio.turtle.linear[0] == 2, "it moves again")
+
+    in_the_studio(endpoint, tmp_path, body)
+
+
 def test_it_stands_at_the_operators_word_and_is_missed_when_it_is_gone(endpoint: str, tmp_path: Path) -> None:
     async def body(studio: Studio) -> None:
         await until(lambda: bool(studio.values("pose")), "the pose is perceived")
@@ -215,6 +237,26 @@ def test_the_papers_listings_drive_it_unchanged(endpoint: str, tmp_path: Path) -
         await until(lambda: studio.values("pose")[0] > x + 1.4, "it has moved")  # type: ignore[operator]
 
     in_the_studio(endpoint, tmp_path, body, mission=load_mission(MISSIONS / "paper_turtle.yaml"))
+
+
+def test_a_pen_of_which_the_manifest_names_the_colour_alone_has_width_0_and_is_on(
+    endpoint: str, tmp_path: Path
+) -> None:
+    section = "[set_pen]\nmethod = service\nname = /turtle1/set_pen\nparams_name = r, g, b\n"
+    (tmp_path / "actions").write_text(section + section.replace("[set_pen]", "[broad]") + "defaults = width=9\n")
+    (tmp_path / "percepts").write_text("[pose]\nname = /turtle1/pose\nargs = x, y, theta\n")
+    text = LAMP.replace("lamp.toml, prefix: hall", "[actions, percepts], simulate: {vehicle: turtle}")
+
+    async def body(studio: Studio) -> None:
+        await until(lambda: bool(studio.values("pose")), "the pose is perceived")
+        assert (await studio.do("set_pen", 255, 0, 10)).state == "succeeded"
+        assert studio.turtle.pen == Pen(255, 0, 10, width=0, off=False)
+        assert (await studio.do("broad", 255, 0, 10)).state == "succeeded"
+        assert studio.turtle.pen.width == 9
+        assert (await studio.do("broad", 255, 0, 10, 4)).state == "succeeded"
+        assert studio.turtle.pen.width == 4
+
+    in_the_studio(endpoint, tmp_path, body, mission=read_mission(text, tmp_path / "lamp.yaml"))
 
 
 def test_the_missions_agent_draws_a_square(endpoint: str, tmp_path: Path) -> None:

@@ -196,7 +196,15 @@ def serving(mission: Mission, endpoint: str, state: Path, *robots: str) -> tuple
     """The bridge daemon of some robots, and what stops it."""
     stop = asyncio.Event()
     said = Namespace(
-        robots=list(robots), board=None, router=endpoint, keys=None, speed=None, state=state, link=None, simulated=False
+        robots=list(robots),
+        board=None,
+        router=endpoint,
+        keys=None,
+        speed=None,
+        state=state,
+        link=None,
+        until_home=False,
+        simulated=False,
     )
     return asyncio.create_task(serve(mission, said, stop)), stop
 
@@ -315,7 +323,7 @@ def test_a_robot_that_cannot_be_left_for_a_defect_does_not_keep_others_from_bein
     workshop.bridge.orders.shut_down = defect  # type: ignore[method-assign]
     mission = read_mission(workshop_mission, tmp_path / "workshop.yaml")
     caplog.set_level("INFO")
-    asyncio.run(leave(workshop.bridge, mission))
+    asyncio.run(leave(workshop.bridge, mission, 0.0, asyncio.Event()))
     assert "leaving bench: not known, for a defect" in caplog.text
 
 

@@ -126,6 +126,14 @@ def test_orders_from_above_mean_what_they_can_mean_for_the_vehicle(
     assert state[0] == mode
 
 
+def test_of_orders_with_one_mode_the_mode_carries_out_the_least_safe() -> None:
+    assert ARDUROVER.order_of(ARDUROVER.land) == "hold", "`rtl` may follow the HOLD of a rover"
+    assert ARDUPLANE.order_of(ARDUPLANE.land) == "rtl"
+    assert {ARDUPLANE_VTOL.order_of(mode) for mode in (20, 26)} == {"land"}
+    assert ARDUCOPTER.order_of(21) == "rtl"
+    assert ARDUCOPTER.order_of(ARDUCOPTER.guided) is None
+
+
 def test_a_plane_takes_off_by_its_mode_goes_round_a_place_and_comes_home(plane: Sky) -> None:
     assert plane.do("arm_motors", True).state == "succeeded"
     final = plane.do("takeoff", 60)

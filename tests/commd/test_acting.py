@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from commd.acting import Acting
+from commd.acting import SILENCE, Acting
 from commd.bridge_watch import BridgeWatch
 from commd.bus import Bus, Query
 from commd.clock import Clock
@@ -66,6 +66,48 @@ def test_an_answer_that_breaks_off_is_asked_for_again_with_the_same_id(endpoint:
         status = await acting.perform("uav:b:1", "land", (), 30)
         assert status.state == "succeeded"
         assert asked == [("uav:b:1", 1), ("uav:b:1", 2), ("uav:b:1", 3)]
+
+    on_a_bus(endpoint, body)
+
+
+def test_an_action_of_which_nothing_is_heard_for_three_periods_is_asked_for_again(endpoint: str) -> None:
+    asked: list[int] = []
+
+    async def serve(query: Query[Action]) -> None:
+        assert query.record is not None
+        asked.append(query.record.attempt)
+        if len(asked) == 1:
+            query.reply(ActionStatus(id=query.record.id, state="accepted", deadline=600.0))
+            await asyncio.sleep(60)  # as a query that is broken and that nobody ends
+        query.reply(ActionStatus(id=query.record.id, state="succeeded", result=True))
+
+    async def body(connect: Connect) -> None:
+        acting, *_ = await act(connect, serve)
+        status = await asyncio.wait_for(acting.perform("uav:b:1", "land", (), 30), 5 * SILENCE)
+        assert status.state == "succeeded"
+        assert asked == [1, 2]
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_bridge_that_is_slow_to_take_an_action_has_its_time_and_is_asked_by_the_same_attempt(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("commd.acting.SILENCE", 0.2)
+    monkeypatch.setattr("commd.acting.BUS_GRACE", 0.5)
+    asked: list[int] = []
+
+    async def serve(query: Query[Action]) -> None:
+        assert query.record is not None
+        asked.append(query.record.attempt)
+        await asyncio.sleep(60 if len(asked) < 6 else 0)
+        query.reply(ActionStatus(id=query.record.id, state="succeeded", result=True))
+
+    async def body(connect: Connect) -> None:
+        acting, *_ = await act(connect, serve)
+        status = await acting.perform("uav:b:1", "land", (), 30)
+        assert status.state == "succeeded"
+        assert asked == [1] * 6
 
     on_a_bus(endpoint, body)
 
@@ -130,6 +172,34 @@ def test_a_status_waits_for_the_percept_that_it_follows(endpoint: str, monkeypat
         assert status.state == "succeeded"
         assert perceiving.percepts.present()[0].parameters == (5,)
         assert perceiving.counters["late"] == 0
+
+    on_a_bus(endpoint, body)
+
+
+def test_a_status_waits_until_a_percept_that_was_lost_before_it_is_repaired(endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        acting, perceiving, bridge, _ = await act(connect, None)
+        present = [Perception(header=bridge.header("percept"), name="altitude", parameters=(0,))]
+
+        async def repair(query: Query[Perception]) -> None:
+            query.reply(present[0], keys.percept(FLEET, "uav", "altitude"))
+
+        async def serve(query: Query[Action]) -> None:
+            assert query.record is not None
+            header = bridge.header("percept")
+            present[:] = [Perception(header=header, name="altitude", parameters=(5,))]  # its put is lost
+            after = header.seq
+            query.reply(ActionStatus(header=header, id=query.record.id, state="succeeded", result=True, after=after))
+            asyncio.get_running_loop().call_later(1.0, perceiving.doubt)  # as by the next health
+
+        bridge.serve(keys.percept(FLEET, "uav", "**"), Perception, repair)
+        bridge.serve(keys.action(FLEET, "uav", "*"), Action, serve)
+        repairing = asyncio.create_task(perceiving.run())
+        await until(lambda: perceiving.percepts.seq == 1, "the first percept arrives")
+        status = await acting.perform("uav:b:1", "takeoff", (5,), 10)
+        assert status.state == "succeeded"
+        assert perceiving.present()[0].parameters == (5,)
+        repairing.cancel()
 
     on_a_bus(endpoint, body)
 

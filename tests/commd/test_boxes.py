@@ -85,17 +85,12 @@ def test_what_is_too_deep_in_an_older_file_is_told_of_without_its_content() -> N
     assert tally.dead == 0
 
 
-@pytest.mark.parametrize(("synchronous", "anew"), [("normal", True), ("full", False)])
-def test_a_board_numbers_anew_after_a_boot_that_may_have_taken_its_last_commits(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, synchronous: str, anew: bool
-) -> None:
-    own = []
-    for boot in ("one", "one", "two"):
-        monkeypatch.setattr(boxes, "kernel_boot", lambda boot=boot: boot)
-        db, tally = connect(tmp_path / "b.mail", synchronous), boxes.Tally()
+def test_a_board_numbers_anew_in_each_life_for_its_file_may_have_gone_back(tmp_path: Path) -> None:
+    own = set()
+    for _ in range(2):
+        db, tally = connect(tmp_path / "b.mail", "full"), boxes.Tally()
         migrate(db)
         tally.count(db)
-        own.append(tally.numbering)
+        own.add(tally.numbering)
         db.close()
-    assert own[0] == own[1]
-    assert (own[1] != own[2]) == anew
+    assert len(own) == 2

@@ -7,11 +7,12 @@ import time
 from collections.abc import Sequence
 from contextlib import AsyncExitStack, aclosing
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 import zenoh
 
-from commd.bus import AlreadyRunning, Bus, BusClosed, Denied, Query, open_bus
+from commd.bus import ROUTER_LOST, AlreadyRunning, Bus, BusClosed, Denied, Query, open_bus
 from schemas.records import Action, ActionStatus, Perception
 from tests.support.buses import Connect, on_a_bus, served, subscribed, until
 
@@ -144,6 +145,29 @@ def test_a_query_that_nobody_serves_ends_at_once_with_no_reply(endpoint: str) ->
         assert replies == []
 
     on_a_bus(endpoint, body)
+
+
+def test_a_query_that_zenoh_does_not_end_ends_with_the_router_by_which_its_replies_would_come(endpoint: str) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as router, AsyncExitStack() as client:
+            await router.enter_async_context(
+                open_bus(endpoint, fleet="test", name="board", daemon="commd", stamp=time.time_ns, mode="router")
+            )
+            bus = await client.enter_async_context(
+                open_bus(endpoint, fleet="test", name="uav", daemon="agentd", stamp=time.time_ns)
+            )
+            await until(lambda: bus.router_up, "the router is seen")
+            session, bus._session = bus._session, Mock()
+            replies = bus.query("argosy/test/a", None, ActionStatus, 3600)
+            asking = asyncio.ensure_future(anext(replies))
+            await asyncio.sleep(0.1)
+            bus._session = session
+            assert not asking.done(), "neither the first sight of the router nor anything else has ended it"
+            await router.aclose()
+            assert (await asyncio.wait_for(asking, 20)).error == ROUTER_LOST
+            assert await anext(replies, None) is None
+
+    asyncio.run(asyncio.wait_for(body(), 60))
 
 
 def test_an_abandoned_query_is_cancelled(endpoint: str) -> None:

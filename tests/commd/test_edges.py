@@ -19,7 +19,7 @@ from tests.support.processes import Daemon, running
 
 MIXED = """
 mission: mixed
-agents: {{uav: {{program: u.asl}}}}
+agents: {{uav: {{program: u.asl, accepts: {{old1: [tell, askOne]}}}}}}
 clients: {{planner: {{}}, viewer: {{}}}}
 gateway: {{listen: "{listen}", nodes: {{old1: "{node}"}}}}
 mail: {{mailbox: 5}}

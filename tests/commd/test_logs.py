@@ -94,15 +94,15 @@ def spoken(tmp_path: Path, *, journal: bool) -> tuple[list[str], list[str], int]
 def test_to_the_journal_each_line_begins_with_its_priority_also_what_a_program_prints(tmp_path: Path) -> None:
     said, _, code = spoken(tmp_path, journal=True)
     assert code == 2
-    assert sorted(said[:4]) == sorted(
-        [
-            "<6>INFO commd mail taken=3",
-            r"<4>WARNING commd mail two\nlines <0>",
-            "<3>ERROR commd mail defect in argosy: a save error=KeyError: 'x' at=<string>:11",
-            "<6><0>of a program",
-        ]
-    )
-    assert said[4:] == ["<3>m.yaml:1:2: error: one", "<3>m.yaml:3:4: error: two"]
+    printed = "<6><0>of a program"  # by another thread than what is logged: its place among the others is open
+    assert said.count(printed) == 1
+    assert [line for line in said if line != printed] == [
+        "<6>INFO commd mail taken=3",
+        r"<4>WARNING commd mail two\nlines <0>",
+        "<3>ERROR commd mail defect in argosy: a save error=KeyError: 'x' at=<string>:11",
+        "<3>m.yaml:1:2: error: one",
+        "<3>m.yaml:3:4: error: two",
+    ]
 
 
 def test_to_anybody_else_lines_have_no_priority(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from tests.faults.mail import MAIL_INPUT
 from tests.faults.mail_files import AS_ROOT, MAIL_FILES
+from tests.faults.poison import POISON
 from tests.faults.rows import Row
 
 root = pytest.mark.skipif(os.geteuid() != 0, reason="a file system of its own needs root")
@@ -17,7 +18,7 @@ root = pytest.mark.skipif(os.geteuid() != 0, reason="a file system of its own ne
 
 @pytest.mark.parametrize(
     "fault",
-    [*MAIL_INPUT, *MAIL_FILES, *(pytest.param(row, marks=root) for row in AS_ROOT)],
+    [*MAIL_INPUT, *MAIL_FILES, *POISON, *(pytest.param(row, marks=root) for row in AS_ROOT)],
     ids=lambda fault: fault.__name__,
 )
 def test_mail_is_neither_lost_nor_doubled_under(fault: Callable[[Path], Row], tmp_path: Path) -> None:

@@ -41,9 +41,10 @@ def test_what_is_not_allowed_is_denied_and_each_party_is_known_by_its_certificat
         "on this board": (None, ["unixsock-stream"]),
         "board pi2": (["pi2"], ["tls"]),
         "operators": (["ops"], ["tls"]),
-        "observers": (["eye"], ["tls"]),
+        "observers of telemetry": (["eye"], ["tls"]),
     }
-    assert {rule["permission"] for rule in control["rules"]} == {"allow"}
+    denied = [rule["id"] for rule in control["rules"] if rule["permission"] != "allow"]
+    assert denied == ["beyond telemetry"]  # of what is allowed by `out`: minds and mail
     named = {rule["id"] for rule in control["rules"]}
     assert {name for policy in control["policies"] for name in policy["rules"]} <= named
 

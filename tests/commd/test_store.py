@@ -282,6 +282,22 @@ def test_a_corrupt_file_is_set_aside_and_a_new_one_begins(path: Path, caplog: py
         assert f"set_aside={aside}: its mail is lost, a new file begins" in caplog.text
 
 
+def test_a_file_whose_schema_is_damaged_beyond_utf8_is_set_aside(path: Path) -> None:
+    """SQLite quotes the damaged schema in its message, which Python then cannot decode."""
+
+    async def fill(store: Store) -> None:
+        await store.write(keep("a"))
+
+    in_store(path, fill)
+    path.write_bytes(path.read_bytes().replace(b"INTEGER PRIMARY KEY", b"INTEGER PRIMARY \xcbEY", 1))
+    path.with_name("pi1.mail.sums").unlink()
+
+    async def body(store: Store) -> None:
+        assert store.set_aside == ["pi1.mail.corrupt-1"]
+
+    in_store(path, body)
+
+
 def test_a_file_with_a_damaged_page_is_found_at_the_start(path: Path) -> None:
     async def fill(store: Store) -> None:
         for number in range(50):

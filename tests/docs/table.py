@@ -60,7 +60,7 @@ NOT_RUN: Final[dict[Key, str]] = {
     ("docs/reasoner.md", "make bench"): "minutes, and it writes the page: tests/agentd/test_benchmarks.py",
     ("docs/reasoner.md", "jason --version"): "Jason is no dependency: tests/agentd/test_benchmarks.py has one like it",
     ("docs/reasoner.md", "python -m benchmarks.reasoner"): "minutes: tests/agentd/test_benchmarks.py",
-    ("docs/watch.md", "pip install"): _NETWORK,
+    ("docs/watch.md", ".venv/bin/pip install"): _NETWORK,
     ("docs/watch.md", "argosy watch"): "wants a terminal: tests/argosy/watch/test_terminal.py",
     ("docs/why.md", "argosy why"): "asks a running fleet: tests/argosy/why",
     ("docs/howto/three-boards.md", "argosy run"): "minutes: tests/argosy/test_rescue.py",

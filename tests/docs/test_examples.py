@@ -7,6 +7,7 @@ import pytest
 from tests.docs.pages import ROOT
 
 RUN_IN = {
+    "examples/camera": "tests/bridged/test_camera_example.py",
     "examples/client": "docs/mail.md",
     "examples/compass": "tests/agentd/test_plugins.py",
     "examples/lamp": "tests/argosy/test_robots.py",

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from tests.faults.mail import MAIL_INPUT
 from tests.faults.mail_files import AS_ROOT, MAIL_FILES
+from tests.faults.poison import POISON
 from tests.faults.real import REAL
 from tests.faults.rows import Row, table, table_of_mail
 from tests.faults.virtual import VIRTUAL
@@ -38,7 +39,7 @@ def main() -> int:
         print("rows that need a file system of their own need root", file=sys.stderr)
         return 2
     of_actions = (*VIRTUAL, *REAL)
-    for make in (*of_actions, *MAIL_INPUT, *MAIL_FILES, *AS_ROOT):
+    for make in (*of_actions, *MAIL_INPUT, *MAIL_FILES, *POISON, *AS_ROOT):
         with tempfile.TemporaryDirectory() as folder:
             rows.append(make(Path(folder)))
         row = rows[-1]

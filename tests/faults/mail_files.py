@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import asyncio
 import random
+import shutil
 import sqlite3
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
+from commd.bus import Bus
 from commd.client import NoAnswer
+from commd.mail_witness import WENT_BACK
+from schemas import keys
+from schemas.records import BoardServices, MailSeen
 from tests.boards.disk import Disk
-from tests.faults.office import Office, expect_all, grown, held, read, row_of, waits
+from tests.faults.office import FLEET, Office, expect_all, grown, held, read, row_of, waits
 from tests.faults.real import resident
 from tests.faults.rows import Row
 from tests.support.ports import free_port
@@ -73,6 +78,65 @@ def _noise(path: Path) -> None:
             data = bytearray(one.read_bytes())
             data[100:] = chance.randbytes(max(0, len(data) - 100))
             one.write_bytes(bytes(data))
+
+
+def mail_restored(state: Path) -> Row:
+    """A board's folder is put back to a copy of before it has taken and sent more mail."""
+    row = Row("mail file that goes back in time", "real files: a copy of the board's folder put back after kill -9")
+
+    async def body(office: Office) -> None:
+        folder, copy = office.file("pi1").parent, state / "copy"
+        for board in ("pi1", "pi2"):
+            await office.start(board)
+        async with office.bus("pi2") as bus, office.program("ann") as ann, office.program("bob") as bob:
+            for number in range(3):
+                await ann.send("bob", "tell", number)
+            expect_all(row, await read(bob, 3), [0, 1, 2])
+            await ann.send("cid", "tell", "before")
+            await asyncio.to_thread(office.daemons["pi1"].kill)
+            shutil.copytree(folder, copy)
+            await office.start("pi1")
+            await _seen(bus, "pi1")
+            for number in range(3, 6):
+                await ann.send("bob", "tell", number)
+            expect_all(row, await read(bob, 3), [3, 4, 5])
+            await ann.send("cid", "tell", "after")
+            await asyncio.to_thread(office.daemons["pi1"].kill)
+            shutil.rmtree(folder)
+            shutil.copytree(copy, folder)
+            daemon = await office.start("pi1")
+            health = await office.told("pi1", lambda it: [note.code for note in it.coded] == [WENT_BACK], "a note")
+            row.seen.append(f"told in health, code `{WENT_BACK}`: `{health.coded[0].text}`")
+            row.expect(f"event={WENT_BACK} board=pi1 " in daemon.text, "the log tells of it")
+            for number in range(6, 8):
+                await ann.send("bob", "tell", number)
+            expect_all(row, await read(bob, 2), [6, 7])
+            async with office.program("cid") as cid:
+                found = await read(cid, 1)
+                row.expect(found == ["before"], f"what the copy holds is delivered, got {found}")
+            row.seen.append("mail for cid: 1 of before the copy arrives, 1 of after it is lost")
+            await asyncio.to_thread(daemon.kill)
+            daemon = await office.start("pi1")
+            await _seen(bus, "pi1")
+            row.expect(f"event={WENT_BACK}" not in daemon.text, "the next life does not tell it again")
+        held(daemon)
+        row.bound = "-"
+
+    row_of(body, state)
+    return row
+
+
+async def _seen(bus: Bus, board: str) -> None:
+    """Wait until pi2 has seen the mail file of a board in its present life."""
+    end = time.monotonic() + 60
+    while time.monotonic() < end:
+        boots = {token.rpartition("/")[2] for token in await bus.tokens(keys.alive(FLEET, board, "commd", "*"))}
+        async for reply in bus.query(keys.services(FLEET, "pi2"), None, BoardServices, 5):
+            said = reply.record
+            if said is not None and said.board == "pi2" and {said.mail_seen.get(board, MailSeen()).boot} == boots:
+                return
+        await asyncio.sleep(0.1)
+    raise AssertionError(f"pi2 does not see the mail file of {board}")
 
 
 def corrupt_checkpoint(state: Path) -> Row:
@@ -179,6 +243,6 @@ def _team(folder: Path) -> str:
     return str(folder / "office.yaml")
 
 
-MAIL_FILES: tuple[Callable[[Path], Row], ...] = (corrupt_mail, corrupt_checkpoint, newer_version)
+MAIL_FILES: tuple[Callable[[Path], Row], ...] = (corrupt_mail, mail_restored, corrupt_checkpoint, newer_version)
 AS_ROOT: tuple[Callable[[Path], Row], ...] = (full_disk,)
 """Rows that need a file system of their own."""

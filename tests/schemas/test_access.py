@@ -6,7 +6,9 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 import pytest
+import zenoh
 
+from commd.router_config import access_control
 from schemas import access, keys
 from schemas.access import Rights
 from schemas.findings import Findings
@@ -40,7 +42,9 @@ def covers(rules: tuple[str, ...], key: str) -> bool:
 
 
 def rights_of(who: str) -> Rights:
-    return {"eye": access.of_observer, "ops": access.of_operator}.get(who, lambda: access.of_board(mission(), who))()
+    if who in ("ops", "eye"):
+        return access.of_operator() if who == "ops" else access.of_observer("telemetry")
+    return access.of_board(mission(), who)
 
 
 @pytest.mark.parametrize(
@@ -76,8 +80,56 @@ def test_what_is_said_under_a_name_comes_from_its_board_alone(right: str, key: s
 def test_everybody_looks_on(who: str) -> None:
     rights = rights_of(who)
     assert rights.hears == rights.watches == ("argosy/**",)
-    for key in (keys.percept("f", "a", "pose"), keys.mind("f", "b"), keys.services("f", "pi2")):
+    for key in (keys.percept("f", "a", "pose"), keys.services("f", "pi2")):
         assert covers(rights.asks, key)
+
+
+SECRETS = {keys.mind("f", "b"): "minds", keys.trace("f", "b", "decisions"): "minds"}
+SECRETS |= {keys.trace("f", "b", "inputs"): "mail", keys.trace("f", "b", "deeds"): "mail"}
+
+
+@pytest.mark.parametrize(("key", "right"), SECRETS.items())
+def test_minds_and_mail_are_seen_by_whom_the_mission_lets(key: str, right: keys.Sight) -> None:
+    asked = key.endswith(("/mind", "/inputs"))
+    for sight in keys.SIGHTS:
+        sees = keys.SIGHTS.index(sight) >= keys.SIGHTS.index(right)
+        assert covers(access.of_observer(sight).asks, key) == (sees and asked), sight
+        assert covers(access.hidden(sight), key) != sees, sight
+    assert covers(access.of_operator().asks, key) == asked
+    assert covers(access.of_member(mission(), "pi2").asks, key) == asked
+    assert not covers(access.of_board(mission(), "pi1").asks, key)
+    assert covers(access.hidden(access.BOARD_SEES), key)
+
+
+@pytest.mark.parametrize("sight", keys.SIGHTS)
+def test_nothing_that_may_be_asked_meets_what_is_hidden(sight: keys.Sight) -> None:
+    for asked in access.of_observer(sight).asks:
+        for secret in access.hidden(sight):
+            assert not zenoh.KeyExpr(asked).intersects(zenoh.KeyExpr(secret))
+
+
+def test_the_routers_tell_each_observer_what_the_mission_says() -> None:
+    found = mission(FLEET.replace("[eye]", "{eye: telemetry, mate: minds, judge: mail}"))
+    control = access_control(found, "pi1")
+    subject = {name: one["id"] for one in control["subjects"] for name in one.get("cert_common_names", ())}
+    denied = {rule["id"]: set(rule["key_exprs"]) for rule in control["rules"] if rule["permission"] == "deny"}
+    rules = {policy["subjects"][0]: policy["rules"] for policy in control["policies"]}
+    unseen = {name: set[str]().union(*(denied.get(rule, ()) for rule in rules[of])) for name, of in subject.items()}
+    assert unseen["eye"] == unseen["pi2"] == set(access.hidden("telemetry"))
+    assert unseen["mate"] == set(access.hidden("minds")) < unseen["eye"]
+    assert unseen["judge"] == unseen["ops"] == set()
+    assert mission().security.sights == {"eye": "telemetry"}
+
+
+def test_the_page_says_who_sees_what_as_the_rules_do() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "security.md").read_text(encoding="utf-8")
+    section = page.partition("### Who sees what\n")[2].partition("\n#")[0]
+    shown = {line.split("|")[1].strip(" `"): line for line in section.splitlines() if line.startswith("| `")}
+    assert tuple(shown) == keys.SIGHTS
+    for key in {channel.key.partition("/")[2] for channel in keys.CHANNELS}:
+        sights = {channel.sight for channel in keys.CHANNELS if channel.key.partition("/")[2] == key}
+        for sight, line in shown.items():
+            assert (f"`{key}`" in line) == (sight in sights), (key, sight)
 
 
 def test_operators_stop_robots_and_list_the_mail_and_observers_do_not() -> None:
@@ -97,7 +149,7 @@ def test_operators_act_and_tell_percepts_by_hand_where_the_mission_says_inject()
     for right, key in (*acts, ("puts", keys.percept("f", "a", "victim"))):
         assert covers(getattr(access.of_operator(inject=True), right), key), key
         assert not covers(getattr(access.of_operator(), right), key), key
-        assert not covers(getattr(access.of_observer(), right), key), key
+        assert not covers(getattr(access.of_observer("mail"), right), key), key
         assert covers(getattr(access.of_member(mission(f"{FLEET}inject: true"), "pi1"), right), key)
         if right == "puts":
             assert not covers(access.of_member(mission(), "pi1").puts, key)
@@ -111,7 +163,8 @@ def test_every_channel_is_somebodys_to_speak_on_and_to_ask() -> None:
         chunks = [names.get(chunk, "x" if chunk.startswith(("{", "*")) else chunk) for chunk in channel.key.split("/")]
         key = "/".join(["argosy", "f", *chunks])
         right = {"put": "puts", "query": "serves", "token": "holds"}[channel.kind]
-        assert sum(covers(getattr(rights_of(board), right), key) for board in ("pi1", "pi2")) == 1, channel.key
+        speakers = [who for who in ("pi1", "pi2", "ops") if covers(getattr(rights_of(who), right), key)]
+        assert len(speakers) == 1, channel.key
         if channel.kind == "query":
             assert any(covers(rights_of(who).asks, key) for who in ("pi1", "pi2", "ops")), channel.key
 

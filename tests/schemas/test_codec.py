@@ -126,3 +126,9 @@ def test_an_action_by_hand_needs_only_its_parameters() -> None:
 def test_a_field_that_must_be_there_is_named() -> None:
     with pytest.raises(BadRecord, match=r"^ActionStatus: Object missing required field `state`$"):
         codec(ActionStatus).decode(b'{"id":"uav:b:1"}')
+
+
+def test_a_field_whose_name_is_not_utf_8_is_unknown() -> None:
+    payload = b'{"name":"a","\x95":1}'
+    assert codec(Perception).decode(payload).name == "a"
+    assert codec(Perception).unknown_fields(payload) == ["\ufffd"]

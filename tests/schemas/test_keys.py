@@ -28,10 +28,12 @@ BUILT = {
     keys.services("{fleet}", "{board}"),
     keys.service_requests("{fleet}", "{board}", "{agent}"),
     keys.mailboxes("{fleet}", "{board}"),
+    keys.mission("{fleet}", "{board}"),
     keys.checkup("{fleet}", "{board}"),
     keys.mind("{fleet}", "{agent}"),
     keys.manifest("{fleet}", "{robot}"),
     keys.stop("{fleet}", "{robot}"),
+    keys.run("{fleet}", "{operator}"),
     keys.alive("{fleet}", "{name}", "{daemon}", "{boot}"),
     keys.health("{fleet}", "{name}", "{daemon}"),
 }
@@ -48,6 +50,7 @@ def test_the_page_shows_the_table_as_it_is() -> None:
         answers = channel.answers.__name__ if channel.answers else ""
         rate = f"{channel.rate:g} Hz" if channel.rate else ""
         cells = [f"`{channel.key}`", channel.kind, carries, answers, channel.source, channel.sink, rate]
+        cells.append(channel.sight or "")
         rows.append(re.sub(r" +", " ", "| " + " | ".join(cells) + " |"))
     shown = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("| `{")]
     assert shown == rows

@@ -67,7 +67,7 @@ def test_what_the_driver_does_not_know_is_told_at_its_line() -> None:
     assert problems(text) == [
         "3: robot.vehicle: the mavlink driver has no `submarine`, it has arducopter, arduplane, ardurover",
         "5: percepts.altitude.source: MAVLink has no message `ALTIMETER`, and the driver has HEARTBEAT, OVERRIDE, "
-        "LINK, PARAM, MISSION, MISSION_LIST of its own",
+        "LINK, PARAM, VEHICLE_TEXT, MISSION, MISSION_LIST of its own",
         "9: percepts.gps.args: GPS_RAW_INT has no field `fix`, it has time_usec, fix_type, lat, lon, alt, eph, epv, "
         "vel, cog, satellites_visible, alt_ellipsoid, h_acc, v_acc, vel_acc, hdg_acc, yaw",
         "9: percepts.gps.args: GPS_RAW_INT.fix_type has no element `1`",
@@ -89,7 +89,7 @@ def test_what_the_driver_does_not_know_is_told_at_its_line() -> None:
         (b"[robot", "1: error: Expected ']' at the end of a table declaration"),
         (b"[robot]\n\xff\xfe", "2: error: expected UTF-8 text"),
         (b"", ": error: a `[robot]` table with its `driver` is missing"),
-        (b"x = " + b"[" * 20_000, ": error: nested too deeply"),
+        (b"x = " + b"[" * 9_000, ": error: nested too deeply"),
     ],
 )
 def test_a_file_that_is_no_manifest_is_one_clear_line(tmp_path: Path, content: bytes, message: str) -> None:

@@ -115,6 +115,10 @@ MISTAKES = [
         PERCEPT + 'ttl = "3 parsecs"\n',
         ["5: percepts.pose.ttl: expected a duration such as `5s`, `500ms` or `15min`, got `3 parsecs`"],
     ),
+    (
+        PERCEPT + f"ttl = {'9' * 400}\n",
+        [f"5: percepts.pose.ttl: expected a duration such as `5s`, `500ms` or `15min`, got `{'9' * 400}`"],
+    ),
     (PERCEPT + "ttl = -3\n", ["5: percepts.pose.ttl: expected a duration such as `5s`, `500ms` or `15min`, got `-3`"]),
     (
         ROBOT + "[actions.go]\nmotion = false\n",
@@ -197,6 +201,21 @@ MISTAKES = [
     (
         ACTION + 'feedback = ["Distance"]\n',
         ["5: actions.go.feedback[0]: expected the name of a figure, such as `distance`, got `Distance`"],
+    ),
+    (
+        ACTION + 'params = [{name = "x", max = 3, default = 4}, {name = "y", type = "int", default = 1.5}]\n',
+        [
+            "5: actions.go.params[0].default: expected float ..3, got `4`",
+            "5: actions.go.params[1].default: expected int, got `1.5`",
+        ],
+    ),
+    (
+        ACTION + 'params = [{name = "x", default = 4}, {name = "y"}]\n',
+        ["5: actions.go.params[1].default: `y` needs a default, because `x` before it has one"],
+    ),
+    (
+        ACTION + 'params = [{name = "x", type = "list", each = [{name = "y", default = 1}]}]\n',
+        ["5: actions.go.params[0].each: only an argument can have a default"],
     ),
     (ACTION + 'feedback = ["distance", "distance"]\n', ["5: actions.go.feedback[1]: `distance` stands there twice"]),
     (ACTION + 'feedback = "distance"\n', ["5: actions.go.feedback: expected a list, got `str`"]),

@@ -43,6 +43,12 @@ class Relay:
         """Let pass what comes, and what has waited."""
         self._open.set()
 
+    def reset(self) -> None:
+        """End the connections there are, as a reset does; new ones pass."""
+        for writer in self._writers:
+            writer.transport.abort()
+        self._writers.clear()
+
     async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._writers.add(writer)
         await self._open.wait()

@@ -14,6 +14,7 @@ from argosy.__main__ import main as argosy
 from commd.router_config import router_settings, write
 from commd.tls import Tls, files_in
 from schemas.mission import Mission, load_mission
+from tests.boards.network import Network
 from tests.support.ports import free_port
 from tests.support.processes import ROOT, Daemon
 
@@ -34,16 +35,17 @@ robots:
 
 
 class Secured:
-    """A secured fleet on loopback: three boards `pi1` to `pi3`, each at a port of its own."""
+    """A secured fleet: three boards `pi1` to `pi3`, on loopback each at a port of its own, or in namespaces."""
 
-    def __init__(self, text: str = FLEET, programs: Path | None = None) -> None:
+    def __init__(self, text: str = FLEET, programs: Path | None = None, network: Network | None = None) -> None:
         """`text` has `boards: BOARDS`; `programs` is a folder that the mission's paths begin with."""
+        self._network = network
         self.folder = Path(tempfile.mkdtemp(prefix="argosy-"))  # the path of a socket has 107 bytes at most
         if programs is not None:
             (self.folder / programs.name).symlink_to(programs)
         (self.folder / "nothing.asl").write_text("")
         self.ports = {board: free_port() for board in ("pi1", "pi2", "pi3")}
-        boards = ", ".join(f'{board}: {{address: "127.0.0.1:{port}"}}' for board, port in self.ports.items())
+        boards = ", ".join(f'{board}: {{address: "{self._host(board)}:{port}"}}' for board, port in self.ports.items())
         self.path = self.folder / "mission.yaml"
         self.path.write_text(re.sub("BOARDS", f"{{{boards}}}", text), encoding="utf-8")
         self.mission: Mission = load_mission(self.path)
@@ -70,7 +72,10 @@ class Secured:
 
     def link(self, board: str) -> str:
         """Where other machines reach a board."""
-        return f"tls/127.0.0.1:{self.ports[board]}"
+        return f"tls/{self._host(board)}:{self.ports[board]}"
+
+    def _host(self, board: str) -> str:
+        return "127.0.0.1" if self._network is None else self._network.addresses[board]
 
     def socket(self, board: str) -> str:
         """Where the daemons of a board reach its router."""
@@ -91,11 +96,12 @@ class Secured:
         """Start a daemon of a board, and return at once."""
         how = ("--config", str(self.config(board))) if daemon == "commd" else ("--router", self.socket(board))
         state = ("--state", str(self.folder / "state" / board))
-        return self.run(daemon, "serve", str(self.path), "--board", board, *state, *how, *options)
+        return self.run(daemon, "serve", str(self.path), "--board", board, *state, *how, *options, on=board)
 
-    def run(self, *arguments: str) -> Daemon:
-        """Start a process of the fleet, and return at once."""
-        self.daemons.append(Daemon(*arguments, code=ROOT))
+    def run(self, *arguments: str, on: str = "") -> Daemon:
+        """Start a process of the fleet, in namespaces `on` a board, and return at once."""
+        within = self._network.within(on) if self._network is not None else ()
+        self.daemons.append(Daemon(*arguments, within=within, code=ROOT))
         return self.daemons[-1]
 
     def routers(self, boards: Sequence[str] = ("pi1", "pi2", "pi3")) -> None:

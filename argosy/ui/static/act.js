@@ -39,7 +39,7 @@ export class Act {
     put(this.step, "aria-disabled", control.allowed && agent.state === "paused" ? null : "true");
     put(this.resume, "aria-disabled", control.allowed && agent.state === "paused" ? null : "true");
     keyed(this.log, this._done.get(agent.name) ?? [], (one) => one.number, () => el("li", { class: "data" }), (row, one) => {
-      say(row, `${clock(one.at)}  ${one.order}${one.text && ` ${one.text}`}: ${one.told}`);
+      say(row, `${clock(one.at)} (wall)  ${one.order}${one.text && ` ${one.text}`}: ${one.told}`);
       put(row, "class", `data ${one.kind}`);
     });
   }

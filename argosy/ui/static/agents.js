@@ -1,8 +1,9 @@
 // The list of agents with their robots: how each is, what it intends and does, and its stop buttons.
 
-import { el, keyed, put, say, shortened, span } from "./dom.js";
+import { el, keyed, put, say, shortened } from "./dom.js";
 import { allow, orderButtons } from "./head.js";
-import { byName, isThere, nameTones, stateOf, toneOf } from "./tones.js";
+import { ago } from "./time.js";
+import { byName, hasEnded, isLeft, isThere, nameTones, rounded, stateOf, toneOf } from "./tones.js";
 
 const SORTS = { name: "by name", trouble: "trouble first" };
 
@@ -13,7 +14,8 @@ export class Agents {
     this.sort = el("select", { "aria-label": "order of the list", on: { change: () => this.render(this._wire, this._selected) } }, Object.entries(SORTS).map(([key, text]) => el("option", { value: key }, text)));
     this.list = el("ul", { class: "rows", role: "listbox", "aria-label": "agents" });
     this.none = el("p", { class: "empty" });
-    element.append(el("div", { class: "bar" }, this.search, this.sort), el("div", { class: "scroll" }, this.list, this.none));
+    this.shared = el("ul", { class: "plain shared notes data", "aria-label": "notes about several" });
+    element.append(el("div", { class: "bar" }, this.search, this.sort), el("div", { class: "scroll" }, this.list, this.none, this.shared));
     this.list.addEventListener("keydown", (event) => this._move(event));
   }
 
@@ -26,6 +28,8 @@ export class Agents {
     const shown = rows.filter((row) => words.every((word) => row.words.includes(word)));
     if (this.sort.value === "trouble") shown.sort((one, other) => other.trouble - one.trouble);
     keyed(this.list, shown, (row) => row.key, (row) => this._make(row), (node, row) => this._update(node, row, wire));
+    const alarms = new Set((wire.get("head")?.alarms ?? []).map((one) => one.text)); // they stand above everything
+    keyed(this.shared, (wire.get("head")?.notes ?? []).filter((one) => !alarms.has(one.text)), (one) => one.text, () => el("li", {}), (node, one) => say(node, `⚠ ${one.names.join(", ")}: ${one.text}`));
     say(this.none, rows.length === 0 ? "no agent and no robot yet" : shown.length === 0 ? "nobody is like that" : "");
   }
 
@@ -52,13 +56,13 @@ export class Agents {
   }
 
   _update(node, { agent, robot }, wire) {
-    const now = wire.now();
     put(node, "aria-selected", agent && agent.name === this._selected ? "true" : "false");
-    const [sign, kind, word] = agent ? stateOf(agent) : ["◇", !isThere(robot) ? "gone" : "calm", "no agent seen"];
+    const [sign, kind, word] = agent ? stateOf(agent) : ["◇", !isThere(robot) && !hasEnded(robot) ? "gone" : "calm", "no agent seen"];
     say(node.sign, sign);
     put(node.sign, "class", `sign ${kind}`);
     say(node.who, agent?.name ?? robot.name);
-    say(node.state, word + (agent?.silent ? ` ${span(now - agent.silent)}` : agent?.stale ? `, seen ${span(now - agent.stale)} ago` : ""));
+    say(node.state, word + (agent?.silent ? ` ${ago(wire, agent.silent)}` : agent?.stale ? `, seen ${ago(wire, agent.stale)} ago` : ""));
+    put(node.state, "title", word);
     put(node.state, "class", `state ${kind}`);
     say(node.counts, agent && agent.state ? counts(agent) : "");
     put(node.counts, "title", agent ? `${agent.belief_count ?? 0} beliefs, ${agent.event_count ?? 0} events wait, ${agent.mailbox ?? 0} messages wait` : null);
@@ -66,24 +70,28 @@ export class Agents {
     say(node.goal, top ? `${top.goal}${(agent.intention_count ?? 0) > 1 ? `  +${agent.intention_count - 1}` : ""}` : "");
     put(node.goal, "title", (agent?.intentions ?? []).map((one) => `${one.goal}  ${one.state} ${one.reason ?? ""} ${one.at ?? ""}`).join("\n") || null);
     const action = agent?.actions?.at(-1);
-    say(node.doing, action ? `▸ ${shortened(action.text, 60)}  ${action.silent ? `not heard of for ${span(now - action.silent)}` : span(now - action.began)}` : "");
+    const named = action && action.text === agent.action ? "" : `▸ ${shortened(rounded(action?.text ?? ""), 60)} `; // else the state names it
+    say(node.doing, action ? `${named}for ${ago(wire, action.began)}${action.silent ? `, not heard of for ${ago(wire, action.silent)}` : progress(action)}` : "");
     put(node.doing, "data-silent", Boolean(action?.silent));
     put(node.doing, "title", action ? `${action.text} ${action.state}` : null);
     put(node.vehicle, "hidden", !robot);
-    if (robot) this._vehicle(node, robot, now, wire.get("head")?.observer);
-    const notes = [...(agent?.notes ?? []), ...(robot?.notes ?? [])];
+    if (robot) this._vehicle(node, robot, wire);
+    const alarms = robot?.alarms ?? []; // first: what is cut off at the end of the line is not seen
+    const notes = [...alarms, ...(agent?.notes ?? []), ...(robot?.notes ?? []).filter((one) => !alarms.includes(one))];
     say(node.notes, notes.length ? `⚠ ${notes.join(" · ")}` : "");
+    put(node.notes, "class", `notes data${alarms.length ? " bad" : ""}`);
     put(node.notes, "title", notes.join("\n"));
     put(node, "class", `row${agent?.stale || robot?.stale ? " stale" : ""}${kind === "gone" ? " gone" : ""}`);
   }
 
-  _vehicle(node, robot, now, observer) {
+  _vehicle(node, robot, wire) {
     node.dot.style.setProperty("--tone", toneOf(robot.name));
     say(node.robot, robot.name);
-    say(node.how, how(robot, now));
-    put(node.how, "class", `how data ${robot.lost || !isThere(robot) ? "bad" : robot.operator || robot.stale ? "warn" : ""}`);
-    put(node.how, "title", how(robot, now));
-    for (const button of node.buttons) allow(button, observer);
+    const told = how(robot, wire);
+    say(node.how, told);
+    put(node.how, "class", `how data ${howClass(robot)}`);
+    put(node.how, "title", told);
+    for (const button of node.buttons) allow(button, wire.get("head")?.observer);
   }
 
   _move(event) {
@@ -103,13 +111,24 @@ function counts(agent) {
   return told.join(" ");
 }
 
+// ", distance 31.2, speed 4.9"
+function progress(action) {
+  return Object.entries(action.feedback ?? {}).map(([name, value]) => `, ${name} ${value.toFixed(1)}`).join("");
+}
+
+export function howClass(robot) {
+  return robot.lost || isLeft(robot) || !(isThere(robot) || hasEnded(robot)) ? "bad" : robot.operator || robot.paused || robot.stale ? "warn" : "";
+}
+
 // "GUIDED armed 20.1 m 87 %"
-export function how(robot, now) {
-  if (!isThere(robot)) return robot.since ? `bridge gone ${span(now - robot.since)}` : "no bridge yet";
+export function how(robot, wire) {
+  if (!isThere(robot) && !hasEnded(robot)) return robot.since ? `bridge gone ${ago(wire, robot.since)}` : "no bridge yet";
   const told = [];
   if (robot.operator) told.push(`OPERATOR: ${robot.operator}`);
+  if (robot.paused) told.push("PAUSED");
   if (robot.lost) told.push("LOST");
-  if (robot.stale) told.push(`${span(now - robot.stale)} ago:`);
+  if (isLeft(robot)) told.push("when its bridge ended:");
+  if (robot.stale) told.push(`${ago(wire, robot.stale)} ago:`);
   if (robot.mode) told.push(robot.mode, robot.armed ? "armed" : "disarmed");
   if (robot.altitude !== undefined) told.push(`${robot.altitude.toFixed(1)} m`);
   if (robot.battery !== undefined) told.push(`${robot.battery} %`);
@@ -128,8 +147,8 @@ function rowsOf(wire) {
   for (const robot of robots.values()) if (!taken.has(robot.name)) rows.push({ key: `robot ${robot.name}`, agent: null, robot });
   for (const row of rows) {
     const state = row.agent ? stateOf(row.agent) : ["", "", ""];
-    row.trouble = ["bad", "gone"].includes(state[1]) ? 3 : row.robot?.lost || row.robot?.operator ? 2 : row.agent?.dropped || state[1] === "warn" ? 1 : 0;
-    row.words = JSON.stringify([row.agent?.name, row.robot?.name, state[2], row.robot?.mode, row.robot?.armed ? "armed" : "disarmed", row.agent?.intentions?.map((one) => one.goal), row.agent?.board, row.robot?.operator]).toLowerCase();
+    row.trouble = ["bad", "gone"].includes(state[1]) ? 3 : row.robot?.lost || row.robot?.operator || row.robot?.paused ? 2 : row.agent?.dropped || state[1] === "warn" ? 1 : 0;
+    row.words = JSON.stringify([row.agent?.name, row.robot?.name, state[2], row.robot?.mode, row.robot?.armed ? "armed" : "disarmed", row.agent?.intentions?.map((one) => one.goal), row.agent?.board, row.robot?.operator, row.robot?.paused ? "paused" : ""]).toLowerCase();
   }
   return rows.sort((one, other) => byName(one.agent?.name ?? one.robot.name, other.agent?.name ?? other.robot.name));
 }

@@ -119,7 +119,7 @@ function paint(changed) {
     if (one && (!selected || wire.silentFor === 0)) selected = one.name;
   }
   if (selected) wire.look([selected]);
-  put(document.body, "data-old", wire.problem || (wire.get("head")?.router ?? "never") !== "up" ? "true" : null);
+  put(document.body, "data-old", wire.problem || !["up", "ended"].includes(wire.get("head")?.router ?? "never") ? "true" : null);
   const wrong = [];
   // What cannot be drawn is said, and takes nothing else with it; orders and the header come first.
   const part = (name, render) => {

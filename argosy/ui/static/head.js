@@ -1,15 +1,18 @@
 // The header: which fleet, whether the router and the server are there, mission time, and what stops all robots.
 
-import { count, el, keyed, put, say, span } from "./dom.js";
+import { count, el, keyed, put, say } from "./dom.js";
 import { confirmed } from "./confirm.js";
-import { isThere } from "./tones.js";
+import { minutes, missionSeconds, wall } from "./time.js";
+import { hasEnded, isThere } from "./tones.js";
 
-const ORDERS = { hold: "hold", land: "land", rtl: "rtl", release: "release" };
+const ORDERS = { hold: "hold", land: "land", rtl: "rtl", release: "release", pause: "pause", continue: "continue" };
 const MEANING = {
-  hold: "stay where it is; its agents act no more",
+  hold: "stay where it is; its actions fail, its agents act no more",
   land: "land here and now",
   rtl: "return to launch",
   release: "give it back to its agents",
+  pause: "stay where it is; its actions are kept",
+  continue: "go on with its actions after a pause",
 };
 
 export class Head {
@@ -18,6 +21,7 @@ export class Head {
     this.name = el("span", { class: "fleet" });
     this.mission = el("span", { class: "dim mission" });
     this.router = el("span", { class: "chip", id: "router" });
+    this.run = el("span", { class: "chip", id: "run" });
     this.time = el("span", { class: "chip time", title: "mission time" });
     this.done = el("span", { class: "chip done" });
     this.members = el("span", { class: "dim members" });
@@ -26,6 +30,7 @@ export class Head {
       el("img", { class: "logo", src: "/static/icon.svg", alt: "" }),
       this.name,
       this.mission,
+      this.run,
       this.router,
       this.time,
       this.done,
@@ -42,11 +47,17 @@ export class Head {
     if (!head) return this._say([["bad", wire.problem]]);
     document.title = `${head.fleet || "Argosy"} · argosy`;
     say(this.name, head.fleet || "no fleet yet");
-    say(this.mission, head.mission || "");
+    say(this.mission, head.mission === head.fleet ? "" : head.mission ?? "");
+    put(this.name, "title", head.file);
     put(this.mission, "title", head.file);
-    const up = (head.router ?? "never") === "up" && !wire.problem;
-    put(this.router, "class", `chip ${up ? "good" : "bad"}`);
-    say(this.router, wire.problem ? "? router" : up ? "● router" : `✕ router ${head.router === "away" ? "away" : "not reached"} ${span(wire.now() - head.router_since)}`);
+    const up = (head.router ?? "never") === "up" && !wire.problem, ended = head.router === "ended" && !wire.problem;
+    const [sign, kind, word] = runState(head.run, up || ended);
+    put(this.run, "hidden", !head.run);
+    put(this.run, "class", `chip ${kind}`);
+    say(this.run, `${sign} ${word}`);
+    put(this.run, "title", head.run?.why || word);
+    put(this.router, "class", `chip ${up ? "good" : ended ? "calm" : "bad"}`);
+    say(this.router, wire.problem ? "? router" : up ? "● router" : ended ? "■ router ended" : `✕ router ${head.router === "away" ? "away" : "not reached"} ${wall(wire, wire.now() - head.router_since)}`);
     put(this.router, "title", wire.problem ? `${head.endpoint}: nothing is known of it while argosy ui is not there` : head.endpoint);
     this._time(head, wire);
     const held = Object.entries(head.done ?? {});
@@ -55,22 +66,20 @@ export class Head {
     put(this.done, "title", held.map(([formula, holds]) => `${holds ? "●" : "○"} ${formula}`).join("\n"));
     put(this.done, "class", held.length && held.every(([, holds]) => holds) ? "chip done good" : "chip done");
     const agents = wire.of("agent"), robots = wire.of("robot");
-    const there = (all) => all.filter(isThere).length;
+    const there = (all) => all.filter((one) => isThere(one) || hasEnded(one)).length;
     say(this.members, `${there(agents)}/${count(agents.length, "agent")}, ${there(robots)}/${count(robots.length, "robot")}`);
     for (const button of this.stops) allow(button, head.observer);
     this._say([...banners(head, wire, this._actions), ...wrong.map((text) => ["bad", text])]);
   }
 
   _time(head, wire) {
-    const zero = head.mission_zero ?? null;
-    put(this.time, "hidden", zero === null);
-    if (zero === null) return;
-    const speed = head.speed ?? 1;
     // The clock stands while nobody tells the time.
     const until = wire.problem ? wire.now() - wire.silentFor : (head.router ?? "never") === "up" ? wire.now() : head.router_since;
-    const seconds = Math.max(0, (until - zero) * speed);
-    const text = `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
-    say(this.time, `${text}${head.timeout ? ` of ${Math.round(head.timeout / 60)} min` : ""}${speed === 1 ? "" : ` ×${speed}`}`);
+    const seconds = isOver(head.run) ? head.run.seconds : missionSeconds(wire, until);
+    put(this.time, "hidden", seconds === null);
+    if (seconds === null) return;
+    const speed = head.speed ?? 1;
+    say(this.time, `${minutes(seconds)}${head.timeout ? ` of ${Math.round(head.timeout / 60)} min` : ""}${speed === 1 ? "" : ` ×${speed}`}`);
   }
 
   _say(banners) {
@@ -90,9 +99,14 @@ export class Head {
 function banners(head, wire, actions) {
   const found = [];
   if (wire.problem) {
-    found.push(["bad", `${wire.problem}. Below is what was known ${span(wire.silentFor)} ago`, null, "server"]);
+    found.push(["bad", `${wire.problem}. Below is what was known ${wall(wire, wire.silentFor)} ago`, null, "server"]);
+  } else if (isOver(head.run)) {
+    const { phase, why, seconds, report, recording } = head.run;
+    const kept = [report && `Report: ${report}.`, recording && `Recording: ${recording}.`].filter(Boolean).join(" ");
+    const text = phase === "done" ? `The mission is done after ${seconds.toFixed(1)} s.` : `The mission has failed after ${seconds.toFixed(1)} s: ${why || "see the report"}.`;
+    found.push([phase === "done" ? "good" : "bad", `${text} ${kept}`, null, "run"]);
   } else if ((head.router ?? "never") !== "up") {
-    const since = span(wire.now() - head.router_since);
+    const since = wall(wire, wire.now() - head.router_since);
     const text = head.router === "away" ? `The router at ${head.endpoint} is lost for ${since}; it is tried for. Below is what was known last` : `${head.problem} (for ${since}); it is tried again`;
     found.push(["bad", text, null, "router"]);
   } else if (head.fleets?.length) {
@@ -105,9 +119,31 @@ function banners(head, wire, actions) {
   }
   const defect = wire.get("defect");
   if (defect) found.push(["bad", `${defect.text}. What is below does not change any more`, null, "defect"]);
+  if (head.run?.silent && !wire.problem) found.push(["warn", `argosy run has not been heard for ${wall(wire, wire.now() - head.run.silent)}: nobody watches over this run`, null, "watched"]);
+  if (head.mission_differs) found.push(["warn", `The fleet runs another mission than ${head.mission_differs}, with which argosy ui was started: that of the fleet counts here`, null, "mission"]);
+  for (const alarm of head.alarms ?? []) found.push(["bad", `${alarm.names.join(", ")}: ${alarm.text}`, null, `alarm ${alarm.text}`]);
   for (const line of head.unreached ?? []) found.push(["warn", line]);
-  for (const [formula, holds] of Object.entries(head.failed ?? {})) if (holds) found.push(["bad", `The mission has failed: ${formula}`]);
+  if (!isOver(head.run)) for (const [formula, holds] of Object.entries(head.failed ?? {})) if (holds) found.push(["bad", `The mission has failed: ${formula}`]);
   return found;
+}
+
+const PHASES = {
+  starting: ["…", "calm"],
+  flying: ["➤", "good"],
+  bringing_home: ["⌂", "warn"],
+  done: ["✓", "good"],
+  failed: ["✕", "bad"],
+};
+
+// How a run is, as far as it is heard: [sign, class, word]
+function runState(run, heard) {
+  const [sign, kind] = PHASES[run?.phase] ?? ["", ""];
+  const word = (run?.phase ?? "").replace("_", " ");
+  return isOver(run) || (heard && !run?.silent) ? [sign, kind, word] : [sign, "warn", `${word}?`];
+}
+
+export function isOver(run) {
+  return run?.phase === "done" || run?.phase === "failed";
 }
 
 // The buttons of orders to one robot, or to all (robot null).

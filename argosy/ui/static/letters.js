@@ -1,6 +1,7 @@
 // Mail between agents as a sequence chart: a lifeline for each agent, an arrow for each message, the newest at the bottom.
 
 import { el, keyed, put, say, shortened, span, svg } from "./dom.js";
+import { asOf, missionSeconds, speedOf } from "./time.js";
 import { byName, toneOf } from "./tones.js";
 
 const ROW = 26, TOP = 6, LEFT = 62, LIFELINES = 14, ROWS = 100;
@@ -41,7 +42,7 @@ export class Letters {
     const width = this.scroll.clientWidth - 4;
     if (!this._wire || width < 100) return;
     this._drawn = performance.now();
-    const now = this._wire.now();
+    const now = asOf(this._wire);
     let letters = this._wire.of("letter").sort((one, other) => at(one) - at(other) || one.number - other.number);
     const all = letters.length;
     if (this.one.checked && this._selected) letters = letters.filter((one) => [one.sender, one.receiver].includes(this._selected));
@@ -77,10 +78,10 @@ export class Letters {
     if (isLost(letter)) return ["lost", `  ${letter.undelivered}`];
     if (isFlying(letter)) {
       const age = letter.sent ? now - letter.sent : 0;
-      return ["flight", age > FLIGHT ? `  on its way for ${span(age)}` : ""];
+      return ["flight", age > FLIGHT ? `  on its way for ${span(age * speedOf(this._wire))}` : ""];
     }
     const late = letter.sent && letter.received ? letter.received - letter.sent : 0;
-    return ["arrow", late > FLIGHT ? `  took ${span(late)}` : ""];
+    return ["arrow", late > FLIGHT ? `  took ${span(late * speedOf(this._wire))}` : ""];
   }
 
   _arrow(letter, x, gap, now) {
@@ -113,9 +114,7 @@ export class Letters {
   }
 
   _time(at) {
-    const head = this._wire.get("head");
-    if (at === null || at === undefined || head?.mission_zero === undefined) return "";
-    return `${Math.max(0, (at - head.mission_zero) * (head.speed ?? 1)).toFixed(1)}`;
+    return missionSeconds(this._wire, at)?.toFixed(1) ?? "";
   }
 }
 

@@ -1,7 +1,8 @@
 // The map: vehicles with track, target and home, victims, waypoints and areas, on tiles or on a plain grid in metres.
 
-import { el, put, say, shortened, span } from "./dom.js";
-import { byName, isThere, toneOf } from "./tones.js";
+import { el, put, say, shortened } from "./dom.js";
+import { ago } from "./time.js";
+import { byName, hasEnded, isLeft, isThere, toneOf } from "./tones.js";
 
 const L = window.L;
 const METRES = 111320; // of a degree of latitude
@@ -60,7 +61,6 @@ export class FleetMap {
   }
 
   _vehicle(robot, wire, targets, selected, crowded) {
-    const now = wire.now();
     let vehicle = this.vehicles.get(robot.name);
     if (!vehicle) this.vehicles.set(robot.name, (vehicle = this._make(robot)));
     if (!vehicle.begun) {
@@ -78,16 +78,16 @@ export class FleetMap {
     const target = agents.map((agent) => targets.get(agent)).find(Boolean);
     vehicle.way.setLatLngs(target && robot.position ? [robot.position, target.position] : []);
     const chosen = agents.includes(selected);
-    const old = robot.lost || robot.stale || !isThere(robot);
+    const old = robot.lost || robot.stale || isLeft(robot) || !(isThere(robot) || hasEnded(robot));
     put(vehicle.icon, "class", `vessel${chosen ? " chosen" : ""}${old ? " old" : ""}${robot.armed ? " armed" : ""}`);
     const heading = robot.heading ?? vehicle.course; // without a compass: where it went last
     const turned = heading !== undefined && (robot.heading !== undefined || robot.armed);
     say(vehicle.body, turned ? "➤" : "●");
     vehicle.body.style.transform = turned ? `rotate(${heading - 90}deg)` : "";
     const height = robot.altitude === undefined ? "" : `${robot.altitude.toFixed(1)} m`;
-    const age = robot.lost ? "LOST" : robot.stale ? `${span(now - robot.stale)} ago` : "";
+    const age = robot.lost ? "LOST" : isLeft(robot) ? "when its bridge ended" : robot.stale ? `${ago(wire, robot.stale)} ago` : "";
     say(vehicle.title, robot.name);
-    say(vehicle.more, crowded && !chosen ? age : [height, robot.mode, robot.operator && `OPERATOR ${robot.operator}`, age].filter(Boolean).join(" · "));
+    say(vehicle.more, crowded && !chosen ? age : [height, robot.mode, robot.operator && `OPERATOR ${robot.operator}`, robot.paused && "PAUSED", age].filter(Boolean).join(" · "));
     put(vehicle.icon, "title", `${robot.name} (${agents.join(", ")}) ${robot.mode ?? ""} ${height} ${robot.speed ?? 0} m/s`);
   }
 

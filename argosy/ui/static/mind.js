@@ -42,8 +42,9 @@ class Mind {
     say(this.state, mind ? stateOf(view, mind) : "");
     put(this.state, "class", `mind-state ${view.silent || !view.there ? "bad" : mind?.state === "paused" ? "warn" : "dim"}`);
     if (!mind) return;
-    // the time of the mission now: as it was when the mind was seen, and what has passed since
-    this.now = Math.max(mind.time ?? 0, view.missionNow() ?? (mind.time ?? 0) + Math.max(0, view.now() - view.heard));
+    // by the agent's own clock, which begins with the agent: as it was when the mind was seen, and what has passed since
+    this.now = (mind.time ?? 0) + Math.max(0, view.clock.now() - view.heard) * view.clock.speed;
+    this.later = (view.clock.mission(view.clock.now()) ?? this.now) - this.now;
     const words = this.filter.value.toLowerCase().split(/\s+/).filter(Boolean);
     this.fits = (text) => words.every((word) => text.toLowerCase().includes(word));
     for (const name of PARTS) this[`_${name}`](this.parts[name], mind);
@@ -151,7 +152,7 @@ class Mind {
       say(row.text, text + more);
       keyed(row.sources, one.sources ?? [], (name) => name, (name) => this._source(name));
       say(row.age, one.since === undefined ? "?" : span(this.now - one.since));
-      put(row.age, "title", one.since === undefined ? "nobody knows since when" : `since ${one.since.toFixed(1)} s`);
+      put(row.age, "title", one.since === undefined ? "nobody knows since when" : `since ${(one.since + this.later).toFixed(1)} s`);
       put(row, "data-young", one.since !== undefined && this.now - one.since < 3);
     });
   }
@@ -268,8 +269,8 @@ function wrapped(row) {
 
 function stateOf(view, mind) {
   const told = [`cycle ${mind.cycle ?? 0}`, mind.state ?? "waiting"];
-  if (mind.state === "paused" && mind.paused_for !== undefined) told.push(`goes on by itself in ${span(mind.paused_for - (view.now() - view.heard))}`);
-  told.push(`${(mind.time ?? 0).toFixed(1)} s of the mission`, `seen ${span(view.now() - view.heard)} ago`);
+  if (mind.state === "paused" && mind.paused_for !== undefined) told.push(`goes on by itself in ${span(mind.paused_for - (view.clock.now() - view.heard))} (wall)`);
+  told.push(`${(view.clock.mission(view.heard) ?? mind.time ?? 0).toFixed(1)} s of the mission`, `seen ${view.clock.ago(view.heard)} ago`);
   return told.join(" · ");
 }
 

@@ -1,6 +1,7 @@
 // What became of orders, the newest first; what was not confirmed stays until somebody has seen it.
 
-import { clock, count, el, keyed, put, say, span } from "./dom.js";
+import { count, el, keyed, put, say, span } from "./dom.js";
+import { moment } from "./time.js";
 
 const KEEP = 12; // s for which an order is shown that all have confirmed, and a note
 const TAKEN = 2; // s after which an order that the server has not taken counts as not known
@@ -25,7 +26,7 @@ export class Orders {
 
   // An order was given, at `at` of the server's clock: until the server tells of it, nothing is known.
   asked(text, at) {
-    const one = { key: `asked ${(this._number += 1)}`, text, at, clock: Date.now() / 1000, began: performance.now(), failed: "" };
+    const one = { key: `asked ${(this._number += 1)}`, text, at, began: performance.now(), failed: "" };
     this._asked = [one, ...this._asked].slice(0, ASKED);
     return one;
   }
@@ -42,8 +43,8 @@ export class Orders {
     this._notes = this._notes.filter((one) => here - one.began < KEEP * 1000 && !this._seen.has(one.key));
     const shown = [
       ...this._notes.map((one) => ({ key: one.key, kind: one.level, title: one.text })),
-      ...this._asked.map((one) => askedShown(one, (here - one.began) / 1000)),
-      ...told.filter((order) => !this._seen.has(`order ${order.number}`) && (order.state !== "confirmed" || now - order.at < KEEP)).sort((one, other) => other.number - one.number).map(orderShown),
+      ...this._asked.map((one) => askedShown(one, (here - one.began) / 1000, moment(wire, one.at))),
+      ...told.filter((order) => !this._seen.has(`order ${order.number}`) && (order.state !== "confirmed" || now - order.at < KEEP)).sort((one, other) => other.number - one.number).map((order) => orderShown(order, moment(wire, order.at))),
     ];
     keyed(this._host, shown, (one) => one.key, (one) => this._make(one), (node, one) => this._update(node, one));
   }
@@ -66,14 +67,14 @@ export class Orders {
   }
 }
 
-function askedShown(one, age) {
-  const title = `${clock(one.clock)}  ${one.text}: `;
+function askedShown(one, age, time) {
+  const title = `${time}  ${one.text}: `;
   if (one.failed) return { key: one.key, kind: "bad", title: title + one.failed };
   if (age < TAKEN) return { key: one.key, kind: "calm", title: `${title}is being ordered …` };
   return { key: one.key, kind: "bad", title: `${title}NOT known whether it was done: argosy ui has not answered for ${span(age)}` };
 }
 
-function orderShown(order) {
+function orderShown(order, time) {
   const all = Object.entries(order.outcomes ?? {});
   const among = (wanted) => all.filter(([, [state]]) => state === wanted).length;
   const failed = among("NOT confirmed"), waiting = among("waiting");
@@ -85,7 +86,7 @@ function orderShown(order) {
     "NOT ordered": `NOT ordered: ${order.problem}`,
   }[order.state];
   const kind = order.state === "NOT ordered" || failed ? "bad" : order.state === "confirmed" ? "good" : "calm";
-  return { key: `order ${order.number}`, kind, title: `${clock(order.at)}  ${order.order}${order.of ? " all" : ""}: ${told}`, groups: groupsOf(order.order, all) };
+  return { key: `order ${order.number}`, kind, title: `${time}  ${order.order}${order.of ? " all" : ""}: ${told}`, groups: groupsOf(order.order, all) };
 }
 
 const RANK = { "NOT confirmed": 0, waiting: 1, confirmed: 2 };

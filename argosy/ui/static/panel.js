@@ -1,12 +1,13 @@
 // The selected agent: its mind, why it did what it did, and what an operator may do to it.
 
-import { el, put, say, span } from "./dom.js";
+import { el, put, say } from "./dom.js";
 import { allow, orderButtons } from "./head.js";
 import { Act } from "./act.js";
-import { how } from "./agents.js";
+import { how, howClass } from "./agents.js";
 import { render as renderMind } from "./mind.js";
 import { render as renderWhy } from "./why.js";
-import { isThere, stateOf } from "./tones.js";
+import { ago, asOf, missionSeconds, moment, speedOf } from "./time.js";
+import { hasEnded, isThere, stateOf } from "./tones.js";
 
 const TABS = { mind: "Mind", why: "Why", act: "Act" };
 
@@ -53,9 +54,9 @@ export class Panel {
     if (!agent) return;
     const [sign, kind, word] = stateOf(agent);
     say(this.name, name);
-    say(this.state, `${sign} ${word}${agent.silent ? ` for ${span(wire.now() - agent.silent)}` : ""}`);
+    say(this.state, `${sign} ${word}${agent.silent ? ` for ${ago(wire, agent.silent)}` : ""}`);
     put(this.state, "class", `state ${kind}`);
-    put(this.state, "title", agent.why_silent ?? "");
+    put(this.state, "title", agent.why_silent || word);
     say(this.file, [agent.program?.split("/").at(-1), agent.board && `on ${agent.board}`].filter(Boolean).join(" "));
     put(this.file, "title", agent.program);
     this._robot(wire, agent);
@@ -72,14 +73,13 @@ export class Panel {
       this.stops.replaceChildren(...orderButtons(this._actions, robot.name));
     }
     for (const button of this.stops.children) allow(button, wire.get("head")?.observer);
-    say(this.how, `${robot.name}  ${how(robot, wire.now())}`);
+    say(this.how, `${robot.name}  ${how(robot, wire)}`);
     put(this.how, "title", this.how.textContent);
-    put(this.how, "class", `how data ${robot.lost || !isThere(robot) ? "bad" : robot.operator || robot.stale ? "warn" : ""}`);
+    put(this.how, "class", `how data ${howClass(robot)}`);
   }
 
   _pane(wire, agent) {
     const head = wire.get("head");
-    const now = () => wire.now();
     const actions = {
       why: (about) => this._actions.why(agent.name, about),
       ask: (about) => this.why(about),
@@ -88,11 +88,12 @@ export class Panel {
     };
     if (this.tab === "mind") {
       const told = wire.get(`mind/${agent.name}`);
-      const missionNow = () => (head?.mission_zero === undefined || head.mission_zero === null ? null : (wire.now() - head.mission_zero) * (head.speed ?? 1));
-      renderMind(this.panes.mind, { name: agent.name, mind: told?.mind ?? null, heard: told?.heard ?? null, plans: wire.get(`plans/${agent.name}`), now, missionNow, there: isThere(agent), silent: Boolean(agent.silent) }, actions);
+      const clock = { now: () => asOf(wire), speed: speedOf(wire), ago: (at) => ago(wire, at), mission: (at) => missionSeconds(wire, at) };
+      renderMind(this.panes.mind, { name: agent.name, mind: told?.mind ?? null, heard: told?.heard ?? null, plans: wire.get(`plans/${agent.name}`), clock, there: isThere(agent) || hasEnded(agent), silent: Boolean(agent.silent) }, actions);
     } else if (this.tab === "why") {
       const asked = this._asked.get(agent.name) ?? { about: "", busy: false, error: "", explanation: null, asked: null };
-      renderWhy(this.panes.why, { name: agent.name, ...asked, now }, actions);
+      const zero = asked.explanation?.time === undefined ? null : missionSeconds(wire, asked.asked); // of the fleet's clock when its mind's was `time`
+      renderWhy(this.panes.why, { name: agent.name, ...asked, asked: asked.asked && moment(wire, asked.asked), later: zero === null ? 0 : zero - asked.explanation.time }, actions);
     } else {
       this.act.render(agent, controlOf(head, agent));
     }
@@ -124,6 +125,7 @@ export class Panel {
 function controlOf(head, agent) {
   if (head?.observer) return { allowed: false, why: head.observer };
   if (head?.inject === false) return { allowed: false, why: "the mission does not say `inject: true`: its minds take no orders" };
+  if (hasEnded(agent)) return { allowed: false, why: `${agent.name} has ended with its run` };
   if (!isThere(agent)) return { allowed: false, why: `${agent.name} is not there` };
   return { allowed: true, why: "" };
 }

@@ -1,6 +1,7 @@
 // What happened, the newest at the bottom: prints, actions, mail, who came and went; by kind, by agent, by words.
 
 import { clock, count, el, keyed, put, say } from "./dom.js";
+import { missionSeconds } from "./time.js";
 import { toneOf } from "./tones.js";
 
 const KINDS = {
@@ -67,7 +68,7 @@ export class Timeline {
       shown.push(event);
     }
     shown.sort((one, other) => one.at - other.at || one.n - other.n); // what an agent did is told some time later
-    keyed(this.list, shown, (event) => event.n, (event) => this._row(event));
+    keyed(this.list, shown, (event) => event.n, (event) => this._row(event), (row, event) => say(row.firstChild, this._time(event)));
     const newest = shown.reduce((most, event) => Math.max(most, event.n), 0);
     if (this._bottom) this._down();
     else {
@@ -78,13 +79,16 @@ export class Timeline {
     if (this._bottom) this._seen = newest;
   }
 
+  // By the clock of the run in which it happened; what happened before that was known, by the one of this run.
+  _time(event) {
+    const seconds = event.mission ?? missionSeconds(this._wire, event.at);
+    return seconds === null ? clock(event.at) : seconds.toFixed(1);
+  }
+
   _row(event) {
-    const zero = this._wire.get("head")?.mission_zero, speed = this._wire.get("head")?.speed ?? 1;
-    const time = zero === undefined || zero === null ? clock(event.at) : Math.max(0, (event.at - zero) * speed).toFixed(1);
     const robot = this._wire.get(`agent/${event.who}`)?.robot ?? event.who;
-    const own = event.mission ?? undefined; // agents begin one after the other: their clocks differ a little
-    const row = el("li", { class: `event is-${event.level ?? "info"} of-${event.what}`, "data-n": event.n, title: own === undefined ? clock(event.at) : `${clock(event.at)}, ${own.toFixed(1)} s by its own clock` },
-      el("span", { class: "at" }, time),
+    const row = el("li", { class: `event is-${event.level ?? "info"} of-${event.what}`, "data-n": event.n, title: `${clock(event.at)} (wall)` },
+      el("span", { class: "at" }),
       el("button", { class: "who", type: "button", style: { "--tone": toneOf(robot) }, on: { click: () => this._actions.select(event.who, null) } }, event.who),
       el("span", { class: "sign", "aria-hidden": true }, SIGNS[event.what] ?? "·"),
       el("span", { class: "text data" }, event.text),

@@ -21,15 +21,33 @@ export function byName(one, other) {
 
 // Whether the daemon of an agent or robot is there.
 export function isThere(one) {
-  return one.standing !== "missing";
+  return one.standing !== "missing" && !hasEnded(one);
+}
+
+// Whether it has left with its run, which is no loss.
+export function hasEnded(one) {
+  return one.standing === "ended";
+}
+
+// Whether nobody knows of a robot how it is now, although its run was ended: it was armed when its bridge left.
+export function isLeft(robot) {
+  return hasEnded(robot) && Boolean(robot.armed);
+}
+
+// A call whose numbers have six digits behind the point at most: degrees to 0.1 m.
+export function rounded(text) {
+  return text.replace(/(\.\d{6})\d+/g, "$1");
 }
 
 // How an agent is: [sign, class, word]
 export function stateOf(agent) {
+  if (hasEnded(agent)) return ["■", "calm", "ended"];
   if (!isThere(agent)) return ["✕", "gone", agent.since ? "gone" : "not there yet"];
   if (agent.silent) return ["?", "bad", "silent"];
   if (agent.standing === "silent") return ["?", "bad", "hangs"];
   if (agent.state === "paused") return ["❚❚", "warn", "paused"];
+  if (agent.state === "flying" || agent.state === "acting") return [agent.state === "flying" ? "➤" : "▸", "good", `${agent.state}: ${rounded(agent.action)}`];
+  if (agent.state === "idle") return ["○", "calm", "idle"];
   if (agent.state === "reasoning") return ["▶", "good", "reasoning"];
   if (agent.state === "waiting") return ["◷", "calm", "waiting"];
   return ["…", "calm", "coming"];

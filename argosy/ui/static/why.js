@@ -28,8 +28,9 @@ class Why {
     if (view.name !== this.name || (view.about !== this.about && document.activeElement !== this.input)) this.input.value = view.about ?? "";
     this.name = view.name;
     this.about = view.about;
+    this.later = view.later ?? 0; // seconds by which the clock of the fleet is ahead of the clock of this mind
     const about = view.about ? `why ${view.about}: ` : "";
-    say(this.told, view.busy ? `${about}asking …` : view.error ? `${about}${view.error}` : view.asked ? `${about}asked at ${clock(view.asked)}` : "");
+    say(this.told, view.busy ? `${about}asking …` : view.error ? `${about}${view.error}` : view.asked ? `${about}asked at ${view.asked}` : "");
     put(this.told, "class", view.error && !view.busy ? "bad" : "dim");
     put(this.cards, "data-old", view.busy || Boolean(view.error) ? "true" : null);
     const cards = (view.explanation?.paragraphs ?? []).map((one, place) => ({ ...one, place }));
@@ -51,9 +52,9 @@ class Why {
     say(card.sign, sign);
     say(card.kind, kind);
     put(card, "data-kind", one.kind);
-    const at = one.time === undefined || one.time === null ? "" : `${one.time.toFixed(1)} s`;
+    const at = one.time === undefined || one.time === null ? "" : `${(one.time + this.later).toFixed(1)} s`;
     say(card.times, [one.times > 1 ? `${one.times} times` : "", at].filter(Boolean).join(", "));
-    put(card.times, "title", at ? `second of the mission; it was ${(explanation.time ?? 0).toFixed(1)} s when asked` : null);
+    put(card.times, "title", at ? `second of the mission; it was ${((explanation.time ?? 0) + this.later).toFixed(1)} s when asked` : null);
     const lines = (one.lines ?? []).map((line, place) => ({ ...line, place }));
     keyed(card.lines, lines, (line) => line.place, () => this._line(), (row, line) => {
       row.style.setProperty("--depth", line.indent ?? 0);

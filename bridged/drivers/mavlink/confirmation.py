@@ -23,6 +23,16 @@ SETTLE = (4.0, 1.5)
 """Mission and wall seconds in which an acknowledged change must show in a HEARTBEAT."""
 ASK_REASONS_EVERY = (5.0, 1.0)
 """Mission and wall seconds between requests for the reasons why the vehicle is not ready."""
+PRE_ARM = "PreArm: "
+"""How ArduPilot begins what a failed arming check says (AP_Arming::check_failed)."""
+LASTING = (
+    "not armable", "not calibrated", "calibration needed", "requires reboot", "reboot required", "safety switch",
+    "below minimum arming", "internal error", "fences invalid", "no sd card", "check frame", "check fs_thr_value",
+)  # fmt: skip
+"""Parts of such texts whose cause stays until somebody sees to it, in lower case (AP_Arming.cpp, AP_Arming_Copter.cpp).
+Of others (GPS, EKF, gyros that settle) it is taken that they mend themselves: they are waited for and told."""
+FAULTS = ("not healthy", "unhealthy", "not detected", "logging failed")
+"""Parts of texts that come for a moment after a start too: faults when two checks in a row say them."""
 FALLS, STANDS_FOR = 2.0, (2.0, 1.0)
 """m/s that nothing has which stands; mission and wall seconds around the stop of the motors in which none has it."""
 TARGET_ATTEMPTS = 5
@@ -102,16 +112,32 @@ def steady(flight: Flight, shown: Callable[[], bool]) -> Generator[None, None, b
     return shown() and vehicle.heartbeats > beats
 
 
-def ready(flight: Flight, task: Task) -> Generator[None, None, None]:
-    """Wait until the vehicle is ready to be armed, asking it for its reasons meanwhile."""
-    ask_at = began = flight.now
+def ready(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+    """Wait until the vehicle is ready to be armed, asking it for its reasons meanwhile.
+
+    Returns None when it is, and its refusal as soon as it names a reason that does not go away by waiting.
+    """
+    before = asked = ask_at = flight.now
+    named_before: set[str] = set()
     while missing := flight.vehicle.not_ready():
-        said = flight.texts.since(max(began, flight.now - flight.wait(*ASK_REASONS_EVERY)))
-        task.waits_for = "readiness: " + "; ".join([*missing, *([said] if said else [])])
+        answered = flight.now - asked > flight.wait(*TEXT_WINDOW)
+        said = sorted(flight.texts.beginning(PRE_ARM, asked if answered else before))
+        task.cause = "; ".join(said or missing)
+        task.waits_for = "readiness: " + "; ".join([*missing, *said])
+        faults = named_before.intersection(said if answered else ())
+        if lasting := [one for one in said if _names(LASTING, one) or (one in faults and _names(FAULTS, one))]:
+            return Outcome("refused", f"the vehicle refuses to arm until somebody sees to it: {'; '.join(lasting)}")
         if flight.now >= ask_at and flight.vehicle.connected:
-            ask_at = flight.now + flight.wait(*ASK_REASONS_EVERY)
+            named_before = set(flight.texts.beginning(PRE_ARM, asked))
+            before, asked, ask_at = asked, flight.now, flight.now + flight.wait(*ASK_REASONS_EVERY)
             flight.submit(task, dialect.MAV_CMD_RUN_PREARM_CHECKS, (0.0,) * 7, Retry(times=0))
         yield
+    task.cause = ""
+    return None
+
+
+def _names(causes: tuple[str, ...], text: str) -> bool:
+    return any(cause in text.lower() for cause in causes)
 
 
 def guided_aloft(flight: Flight, what: str) -> Outcome | None:

@@ -5,11 +5,17 @@ A mode that nobody here asked for is theirs. It ends what moved the vehicle, and
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 from bridged.drivers.mavlink.flight import TEXT_WINDOW, Flight, Task
 from bridged.drivers.robot import Outcome, Reading
+
+RESTARTS_WITHIN = 1.8
+"""Wall seconds without a HEARTBEAT in which a vehicle may have restarted; they come once a second."""
+DOUBT = (1.0, 0.7)
+"""Mission and wall seconds in which a vehicle tells for how long it has been on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +39,12 @@ class Control:
         self._by_agent = False
         """Whether an agent has set the mode since others did."""
         self._pending: _Override | None = None
+        self._restarted = False
+        """The mode of the next HEARTBEAT is one that the vehicle began with."""
+        self._untold = False
+        """The agents do not perceive the override yet."""
+        self._doubt_until = -math.inf
+        """Until when a mode that the vehicle may have begun with is held against nobody."""
 
     @property
     def pending(self) -> bool:
@@ -42,7 +54,8 @@ class Control:
     def heard(self, mode_before: int, *, again: bool) -> None:
         """Take in the mode of a HEARTBEAT; `again` = the vehicle could not be heard before it."""
         vehicle = self._flight.vehicle
-        if mode_before < 0:
+        if mode_before < 0 or self._restarted:
+            self._restarted = False
             self.overridden = vehicle.mode not in vehicle.modes.ordered
         elif vehicle.mode != mode_before:
             ours = again and vehicle.mode == self._flight.asked_last
@@ -50,10 +63,29 @@ class Control:
             if self.overridden:
                 self._set_by_others()
 
+    def doubts(self, mode_before: int, was_armed: bool, silence: float) -> bool:
+        """Whether the HEARTBEAT that has just come may be of a vehicle that was restarted, so that its clock is asked.
+
+        A pilot's switch changes the mode alone; a restart changes it after a silence, or stops the motors as well.
+        """
+        vehicle = self._flight.vehicle
+        changed = mode_before >= 0 and vehicle.mode != mode_before and not self._flight.expects(vehicle.mode)
+        doubts = changed and not self._restarted and ((was_armed and not vehicle.armed) or silence > RESTARTS_WITHIN)
+        if doubts:
+            self._doubt_until = self._flight.now + self._flight.wait(*DOUBT)
+        return doubts
+
+    def rebooted(self) -> None:
+        """The vehicle was restarted: its mode is the one that it begins with, set by nobody."""
+        self._restarted, self._by_agent, self._pending, self._doubt_until = True, False, None, -math.inf
+        self.overridden = False
+        self._end_override()
+
     def look(self) -> None:
         """End what was moving the vehicle when others set the mode, as soon as the vehicle has said why."""
         pending, now = self._pending, self._flight.now
-        if pending is None:
+        self._tell_override()
+        if pending is None or now < self._doubt_until:
             return
         said = self._flight.texts.warnings(pending.at - self._flight.wait(*TEXT_WINDOW))
         moving = [task for task in self._tasks if task.moves]
@@ -96,12 +128,21 @@ class Control:
             return
         self._pending = _Override(name, now, now + self._flight.wait(*TEXT_WINDOW))
         if self._by_agent:
-            self._by_agent, self.override = False, name
-            self._flight.tell(Reading("OVERRIDE", {"mode": name}))
+            self._by_agent, self.override, self._untold = False, name, True
+        self._tell_override()
+
+    def _tell_override(self) -> None:
+        """Let the agents perceive that others have the vehicle, once it is not in doubt."""
+        if self._untold and self._flight.now >= self._doubt_until:
+            self._untold = False
+            self._flight.tell(Reading("OVERRIDE", {"mode": self.override}))
 
     def _taken(self) -> None:
         """An agent has set the mode itself: an override by others is over."""
         self._by_agent = True
-        if self.override:
-            self.override = ""
+        self._end_override()
+
+    def _end_override(self) -> None:
+        told, self.override, self._untold = self.override and not self._untold, "", False
+        if told:
             self._flight.tell(Reading("OVERRIDE", None))

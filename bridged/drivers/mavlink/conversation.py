@@ -12,7 +12,8 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.commands import Commands, Identity
+from bridged.drivers.mavlink.commands import Command, Commands, Identity
+from bridged.drivers.mavlink.confirmation import PRE_ARM
 from bridged.drivers.mavlink.control import Control
 from bridged.drivers.mavlink.failsafe import FailsafeCheck
 from bridged.drivers.mavlink.flight import NOBODYS_FAILSAFE, Call, Flight, Procedure, Steps, Task
@@ -20,14 +21,17 @@ from bridged.drivers.mavlink.limit_watch import LimitWatch
 from bridged.drivers.mavlink.modes import MODE_TABLES, ModeTable
 from bridged.drivers.mavlink.offers import Offer
 from bridged.drivers.mavlink.parameters import spellings
-from bridged.drivers.mavlink.procedures import arm, mode_call, secure, stay
+from bridged.drivers.mavlink.procedures import arm, hold_by_mode, leave_hold, mode_call, secure, stay
 from bridged.drivers.mavlink.streams import Streams
 from bridged.drivers.mavlink.telemetry import MessageFields
-from bridged.drivers.mavlink.texts import Texts
+from bridged.drivers.mavlink.texts import REPEATS_WITHIN, SEVERITIES, Texts, Warnings
 from bridged.drivers.mavlink.vehicle import Vehicle
 from bridged.drivers.robot import OnReading, Order, Outcome, Reading
-from schemas.manifest import Manifest
+from schemas.durations import Duration
+from schemas.manifest import Manifest, Retry
 from schemas.mission import Failsafe, Limits
+from schemas.records import Note
+from schemas.terms import Atom
 
 HEARTBEAT_EVERY, HEARTBEAT_EARLY = 1.0, 0.5
 """Mission seconds between our heartbeats, and how much sooner one may go out together with the vehicle's own."""
@@ -39,6 +43,10 @@ HEARTBEAT_LATE = (1.5, 1.5)
 """Mission and wall seconds without a HEARTBEAT after which the link, not the rate of a message, is in doubt."""
 STALE = (5.0, 2.0)
 """Mission and wall seconds after which what the vehicle told of where it is proves nothing any longer."""
+REBOOT_TOLD = (60.0, 30.0)
+"""Mission and wall seconds for which a restart of the vehicle stands in health."""
+TEXT = "VEHICLE_TEXT"
+"""The source of the vehicle's own warnings."""
 MAX_TASKS = 16
 """Executions under way at once; the bridge allows fewer."""
 NO_LIMITS = Limits()
@@ -62,11 +70,13 @@ class Conversation:
         self.identity = identity
         self.vehicle = Vehicle(MODE_TABLES[manifest.robot.vehicle])
         self.vehicle.stale_after = max(STALE[0], STALE[1] * speed)
-        self.texts = Texts()
-        self.commands = Commands(identity, speed, send)
+        self.texts, self.warnings = Texts(), Warnings()
+        self.commands = Commands(identity, speed, self._send_known)
         self.streams = Streams(manifest, self.commands, speed)
-        self.flight = Flight(self.vehicle, self.commands, self.texts, send, speed, limits, on_reading, failsafe)
-        self.failsafe = FailsafeCheck(failsafe, identity, send, speed)
+        self.flight = Flight(
+            self.vehicle, self.commands, self.texts, self._send_known, speed, limits, on_reading, failsafe
+        )
+        self.failsafe = FailsafeCheck(failsafe, identity, self._send_known, speed)
         self._limits = LimitWatch(self.flight)
         self.received = 0
         """Messages of the vehicle so far."""
@@ -79,6 +89,10 @@ class Conversation:
         self._heartbeat_at = 0.0
         self._listening_since = math.inf
         self._idle_at = 0.0
+        self._mode_before_pause: int | None = None
+        self._commanded = False
+        """Whether something was asked of the vehicle since the last pause: the mode `hold` is not that pause's."""
+        self._rebooted_until = -math.inf
         self.control = Control(self.flight, self._tasks, self.end)
 
     def receive(self, message: dialect.MAVLink_message, now: float) -> None:
@@ -88,17 +102,22 @@ class Conversation:
         self.flight.now, self.flight.message = max(now, self.flight.now), message
         self.received += 1
         name, reboots, mode, silence = message.get_type(), self.vehicle.reboots, self.vehicle.mode, self.silence
+        unknown, was_armed = self.vehicle.unknown_autopilot, self.vehicle.armed
         self.vehicle.receive(message, self.flight.now)
+        if self.vehicle.unknown_autopilot != unknown:
+            self._autopilot_changed()
         self.streams.count(name)
         if self.vehicle.reboots != reboots:
             self._rebooted()
         match name:
             case "HEARTBEAT":
+                if self.control.doubts(mode, was_armed, silence):
+                    self._ask_for_time()
                 self._heard(mode, silence)
             case "COMMAND_ACK":
                 self.commands.acknowledge(message, self.flight.now)
             case "STATUSTEXT":
-                self.texts.receive(message, self.flight.now)
+                self._hear_texts(message)
             case "PARAM_VALUE":
                 self.failsafe.receive(message)
                 self._parameter_told(message.param_id, message.param_value)
@@ -145,7 +164,8 @@ class Conversation:
 
     def perform(self, task: Task, offer: Offer, call: Call) -> Task:
         """Start what the driver offers for an action."""
-        task.by_agent = True
+        task.by_agent, task.call = True, call
+        self._commanded = self._commanded or task.moves or offer.sets_mode
         task.sets_mode, task.takes_control, task.judges_mode = offer.sets_mode, offer.takes_control, offer.judges_mode
         return self.begin(task, offer.procedure, call)
 
@@ -163,7 +183,32 @@ class Conversation:
         mode = {"hold": self.modes.hold, "land": self.modes.land, "rtl": self.modes.rtl}[order]
         for other in list(self._tasks):
             self.end(other, Outcome("failed", reason))
+        self._commanded = True
         return self.begin(Task(order, moves=False, sets_mode=True, yields=not insist), secure, mode_call(mode))
+
+    def pause(self, interrupted: list[Task]) -> Task:
+        """Hold the vehicle by its mode until `resume`; `interrupted`, and what else moves it or sets its mode, ends."""
+        for task in [task for task in self._tasks if task in interrupted or task.moves or task.sets_mode]:
+            self.end(task, Outcome("cancelled", "paused by the operator"))
+        hold = self.modes.hold
+        if self._commanded or self.vehicle.mode != hold:
+            self._mode_before_pause = self.vehicle.mode
+            self.flight.interrupted = [task.call for task in interrupted if task.call is not None]
+        self._commanded = False
+        return self.begin(Task("pause", moves=False, sets_mode=True), hold_by_mode, mode_call(hold))
+
+    def resume(self) -> Task:
+        """Set the mode from which `pause` took the vehicle; in a new life of the bridge the one that takes targets."""
+        before = self._mode_before_pause
+        mode = self.modes.guided if before is None else before
+        for task in [task for task in self._tasks if task.sets_mode]:  # a hold that is not confirmed yet
+            self.end(task, Outcome("cancelled", "the operator continues"))
+        return self.begin(Task("continue", moves=False, sets_mode=True), self._leave_hold, mode_call(mode))
+
+    def _leave_hold(self, flight: Flight, task: Task, call: Call) -> Steps:
+        outcome = yield from leave_hold(flight, task, call)
+        self._commanded = outcome.state == "succeeded"
+        return outcome
 
     def end(self, task: Task, outcome: Outcome, *, hold: bool = False) -> None:
         """End a procedure from outside; `hold` makes a vehicle in flight stay where it is, unless others fly it."""
@@ -194,17 +239,22 @@ class Conversation:
         """Wall seconds since the last HEARTBEAT; infinite before the first."""
         return self.flight.to_wall(self.flight.now - self.vehicle.heard_at)
 
-    def notes(self) -> list[str]:
+    def notes(self) -> list[str | Note]:
         """Warnings that hold now."""
         now = self.flight.now
         if not self.vehicle.heartbeats and self.flight.to_wall(now - self._listening_since) < PATIENCE_AT_START:
-            return self.failsafe.notes()
+            return [*self.failsafe.notes()]
+        rebooted = [Note(code="vehicle_rebooted", text="the vehicle rebooted")] if now < self._rebooted_until else []
+        if refusal := self.vehicle.not_commanded:
+            said = f"no heartbeat from system {self.identity.vehicle}"
+            return [Note(code="autopilot_unknown", text=refusal), *([] if self.vehicle.connected else [said])]
         if not self.vehicle.connected:
-            return [f"no heartbeat from system {self.identity.vehicle}", *self.failsafe.notes()]
+            return [*rebooted, f"no heartbeat from system {self.identity.vehicle}", *self.failsafe.notes()]
         late = now - self.vehicle.heard_at > self.flight.wait(*HEARTBEAT_LATE)
         own = (self.vehicle.contradiction, self.flight.plan.broken, self._limits.outside)
         trouble = [task.trouble for task in self._tasks]
-        return [one for one in (*own, *trouble) if one] + ([] if late else self.streams.notes()) + self.failsafe.notes()
+        unsent = [] if late else self.streams.notes()
+        return [*rebooted, *(one for one in (*own, *trouble) if one), *unsent, *self.failsafe.notes()]
 
     def _step(self) -> None:
         """Let every procedure look at the flight once; one that others have overridden waits only for its end."""
@@ -235,7 +285,14 @@ class Conversation:
         while not self.vehicle.connected:
             task.waits_for = f"a heartbeat from system {self.identity.vehicle}"
             yield
+        if refusal := self.vehicle.not_commanded:
+            return Outcome("refused", refusal)
         return (yield from procedure(self.flight, task, call))
+
+    def _send_known(self, message: dialect.MAVLink_message) -> None:
+        """Send what commands, configures or asks: to a vehicle whose autopilot is known, and to no other."""
+        if not self.vehicle.not_commanded:
+            self._send(message)
 
     def _beat(self) -> None:
         self._heartbeat_at = self.flight.now + HEARTBEAT_EVERY
@@ -249,8 +306,7 @@ class Conversation:
         if not connected:
             again = f"again after {silence:.1f} s" if math.isfinite(silence) else "now"
             log.info("system %d is heard %s: %s", self.identity.vehicle, again, self._mode_and_arming())
-            self.streams.request(self.flight.now)
-            self.failsafe.begin(self.flight.now)
+            self._ask_for_streams()
         self.control.heard(mode_before, again=not connected)
         self._tell_state()
 
@@ -289,11 +345,51 @@ class Conversation:
                 self.end(task, Outcome("failed", f"link lost: {lost}"))
         self._tell_state()
 
+    def _hear_texts(self, message: dialect.MAVLink_message) -> None:
+        """Pass on warnings and worse: to the log when they are news, to agents as long as the vehicle says them.
+
+        What hinders an arming that waits is logged as its cause.
+        """
+        for said in self.texts.receive(message, self.flight.now):
+            news = self.warnings.take(said, self.flight.wait(*REPEATS_WITHIN))
+            if news is None:
+                continue
+            severity = SEVERITIES[said.severity]
+            if news and not (said.text.startswith(PRE_ARM) and any(task.cause for task in self._tasks)):
+                log.warning("system %d says (%s): %s", self.identity.vehicle, severity, said.text)
+            if TEXT in self._sources:
+                self._on_reading(Reading(TEXT, {"severity": Atom(severity), "text": said.text}))
+
+    def _ask_for_time(self) -> None:
+        """Ask for how long the vehicle has been on: a mode that it began with is set by nobody."""
+        number = float(dialect.MAVLINK_MSG_ID_SYSTEM_TIME)
+        request = Command(dialect.MAV_CMD_REQUEST_MESSAGE, (number, *(0.0,) * 6), Retry(times=2, every=Duration(0.2)))
+        self.commands.submit(request, self.flight.now)
+
     def _rebooted(self) -> None:
+        log.warning("system %d: the vehicle rebooted", self.identity.vehicle)
+        self._rebooted_until = self.flight.now + self.flight.wait(*REBOOT_TOLD)
+        self.control.rebooted()
         for task in self.moving:
             self.end(task, Outcome("failed", "the vehicle rebooted"))
-        self.streams.request(self.flight.now)
-        self.failsafe.begin(self.flight.now)
+        self._ask_for_streams()
+
+    def _autopilot_changed(self) -> None:
+        """What was asked of another autopilot is over."""
+        if refusal := self.vehicle.not_commanded:
+            log.error("system %d: %s", self.identity.vehicle, refusal)
+            self.commands.clear()
+            self.streams.stop()
+            for task in list(self._tasks):
+                self.end(task, Outcome("failed", refusal))
+        elif self.vehicle.connected:
+            self._ask_for_streams()
+
+    def _ask_for_streams(self) -> None:
+        """The vehicle is there, or was restarted: it knows nothing of what it was asked before."""
+        if not self.vehicle.not_commanded:
+            self.streams.request(self.flight.now)
+            self.failsafe.begin(self.flight.now)
 
 
 _HEARTBEAT = dialect.MAVLink_heartbeat_message(

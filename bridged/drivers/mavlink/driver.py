@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from typing import Protocol
 
@@ -15,15 +15,16 @@ from bridged.drivers.mavlink.conversation import Conversation
 from bridged.drivers.mavlink.failsafe import our_ids
 from bridged.drivers.mavlink.flight import Task
 from bridged.drivers.mavlink.kind import forward_of
-from bridged.drivers.mavlink.link import Ids, LinkAddress, Peer
+from bridged.drivers.mavlink.link import Ids, LinkAddress
 from bridged.drivers.mavlink.link_state import LinkState
 from bridged.drivers.mavlink.links import Links, Rider, SharedLink
 from bridged.drivers.mavlink.offers import offer_of
 from bridged.drivers.mavlink.signing import read_key
 from bridged.drivers.mavlink.telemetry import unread
-from bridged.drivers.mavlink.twins import Twins, leads_down, may_lead_down
+from bridged.drivers.mavlink.ways_down import leads_down, may_lead_down
 from bridged.drivers.robot import Execution, Order, Outcome, Setup, Value
 from schemas.manifest import ActionEntry, Manifest
+from schemas.records import Note
 
 TICK, TICKS = 0.25, 2.0
 """At most so many wall seconds between looks at the time, and at least so many looks in a second of the vehicle."""
@@ -65,14 +66,13 @@ class MavlinkDriver:
             setup.name,
             robot.sysid,
             Ids(self.identity.system, self.identity.component),
-            self._receive_from,
+            lambda message, peer: self.receive(message),
             self._carry,
             unread(setup.manifest),
             None if robot.signing is None else read_key(setup.folder / robot.signing.passphrase_file),
             forward_of(robot),
             setup.state,
         )
-        self._twins = Twins(robot.sysid)
         self._state = LinkState(setup.on_reading)
         self.unsendable = 0
         """Messages so far that could not be packed."""
@@ -87,7 +87,7 @@ class MavlinkDriver:
             limits=robot.limits,
             failsafe=robot.failsafe,
         )
-        self._patience = self._patience_of(setup.manifest)
+        self._patience = self._be_patient(setup.manifest)
 
     async def run(self) -> None:
         """Carry the vehicle's traffic until cancelled. Raises LinkError if the link cannot be opened: run it again."""
@@ -146,6 +146,8 @@ class MavlinkDriver:
 
         Of two vehicles that cannot be told apart none is armed or moved; one that flies is left its ways down.
         """
+        if refusal := self._conversation.vehicle.not_commanded:
+            return refusal
         if (two := self._two()) and not (self.active and may_lead_down(entry)):
             return two
         mode = self._conversation.control.override
@@ -158,6 +160,16 @@ class MavlinkDriver:
         """Begin an order from above; every action that runs fails with `reason`."""
         self._asked.set()
         return self._conversation.order(order, reason, insist=insist)
+
+    def pause(self, interrupted: Collection[Execution]) -> Execution:
+        """Hold the vehicle by its mode; on `resume` it goes on in the mode before."""
+        self._asked.set()
+        return self._conversation.pause([task for task in interrupted if isinstance(task, Task)])
+
+    def resume(self) -> Execution:
+        """Set the mode before the pause."""
+        self._asked.set()
+        return self._conversation.resume()
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
         """End an execution now."""
@@ -180,16 +192,29 @@ class MavlinkDriver:
         return self._conversation.silence
 
     @property
+    def airborne(self) -> bool:
+        """Armed and off the ground; a rover never is."""
+        vehicle = self._conversation.vehicle
+        return vehicle.aloft and not vehicle.modes.ground
+
+    @property
+    def under_way(self) -> Order | None:
+        """The order that its mode carries out while it is armed."""
+        vehicle = self._conversation.vehicle
+        return vehicle.modes.order_of(vehicle.mode) if vehicle.connected and vehicle.armed else None
+
+    @property
     def overridden(self) -> str:
         """The mode of an armed vehicle in which others have set it; empty if nobody has."""
         talk = self._conversation
-        return talk.vehicle.mode_name if talk.control.overridden and talk.vehicle.armed else ""
+        theirs = talk.control.overridden or talk.vehicle.not_commanded
+        return talk.vehicle.mode_name if theirs and talk.vehicle.armed else ""
 
     def adopt(self, manifest: Manifest) -> None:
         """Go on by another manifest: other streams are asked for."""
         self._conversation.adopt(manifest)
         self._rider.unread = unread(manifest)
-        self._patience = self._patience_of(manifest)
+        self._patience = self._be_patient(manifest)
 
     def speak_for_agent(self, present: bool) -> None:
         """Without an agent, heartbeats that claim to be the ground station stop."""
@@ -204,21 +229,16 @@ class MavlinkDriver:
             "acks_unmatched": talk.commands.unmatched,
             "streams_requested": talk.streams.requested,
             "reboots": talk.vehicle.reboots,
+            "texts_dropped": talk.warnings.dropped,
             "unsendable": self.unsendable,
             "stalls": self.stalls,
         }
         return counters if self._link is None else counters | self._link.counters(self._rider)
 
-    def notes(self) -> list[str]:
+    def notes(self) -> list[str | Note]:
         """Warnings that hold now."""
         of_link = [] if self._link is None else self._link.notes(self._rider)
-        return of_link + self._twins.notes(self._clock.wall()) + self._conversation.notes()
-
-    def _receive_from(self, message: dialect.MAVLink_message, peer: Peer) -> None:
-        sender = (message.get_srcSystem(), message.get_srcComponent())
-        if message.get_type() == "HEARTBEAT" and sender == (self.identity.vehicle, self.identity.autopilot):
-            self._twins.heard(str(peer), self._clock.wall())
-        self.receive(message)
+        return [*of_link, *self._conversation.notes()]
 
     def _look(self) -> None:
         talk = self._conversation
@@ -231,10 +251,14 @@ class MavlinkDriver:
 
     def _two(self) -> str:
         """The warning that two vehicles have the id of ours, empty if there is one."""
-        return next(iter(self._twins.notes(self._clock.wall())), "")
+        return "" if self._link is None else self._rider.address.two_vehicles(asyncio.get_running_loop().time())
 
-    def _patience_of(self, manifest: Manifest) -> float:
-        return self._conversation.flight.wait(manifest.robot.link_loss, manifest.robot.link_loss)
+    def _be_patient(self, manifest: Manifest) -> float:
+        """Mission seconds of silence that are a link loss; the judgement of the vehicle's address goes by them too."""
+        flight, limit = self._conversation.flight, manifest.robot.link_loss
+        patience = flight.wait(limit, limit)
+        self._rider.address.link_loss = flight.to_wall(patience)
+        return patience
 
     def _send(self, message: dialect.MAVLink_message) -> None:
         try:

@@ -67,7 +67,7 @@ class FailsafeCheck:
 
     def begin(self, now: float) -> None:
         """The vehicle is there (again): read the parameter unless nobody relies on it."""
-        if self._failsafe.gcs != "none":
+        if self._failsafe.watches:
             self.value, self._tries, self._next_at = None, 0, now
 
     def tick(self, now: float) -> None:

@@ -58,6 +58,8 @@ class Task(Execution):
     """What keeps it from its end, in words: a warning of health."""
     leaves: str = ""
     """What would be left half done if it ended now, in words."""
+    call: Call | None = None
+    """What it carries out."""
     commands: list[Command] = field(default_factory=list)
     """What it has sent: taken back when it ends early."""
 
@@ -140,12 +142,20 @@ class Flight:
         """What has just come from the vehicle; none while only time passes."""
         self.tell = tell
         """Takes readings of the driver's own sources."""
+        self.interrupted: list[Call] = []
+        """What the last pause has ended: a takeoff among them goes on in the air."""
         self.plan = Plan()
         self.parameters: dict[str, float] = {}
         """Those that were asked for, under the name that was asked for."""
         self.send = send
         self._speed = speed
         self._expected: dict[int, float] = {}
+
+    def goes_on(self, call: Call) -> bool:
+        """Whether the last pause has interrupted this call, and it is begun again for the first time."""
+        interrupted = call in self.interrupted
+        self.interrupted = []
+        return interrupted
 
     def wait(self, mission: float, wall: float) -> float:
         """Mission seconds that last at least `mission` on the vehicle's clock and `wall` on ours (design section 8)."""

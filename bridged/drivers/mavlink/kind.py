@@ -27,13 +27,13 @@ def check_robot(robot: Robot) -> Iterable[tuple[str, str]]:
     from bridged.drivers.mavlink.failsafe import id_problem
 
     link = None
-    if not robot.link:
-        yield "link", f"needs the field `link`: {FORMS}"
-    else:
+    if robot.link:
         try:
             link = LinkAddress.parse(robot.link)
         except LinkAddressError as error:
             yield "link", str(error)
+    elif robot.simulate is None or not robot.simulate.process:  # a simulated vehicle is found a free port
+        yield "link", f"needs the field `link`: {FORMS}"
     if problem := id_problem(robot.failsafe, robot.sysid, robot.ids):
         yield "ids", f"ids: {problem}"
     if robot.signing is not None:

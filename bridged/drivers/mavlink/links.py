@@ -21,15 +21,18 @@ from bridged.drivers.mavlink.address import LinkAddress
 from bridged.drivers.mavlink.endpoint import MAX_FOREIGN_BYTES
 from bridged.drivers.mavlink.forward import GroundStation
 from bridged.drivers.mavlink.link import STILL_THERE, Ids, Link, LinkError, Peer, open_link
-from bridged.drivers.mavlink.signing import OUTDATED, Signing, SigningError, Timestamps
+from bridged.drivers.mavlink.signed_streams import OUTDATED, SignedStreams
+from bridged.drivers.mavlink.signing import Signing, SigningError, Timestamps
+from bridged.drivers.mavlink.vehicle_address import VehicleAddress
 from bridged.drivers.mavlink.wire import AUTOPILOT, SIGNED, Gate, component
+from schemas.records import Note
 
 STRANGE_FOR = 10.0
 """Wall seconds for which a vehicle that nobody claims, or a packet that was not taken, is a warning."""
 MAX_NOTED = 8
 """Such vehicles, and such packets, that are remembered."""
 HOME_AFTER = 3.0
-"""Wall seconds of silence after which what another address sends is the vehicle's for its ground stations."""
+"""Wall seconds of silence after which a camera or companion of a vehicle may speak to stations from another address."""
 TELL_AGAIN = 1.0
 """Wall seconds between two packets that tell a sender how late it is."""
 log = logging.getLogger("mavlink")
@@ -60,6 +63,11 @@ class Rider:
     """Whether the last packet of its vehicle that was read bore a signature."""
     stations: list[GroundStation] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
+    address: VehicleAddress = field(init=False)
+    """Where its vehicle is, on a link at which anybody may call."""
+
+    def __post_init__(self) -> None:
+        self.address = VehicleAddress(self.vehicle)
 
 
 class Links:
@@ -100,6 +108,7 @@ class SharedLink:
         self._stations = stations
         self._lock = asyncio.Lock()
         self._timestamps: Timestamps | None = None
+        self._signed = SignedStreams()
         self._by_key: dict[bytes, Signing] = {}
         self._strangers: dict[int, tuple[str, float]] = {}
         self._refused: dict[tuple[int, str, str], float] = {}
@@ -144,12 +153,17 @@ class SharedLink:
                 self._homes.clear()
                 if self._timestamps is not None:
                     self._timestamps.close()
+                    self._signed.close()
                     self._timestamps = None
                     self._by_key.clear()
 
     def send(self, rider: Rider, message: dialect.MAVLink_message) -> None:
-        """Send to a robot's vehicle where it was heard last. Raises ValueError if the message cannot be packed."""
-        if self.link is not None:
+        """Send to a robot's vehicle where it is. Raises ValueError if the message cannot be packed."""
+        if self.link is None:
+            return
+        if (home := rider.address.peer) is not None and not home.closed:
+            self.link.send_to([home], message, ids=rider.ids, signing=rider.signing)
+        else:
             self.link.send(message, rider.vehicle, ids=rider.ids, signing=rider.signing)
 
     def send_everywhere(self, rider: Rider, message: dialect.MAVLink_message) -> None:
@@ -157,9 +171,9 @@ class SharedLink:
         if self.link is not None:
             self.link.send_to(self.link.peers_of(rider.vehicle), message, ids=rider.ids, signing=rider.signing)
 
-    def notes(self, rider: Rider) -> list[str]:
+    def notes(self, rider: Rider) -> list[str | Note]:
         """Warnings of the link that hold now, and those of one robot's place at it."""
-        notes = []
+        notes: list[str | Note] = [*rider.address.notes(asyncio.get_running_loop().time())]
         if self.link is not None and not self.link.up:
             notes.append(f"link {self.address} is down: {self.link.why}")
         since = asyncio.get_running_loop().time() - STRANGE_FOR
@@ -178,6 +192,10 @@ class SharedLink:
             )
         if self._timestamps is not None and self._timestamps.problem:
             notes.append(f"timestamps of signatures are not kept: {self._timestamps.problem}")
+        if self._signed.problem:
+            notes.append(f"timestamps of signatures are not kept: {self._signed.problem}")
+        if self._signed.damage:
+            notes.append(Note(code="signatures_forgotten", text=self._signed.damage))
         for station in rider.stations:
             notes += station.notes()
             if station.speaks_as == rider.ids:
@@ -199,6 +217,7 @@ class SharedLink:
             "unreadable_packets": came.unreadable_packets,
             "unwanted_packets": came.unwanted,
             "unclaimed_vehicles": self.strange,
+            "foreign_packets": rider.address.foreign,
             "link_dropped": came.dropped,
             "link_reopened": came.reopened,
         }
@@ -226,9 +245,13 @@ class SharedLink:
             return
         now = asyncio.get_running_loop().time()
         speaker = (system, component(packet))
-        home, at = self._homes.get(speaker, (peer, now))
-        if home is not peer and now - at < HOME_AFTER and self.link is not None and home in self.link.peers:
-            return
+        if speaker[1] == AUTOPILOT:
+            if rider.address.peer is not None and str(rider.address.peer) != str(peer):
+                return
+        else:
+            home, at = self._homes.get(speaker, (peer, now))
+            if home is not peer and now - at < HOME_AFTER and self.link is not None and home in self.link.peers:
+                return
         self._homes[speaker] = (peer, now)
         for station in rider.stations:
             station.copy(bytes(packet))
@@ -263,10 +286,12 @@ class SharedLink:
         try:
             if self._timestamps is None:
                 name = re.sub(r"[^A-Za-z0-9.-]+", "_", str(self.address))
-                self._timestamps = Timestamps(None if rider.state is None else rider.state / f"{name}.signing")
+                file = None if rider.state is None else rider.state / f"{name}.signing"
+                self._timestamps = Timestamps(file)
+                self._signed = SignedStreams(file and file.with_name(f"{name}.signed"))
         except (OSError, SigningError) as error:
             raise LinkError(f"link {self.address}: timestamps of signatures: {error}") from error
-        return self._by_key.setdefault(rider.key, Signing(rider.key, self._timestamps))
+        return self._by_key.setdefault(rider.key, Signing(rider.key, self._timestamps, streams=self._signed))
 
     def _attach(self, rider: Rider, address: LinkAddress) -> None:
         station = self._stations.setdefault(str(address), GroundStation(address))
@@ -291,6 +316,8 @@ class SharedLink:
     def _receive(self, message: dialect.MAVLink_message, peer: Peer) -> None:
         system = message.get_srcSystem()
         if rider := self.riders.get(system):
+            if not self._is_own_word(rider, message, peer):
+                return
             rider.signs = bool(message.get_header().incompat_flags & SIGNED)
             rider.receive(message, peer)
         elif message.get_type() == "HEARTBEAT" and message.autopilot != dialect.MAV_AUTOPILOT_INVALID:
@@ -298,6 +325,16 @@ class SharedLink:
             self._strangers[system] = (str(peer), asyncio.get_running_loop().time())
             if len(self._strangers) > MAX_NOTED:
                 del self._strangers[next(iter(self._strangers))]
+
+    def _is_own_word(self, rider: Rider, message: dialect.MAVLink_message, peer: Peer) -> bool:
+        """Whether what is said in the autopilot's name comes from the vehicle; a link with one other end has no choice.
+
+        Cameras and companions may speak from anywhere: what they say is not the vehicle's state.
+        """
+        if message.get_srcComponent() != AUTOPILOT or not self.address.kind.endswith("in"):
+            return True
+        heartbeat = message.get_type() == "HEARTBEAT"
+        return rider.address.counts(peer, asyncio.get_running_loop().time(), heartbeat=heartbeat)
 
     def _tell_state(self, up: bool, why: str) -> None:
         log.info("link %s %s: %s", self.address, "up" if up else "down", why)

@@ -62,7 +62,9 @@ class Taken:
     """How it is carried out and confirmed; the parameters come from the manifest."""
     fields: Mapping[str, Into] = field(default_factory=dict)
     needed: tuple[str, ...] = ()
-    """Fields without which it says nothing."""
+    """Fields that a manifest must name: zero, as ROS has it, would be a place or an order that nobody gave."""
+    older: Mapping[str, str] = field(default_factory=dict)
+    """What earlier releases of mavros called a field."""
     note: str = ""
 
 
@@ -76,9 +78,12 @@ _WAYPOINT = (
     "x_lat", "y_long", "z_alt",
 )  # fmt: skip
 _VELOCITY = ActionEntry(
-    message="SET_POSITION_TARGET_LOCAL_NED", frame="local", confirm="velocity", deadline=Duration(30), supersedes=True
+    message="SET_POSITION_TARGET_LOCAL_NED", frame="local", confirm="velocity", deadline=Duration(30), supersedes=True,
+    fields={"vx": 0, "vy": 0, "vz": 0, "yaw_rate": 0},
+)  # fmt: skip
+_VELOCITY_NOTE = (
+    "m/s east, north and up, rad/s to the left; 0 if not named; ArduPilot stops after 3 s without a new one"
 )
-_VELOCITY_NOTE = "m/s east, north and up, rad/s to the left; ArduPilot stops after 3 s without a new one"
 _TWIST: Mapping[str, Into] = MappingProxyType({
     "linear.x": Into("vy", "float", "m/s"),
     "linear.y": Into("vx", "float", "m/s"),
@@ -220,7 +225,9 @@ CALLS: Mapping[str, Taken] = MappingProxyType({
             "pose.position.altitude": Into("alt", "float", "m"),
         },
         ("pose.position.latitude", "pose.position.longitude", "pose.position.altitude"),
-        note="`altitude` is above mean sea level; succeeds when the vehicle has taken the target",
+        note="`altitude` is above mean sea level; succeeds when the vehicle has taken the target; "
+        "the older `latitude`, `longitude`, `altitude` of GlobalPositionTarget are known, too",
+        older={name: f"pose.position.{name}" for name in ("latitude", "longitude", "altitude")},
     ),
     "setpoint_position/local": Taken(
         "topic",
@@ -237,11 +244,10 @@ CALLS: Mapping[str, Taken] = MappingProxyType({
         note=f"metres east, north and up, {_ESTIMATOR}; succeeds when the vehicle has taken the target",
     ),
     "setpoint_velocity/cmd_vel_unstamped": Taken(
-        "topic", _VELOCITY, _TWIST, ("linear.x", "linear.y"), note=_VELOCITY_NOTE
+        "topic", _VELOCITY, _TWIST, note=_VELOCITY_NOTE
     ),
     "setpoint_velocity/cmd_vel": Taken(
-        "topic", _VELOCITY, {f"twist.{name}": into for name, into in _TWIST.items()},
-        ("twist.linear.x", "twist.linear.y"), note=_VELOCITY_NOTE,
+        "topic", _VELOCITY, {f"twist.{name}": into for name, into in _TWIST.items()}, note=_VELOCITY_NOTE,
     ),
     "rc/override": Taken(
         "topic",

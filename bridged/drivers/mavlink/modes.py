@@ -8,6 +8,8 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.robot import Order
+
 
 @dataclass(frozen=True)
 class ModeTable:
@@ -32,6 +34,10 @@ class ModeTable:
     """The mode that the vehicle is in when the mission is over: `auto`, or what it goes to by itself."""
     without_position: frozenset[int]
     """Modes in which the vehicle flies without knowing where it is."""
+    returning: frozenset[int] = frozenset()
+    """Modes besides `rtl` in which the vehicle returns by itself."""
+    landing: frozenset[int] = frozenset()
+    """Modes besides `land` in which it lands by itself."""
     takeoff: int | None = None
     """A mode that takes off by itself, for vehicles that take no command for it."""
     lands: bool = True
@@ -47,6 +53,17 @@ class ModeTable:
     def ordered(self) -> frozenset[int]:
         """The modes in which agents and orders leave a vehicle; one found in another is flown by somebody else."""
         return frozenset({self.guided, self.hold, self.land, self.rtl})
+
+    def order_of(self, mode: int) -> Order | None:
+        """The order that a mode carries out; of several with one mode the least safe, so that the others still count.
+
+        A rover's HOLD is `hold` and not `land`: `rtl` may follow it.
+        """
+        if mode == self.hold:
+            return "hold"
+        if mode == self.rtl or mode in self.returning:
+            return "rtl"
+        return "land" if mode == self.land or mode in self.landing else None
 
     def name(self, number: int) -> str:
         """The mode's name, or `CMODE(n)` as mavros writes a number that it does not know."""
@@ -108,6 +125,7 @@ ARDUCOPTER = ModeTable(
     auto=3,
     after_mission=3,
     without_position=frozenset({0, 1, 2, 13, 14, 18, 20, 28}),
+    returning=frozenset({21, 27}),
 )
 """ArduPilot ArduCopter/mode.h of 2025-10."""
 
@@ -151,6 +169,8 @@ ARDUPLANE = ModeTable(
     auto=10,
     after_mission=11,
     without_position=frozenset({0, 2, 3, 4, 5, 6, 8, 17, 18, 22, 23}),
+    returning=frozenset({21}),
+    landing=frozenset({20, 26}),
     takeoff=13,
     lands=False,
     stands=False,
@@ -190,6 +210,7 @@ ARDUROVER = ModeTable(
     auto=10,
     after_mission=4,
     without_position=frozenset({0, 1, 3, 4, 7, 16}),
+    returning=frozenset({12}),
     lands=False,
     ground=True,
     stay_guided=False,
@@ -203,10 +224,20 @@ MODE_TABLES: Mapping[str, ModeTable] = MappingProxyType(
 
 _BY_TYPE = {kind: table for table in (ARDUCOPTER, ARDUPLANE, ARDUPLANE_VTOL, ARDUROVER) for kind in table.types}
 
+COMING_HOME: frozenset[str] = frozenset(
+    name for table in _BY_TYPE.values() for mode, name in table.names.items() if table.order_of(mode) in ("rtl", "land")
+)
+"""Names of the modes in which a vehicle of any kind returns or lands by itself."""
+
 
 def table_of(declared: ModeTable, kind: int) -> ModeTable:
     """The table of a vehicle of this MAV_TYPE: as it is, not as the manifest says; `declared` if nothing is known."""
     return _BY_TYPE.get(kind, declared)
+
+
+def nameless(declared: ModeTable) -> ModeTable:
+    """The table of an autopilot whose modes are not known: each is called by its number."""
+    return replace(declared, names=MappingProxyType({}))
 
 
 def contradiction(declared: ModeTable, kind: int) -> str:

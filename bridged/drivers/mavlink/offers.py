@@ -70,7 +70,7 @@ class CallOffer:
 
 COMMANDS: Mapping[str, Offer] = MappingProxyType({
     "mode": Offer(mission_flight.enter_mode, sets_mode=True, takes_control=True),
-    "armed": Offer(procedures.arm),
+    "armed": Offer(procedures.arm, ("cause",)),
     "altitude": Offer(procedures.take_off, _CLIMB),
     "target": Offer(procedures.reposition),
     "arrival": Offer(procedures.reposition_and_arrive, _WAY),

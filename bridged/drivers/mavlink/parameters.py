@@ -131,7 +131,7 @@ def set_parameter(flight: Flight, task: Task, call: Call) -> Steps:
 def guard(flight: Flight, name: str, value: float) -> str:
     """In words, that the mission file relies on what a value would switch off; empty = it does not."""
     name, off = name.upper(), abs(value) < 1
-    if flight.failsafe.gcs != "none" and (name in _FAILSAFE_SETTINGS or (name in _FAILSAFE_SWITCHES and off)):
+    if flight.failsafe.watches and (name in _FAILSAFE_SETTINGS or (name in _FAILSAFE_SWITCHES and off)):
         return f"{name} is not set to {value:g}: the mission declares `failsafe`, which relies on it"
     if flight.limited and name in _FENCE_SWITCHES and off:
         return f"{name} is not set to {value:g}: the mission declares `limits`, and the fence stays as it is"

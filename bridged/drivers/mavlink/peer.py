@@ -41,6 +41,7 @@ class Peer:
     waiting: Callable[[], int] = lambda: 0  # bytes that wait to be written
     heard_at: float = 0.0  # event loop time of its last valid packet
     heard: bool = False
+    closed: bool = False  # a connection that ended; an address of UDP never does
     told_at: float = -inf  # event loop time at which its clock was told last that it is behind
     systems: dict[int, float] = field(default_factory=dict)  # who spoke from here, and when last
     encoders: dict[Ids, Encoder] = field(default_factory=dict)

@@ -35,7 +35,7 @@ from bridged.drivers.mavlink.confirmation import (
 from bridged.drivers.mavlink.flight import SUCCEEDED, Call, Flight, Steps, Task
 from bridged.drivers.mavlink.parameters import write_parameter
 from bridged.drivers.mavlink.vehicle import OFF_GROUND
-from bridged.drivers.robot import Outcome
+from bridged.drivers.robot import Outcome, defers
 from schemas.manifest import Retry
 
 HOLD_EVERY = (2.0, 1.0)
@@ -58,7 +58,9 @@ def arm(flight: Flight, task: Task, call: Call) -> Steps:
     if wanted and (other := flight.vehicle.contradiction):
         return Outcome("refused", other)
     if wanted and not flight.vehicle.armed:
-        yield from ready(flight, task)
+        unready = yield from ready(flight, task)
+        if unready is not None:
+            return unready
 
     def shown() -> bool:
         return flight.vehicle.armed == wanted
@@ -84,6 +86,8 @@ def take_off(flight: Flight, task: Task, call: Call) -> Steps:
     vehicle, wanted = flight.vehicle, call.parameters[6]
     if broken := flight.too_high(wanted):
         return Outcome("refused", broken)
+    if flight.goes_on(call) and vehicle.aloft:
+        return (yield from _climb_on(flight, task, call))
     aloft_before = vehicle.aloft
     ground = vehicle.position.altitude if vehicle.position is not None else 0.0
 
@@ -107,7 +111,7 @@ def take_off_by_mode(flight: Flight, task: Task, call: Call) -> Steps:
         return Outcome("refused", f"a vehicle of this kind has no mode to take off by: {vehicle.modes.vehicle}")
     if broken := flight.too_high(float(wanted)):
         return Outcome("refused", broken)
-    if not vehicle.armed or vehicle.aloft:
+    if not vehicle.armed or (vehicle.aloft and not flight.goes_on(call)):
         return Outcome("refused", f"a takeoff begins armed on the ground; {flight.state_in_words()}")
     failure = yield from write_parameter(flight, task, "TKOFF_ALT", float(wanted))
     if failure is not None:
@@ -117,6 +121,17 @@ def take_off_by_mode(flight: Flight, task: Task, call: Call) -> Steps:
     if failure is not None:
         return failure
     return (yield from _climb(flight, task, float(wanted), call.tolerance or 5.0, vehicle.modes.name(mode), asked))
+
+
+def _climb_on(flight: Flight, task: Task, call: Call) -> Steps:
+    """Go on with a takeoff that a pause has interrupted in the air, where NAV_TAKEOFF is refused: by a target above."""
+    vehicle, wanted, asked = flight.vehicle, call.parameters[6], flight.now
+    if vehicle.position is None:
+        return Outcome("refused", "the vehicle has not told where it is")
+    above = replace(vehicle.position, altitude=wanted)
+    target = replace(call, target=above, frame=dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, limited=False)
+    failure = yield from target_taken(flight, task, target)
+    return failure or (yield from _climb(flight, task, wanted, call.tolerance or 0.3, "the target above", asked))
 
 
 def _climb(flight: Flight, task: Task, wanted: float, near: float, name: str, asked: float) -> Steps:
@@ -249,7 +264,8 @@ def mode_call(mode: int) -> Call:
 def secure(flight: Flight, task: Task, call: Call) -> Steps:
     """An order from above the agents: the mode shows at two HEARTBEATs; on the ground the motors stop instead.
 
-    `call.parameters[1]` is the mode. What follows the mode (the flight home, the landing) is not waited for.
+    `call.parameters[1]` is the mode. What follows the mode (the flight home, the landing) is not waited for. Judged
+    here, when the vehicle is heard: it may have turned home while it could not be.
     """
     vehicle = flight.vehicle
     if not vehicle.armed:
@@ -259,8 +275,31 @@ def secure(flight: Flight, task: Task, call: Call) -> Steps:
         stopped = yield from arm(flight, task, stop)
         if stopped.state == "succeeded" or not vehicle.armed:
             return stopped  # else it is not on the ground as it said: it flies, and the mode is what is left
+    mode, under_way = int(call.parameters[1]), vehicle.modes.order_of(vehicle.mode)
+    if task.yields and defers(vehicle.modes.order_of(mode), under_way):
+        return Outcome("succeeded", f"{under_way} is under way: the vehicle is in {vehicle.mode_name}")
+    return (yield from _enter_mode_of(flight, task, call))
+
+
+def _enter_mode_of(flight: Flight, task: Task, call: Call) -> Steps:
     failure = yield from enter(flight, task, call, int(call.parameters[1]))
-    return failure or Outcome("succeeded", f"the vehicle is in {vehicle.mode_name}")
+    return failure or Outcome("succeeded", f"the vehicle is in {flight.vehicle.mode_name}")
+
+
+def hold_by_mode(flight: Flight, task: Task, call: Call) -> Steps:
+    """What pausing does: the mode of `call` shows at two HEARTBEATs. Motors are left as they are, on the ground too."""
+    vehicle = flight.vehicle
+    if not vehicle.armed:
+        return Outcome("succeeded", "the vehicle is not armed")
+    return (yield from _enter_mode_of(flight, task, call))
+
+
+def leave_hold(flight: Flight, task: Task, call: Call) -> Steps:
+    """What continuing does: a vehicle that is in the mode of the order `hold` enters that of `call`."""
+    vehicle = flight.vehicle
+    if vehicle.mode != vehicle.modes.hold:
+        return Outcome("succeeded", f"the vehicle is in {vehicle.mode_name}")
+    return (yield from _enter_mode_of(flight, task, call))
 
 
 def stay(flight: Flight, task: Task, call: Call) -> Steps:

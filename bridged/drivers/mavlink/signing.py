@@ -17,22 +17,18 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink.signed_streams import LATEST, MINUTE, PER_SECOND, SignedStreams
+from commd.state import make_private_file, make_private_folder
+
 BEGAN = 1_420_070_400
 """Unix seconds of 2015-01-01 00:00 UTC, from which timestamps count."""
-PER_SECOND = 100_000
-MINUTE = 60 * PER_SECOND
 FAR_AHEAD = 30 * 365 * 24 * 60 * MINUTE
 """No clock that a vehicle or a computer starts from is so far from ours; a timestamp that is would use up those that
 are left until 2104, after which nothing can be signed."""
-OUTDATED = "outdated"
-"""The objection to a rightly signed packet of a sender whose clock is behind, or to a replay of an old one."""
 RESERVE = MINUTE
 """How far ahead timestamps are written down: the file is written once in so long, and no life of the bridge begins
 below what an earlier one may have used."""
-LATEST = 2**48 - 1
 SIGNATURE_BYTES = 13
-MAX_STREAMS = 256
-"""Streams whose last timestamp is remembered; only holders of the key can make one."""
 
 
 class SigningError(ValueError):
@@ -81,7 +77,7 @@ class Timestamps:
         """Why the file could not be written the last time, in words. A vehicle in flight is not left alone for that."""
         self._last = self._reserved = self._read()
         if file is not None:
-            file.parent.mkdir(parents=True, exist_ok=True)
+            make_private_folder(file.parent)
             self._write(self._reserved)
 
     @property
@@ -131,6 +127,7 @@ class Timestamps:
         if self._file is None:
             return
         fresh = self._file.with_name(self._file.name + ".new")
+        make_private_file(fresh)
         with fresh.open("w", encoding="ascii") as file:
             file.write(f"{bound}\n")
             file.flush()
@@ -141,12 +138,18 @@ class Timestamps:
 class Signing:
     """What one holder of a key signs and checks on one link."""
 
-    def __init__(self, key: bytes, timestamps: Timestamps | None = None, link_id: int = 0) -> None:
-        """`link_id` tells apart several links of one sender to one vehicle."""
+    def __init__(
+        self, key: bytes, timestamps: Timestamps | None = None, link_id: int = 0, streams: SignedStreams | None = None
+    ) -> None:
+        """`link_id` tells apart several links of one sender to one vehicle; `streams` are those of all keys."""
         self._key = key
         self._link_id = link_id
         self.timestamps = timestamps or Timestamps()
-        self._streams: dict[bytes, int] = {}
+        self._streams = streams or SignedStreams()
+        self._key_name = hashlib.sha256(b"argosy: name of a key" + key).digest()[:8]
+        """Tells keys apart in a file, and nothing of them."""
+        if 0 < self._streams.latest <= self.timestamps.last_credible:
+            self.timestamps.heard(self._streams.latest)
 
     def sign_with(self, protocol: dialect.MAVLink) -> None:
         """Let what `protocol` packs next be signed."""
@@ -164,17 +167,11 @@ class Signing:
         ours = hashlib.sha256(self._key + packet[:-6]).digest()[:6]
         if not hmac.compare_digest(ours, packet[-6:]):
             return "wrongly signed"
-        stream = bytes((packet[-SIGNATURE_BYTES], packet[5], packet[6]))
+        stream = self._key_name + bytes((packet[-SIGNATURE_BYTES], packet[5], packet[6]))
         timestamp = int.from_bytes(packet[-12:-6], "little")
         if timestamp > self.timestamps.last_credible:
             return "impossibly new"
-        last = self._streams.get(stream)
-        if last is None and timestamp < self.timestamps.present - MINUTE:
-            return OUTDATED
-        if last is not None and timestamp <= last:
-            return "replayed"
-        if last is None and len(self._streams) >= MAX_STREAMS:
-            del self._streams[next(iter(self._streams))]
-        self._streams[stream] = timestamp
+        if objection := self._streams.objection(stream, timestamp, self.timestamps.present):
+            return objection
         self.timestamps.heard(timestamp)
         return ""

@@ -156,6 +156,8 @@ class _TcpConnection(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._link.drop_peer(self)
+        if self._peer is not None:
+            self._peer.closed = True
         if not self.lost.done():
             why = in_words(exc) if isinstance(exc, OSError) else "the other end closed the connection"
             self.lost.set_result(why)

@@ -25,7 +25,8 @@ OWN_NEEDS = {
 }
 """Hz at least of what readiness and the confirmations look at."""
 UNASKED = frozenset({
-    "HEARTBEAT", "STATUSTEXT", "HOME_POSITION", "COMMAND_ACK", "OVERRIDE", "LINK", "PARAM", "MISSION", "MISSION_LIST",
+    "HEARTBEAT", "STATUSTEXT", "HOME_POSITION", "COMMAND_ACK", "OVERRIDE", "LINK", "PARAM", "VEHICLE_TEXT", "MISSION",
+    "MISSION_LIST",
     "PARAM_VALUE", "MISSION_ITEM_REACHED", "MISSION_ACK", "MISSION_COUNT",
 })  # fmt: skip
 """Come by themselves, on request, or are the driver's own."""

@@ -3,45 +3,121 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 MAX_TEXTS = 50
-MAX_PARTS = 16
+MAX_CHUNKS = 16
 """Chunks of one long text (MAVLink 2: 50 characters each)."""
+CHUNK = 50
+"""Characters of a chunk that another one follows."""
 MAX_INFORMATION = 3
 """Texts of no weight that a reason shows when there was no warning; the last ones."""
 NOTABLE = dialect.MAV_SEVERITY_WARNING
 """Refusals come as warnings and worse; information is left out of reasons when there is something worse."""
+SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
+"""MAV_SEVERITY by its number."""
+REPEATS_WITHIN = (60.0, 60.0)
+"""Mission and wall seconds within which a text is a repetition: ArduPilot says what hinders arming every 30 s."""
+MAX_DISTINCT = 20
+"""Different warnings in that time that are told; the others are counted, as by a vehicle that floods its link."""
+
+
+class Said(NamedTuple):
+    """One whole text of the vehicle."""
+
+    at: float
+    """Mission seconds."""
+    severity: int
+    """MAV_SEVERITY: 0 is the worst."""
+    text: str
+
+
+@dataclass
+class _Long:
+    """A text that comes in chunks."""
+
+    number: int
+    severity: int
+    chunks: dict[int, str] = field(default_factory=dict)
+
+    @property
+    def whole(self) -> bool:
+        last = max(self.chunks)
+        ended = len(self.chunks[last]) < CHUNK or last >= MAX_CHUNKS - 1
+        return ended and len(self.chunks) == last + 1
+
+    def text(self) -> str:
+        """Return what has come of it; ... for what was lost."""
+        return "".join(self.chunks.get(seq, "...") for seq in range(max(self.chunks) + 1))
 
 
 class Texts:
     """The last texts with the time at which they came."""
 
     def __init__(self) -> None:
-        self._texts: deque[tuple[float, int, str]] = deque(maxlen=MAX_TEXTS)
-        self._parts: dict[int, list[str]] = {}
+        self._texts: deque[Said] = deque(maxlen=MAX_TEXTS)
+        self._long: _Long | None = None
 
-    def receive(self, message: dialect.MAVLink_message, now: float) -> None:
-        """Take in a STATUSTEXT, or one chunk of a long one."""
-        text = message.text
-        if message.id:
-            parts = self._parts.setdefault(message.id, [])
-            parts.append(text)
-            if len(text) == 50 and len(parts) < MAX_PARTS:
-                if len(self._parts) > MAX_TEXTS:
-                    self._parts.pop(next(iter(self._parts)))
-                return
-            text = "".join(self._parts.pop(message.id))
-        text = text.strip()
-        if text:
-            self._texts.append((now, message.severity, text))
+    def receive(self, message: dialect.MAVLink_message, now: float) -> list[Said]:
+        """Take in a STATUSTEXT, or one chunk of a long one. Returns the texts that are whole by it.
+
+        A long text of which a chunk was lost is given up when the next text begins.
+        """
+        whole: list[Said] = []
+        if self._long is not None and message.id != self._long.number:
+            whole += self._keep(self._long.severity, self._long.text(), now)
+            self._long = None
+        if not message.id:
+            return whole + self._keep(message.severity, message.text, now)
+        if self._long is None:
+            self._long = _Long(message.id, message.severity)
+        self._long.chunks[min(message.chunk_seq, MAX_CHUNKS - 1)] = message.text
+        if self._long.whole:
+            whole += self._keep(self._long.severity, self._long.text(), now)
+            self._long = None
+        return whole
 
     def since(self, when: float) -> str:
         """What was said since `when`, without repetitions: the warnings, or the last lines if there was no warning."""
-        said = [text for at, _, text in self._texts if at >= when]
+        said = [one.text for one in self._texts if one.at >= when]
         return self.warnings(when) or "; ".join(dict.fromkeys(said[-MAX_INFORMATION:]))
 
     def warnings(self, when: float) -> str:
         """The warnings and worse since `when`, without repetitions."""
-        return "; ".join(dict.fromkeys(text for at, how, text in self._texts if at >= when and how <= NOTABLE))
+        return "; ".join(dict.fromkeys(one.text for one in self._texts if one.at >= when and one.severity <= NOTABLE))
+
+    def beginning(self, prefix: str, when: float) -> list[str]:
+        """What follows `prefix` in the texts since `when` that begin with it, without repetitions."""
+        said = (one.text.removeprefix(prefix) for one in self._texts if one.at >= when and one.text.startswith(prefix))
+        return list(dict.fromkeys(said))
+
+    def _keep(self, severity: int, text: str, now: float) -> list[Said]:
+        if not (text := text.strip()):
+            return []
+        self._texts.append(Said(now, severity, text))
+        return [self._texts[-1]]
+
+
+class Warnings:
+    """Which of the vehicle's warnings are told: each once while it is repeated, and so many different ones at most."""
+
+    def __init__(self) -> None:
+        self.dropped = 0
+        """Warnings so far that were not told, as there were too many."""
+        self._heard: dict[tuple[int, str], float] = {}
+
+    def take(self, said: Said, within: float) -> bool | None:
+        """Take in a text. Returns whether it is news, None if it is not to be told; `within` = REPEATS_WITHIN."""
+        if said.severity > NOTABLE:
+            return None
+        self._heard = {known: at for known, at in self._heard.items() if said.at - at <= within}
+        known = (said.severity, said.text)
+        new = known not in self._heard
+        if new and len(self._heard) >= MAX_DISTINCT:
+            self.dropped += 1
+            return None
+        self._heard[known] = said.at
+        return new

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.modes import ModeTable, contradiction, table_of
+from bridged.drivers.mavlink.modes import ModeTable, contradiction, nameless, table_of
 
 EARTH_M = 6_371_000.0
 _ARMED = dialect.MAV_MODE_FLAG_SAFETY_ARMED
@@ -56,6 +56,8 @@ class Vehicle:
         """Of what the manifest says that it is."""
         self.type = dialect.MAV_TYPE_GENERIC
         """MAV_TYPE of its HEARTBEAT."""
+        self.autopilot: int | None = None
+        """MAV_AUTOPILOT of its HEARTBEAT; None before the first."""
         self.connected = False
         """Heard within the link-loss time; kept by the conversation."""
         self.heartbeats = 0
@@ -76,6 +78,7 @@ class Vehicle:
         self.stale_after = 5.0
         """Mission seconds after which what it told of where it is proves nothing; set by the conversation."""
         self.prearm_ok = False
+        self._unhealthy = 0
         self.ekf_flags = 0
         self.gps_fix = 0
         self.home: Place | None = None
@@ -133,20 +136,22 @@ class Vehicle:
     def receive(self, message: dialect.MAVLink_message, now: float) -> None:
         """Take in one message of this vehicle's autopilot."""
         self.now = now
+        if (boot_ms := getattr(message, "time_boot_ms", None)) is not None:
+            self._clock(boot_ms)
         match message.get_type():
             case "HEARTBEAT":
                 self.heartbeats += 1
                 self.heard_at = now
                 self.mode = message.custom_mode
-                if message.type != self.type:
-                    self.type = message.type
-                    self.modes = table_of(self.declared, message.type)
+                if (message.type, message.autopilot) != (self.type, self.autopilot):
+                    self.type, self.autopilot = message.type, message.autopilot
+                    known = not self.unknown_autopilot
+                    self.modes = table_of(self.declared, message.type) if known else nameless(self.declared)
                 if message.system_status == dialect.MAV_STATE_BOOT and self.system_status > dialect.MAV_STATE_BOOT:
                     self._rebooted()
                 self.base_mode, self.system_status = message.base_mode, message.system_status
                 self.armed = bool(message.base_mode & _ARMED)
             case "GLOBAL_POSITION_INT":
-                self._clock(message.time_boot_ms)
                 self.position = Place(message.lat / 1e7, message.lon / 1e7, message.relative_alt / 1e3)
                 self.amsl = message.alt / 1e3
                 self.heading = None if message.hdg == UNKNOWN_HEADING else math.radians(message.hdg / 100)
@@ -154,12 +159,13 @@ class Vehicle:
                 self.positions += 1
                 self.position_at = now
             case "POSITION_TARGET_GLOBAL_INT":
-                self._clock(message.time_boot_ms)
                 self.target = Place(message.lat_int / 1e7, message.lon_int / 1e7, message.alt)
                 self.targets += 1
             case "SYS_STATUS":
                 self.sensors_enabled = message.onboard_control_sensors_enabled
                 self.prearm_ok = bool(message.onboard_control_sensors_health & _PREARM_CHECK)
+                there = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
+                self._unhealthy = there & ~message.onboard_control_sensors_health
             case "EKF_STATUS_REPORT":
                 self.ekf_flags = message.flags
             case "GPS_RAW_INT":
@@ -170,9 +176,35 @@ class Vehicle:
                 self.home = Place(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3)
 
     @property
+    def unhealthy(self) -> list[str]:
+        """The sensors that are enabled and not healthy (SYS_STATUS), such as `3D_MAG`."""
+        sensors = dialect.enums["MAV_SYS_STATUS_SENSOR"].items()
+        names = {bit: entry.name.removeprefix("MAV_SYS_STATUS_").removeprefix("SENSOR_") for bit, entry in sensors}
+        return [name for bit, name in names.items() if bit & self._unhealthy and bit != _PREARM_CHECK]
+
+    @property
     def contradiction(self) -> str:
         """In words, that the vehicle is another kind than the manifest says; empty if it is not."""
-        return contradiction(self.declared, self.type)
+        return "" if self.unknown_autopilot else contradiction(self.declared, self.type)
+
+    @property
+    def unknown_autopilot(self) -> str:
+        """The name of an autopilot whose modes and commands this driver does not know; empty for ArduPilot.
+
+        Mode numbers, the frames of altitudes and what an acknowledgement means differ: ArduCopter's GUIDED (4) is
+        PX4's AUTO.MISSION, and an altitude above home is taken as one above the sea.
+        """
+        if self.autopilot in (None, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA):
+            return ""
+        entry = dialect.enums["MAV_AUTOPILOT"].get(self.autopilot)
+        return entry.name.removeprefix("MAV_AUTOPILOT_") if entry else f"MAV_AUTOPILOT {self.autopilot}"
+
+    @property
+    def not_commanded(self) -> str:
+        """Why nothing may be sent to it that commands or configures it; empty if it may."""
+        if not (name := self.unknown_autopilot):
+            return ""
+        return f"the autopilot of the vehicle is {name}, and only ArduPilot is commanded: it is listened to only"
 
     def state(self) -> dict[str, object]:
         """What its last HEARTBEAT says; nothing of it while it is not heard."""
@@ -192,7 +224,8 @@ class Vehicle:
         if not self.connected:
             missing.append("no heartbeat from the vehicle")
         if not self.prearm_ok:
-            missing.append("pre-arm checks have not passed (SYS_STATUS)")
+            sensors = ", ".join(self.unhealthy)
+            missing.append(f"pre-arm checks have not passed (SYS_STATUS{sensors and f': not healthy: {sensors}'})")
         if self.mode not in self.modes.without_position:
             if self.gps_fix < dialect.GPS_FIX_TYPE_3D_FIX:
                 missing.append(f"no GPS position (fix type {self.gps_fix})")

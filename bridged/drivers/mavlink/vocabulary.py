@@ -27,13 +27,14 @@ OWN_FIELDS: Mapping[str, tuple[str, ...]] = {
     "OVERRIDE": ("mode",),
     "LINK": ("state",),
     "PARAM": ("name", "value"),
+    "VEHICLE_TEXT": ("severity", "text"),
     "MISSION": (
         "seq", "command", "latitude", "longitude", "altitude", "frame", "param1", "param2", "param3", "param4", "count",
     ),
     "MISSION_LIST": ("count", "waypoints"),
 }  # fmt: skip
 """Sources that the driver reads itself: the mode's name, a mode set by others, the link as the atom up or down, a
-parameter that was asked for, and the items of the mission that was sent or read last."""
+parameter that was asked for, a warning of the vehicle, and the items of the mission that was sent or read last."""
 OWN_PATHS = frozenset({"MISSION_LIST"})
 """Sources of the driver's own whose fields have parts."""
 TABLES = ("modes",)

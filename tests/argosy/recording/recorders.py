@@ -10,6 +10,9 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from argosy.recording.reader import open_recording
+from tests.support.buses import until
+
 STARTED = "recording "
 
 
@@ -65,3 +68,12 @@ async def recording(endpoint: str, path: Path, *arguments: str, fleet: str = "te
     async with argosy("record", "--fleet", fleet, "--router", endpoint, "-o", path, *arguments) as process:
         await process.until(STARTED)
         yield process
+
+
+async def seen(path: Path, key: str, count: int, seconds: float = 20) -> None:
+    """Wait until so many messages on a key are in a file."""
+    await until(
+        lambda: sum(t.messages for t in open_recording(path).topics if t.key == key) >= count,
+        f"{count} on {key}",
+        seconds,
+    )

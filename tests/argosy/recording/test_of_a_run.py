@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from argosy.extras import install_command
 from argosy.recording import of_a_run
 from argosy.recording.of_a_run import NoRecording, RunRecording, recording_of, what_became_of_it
 from argosy.recording.reader import open_recording
@@ -68,8 +69,8 @@ def test_without_the_extra_a_report_is_written_all_the_same(monkeypatch: pytest.
     assert recording_of(None, None) == ""
     assert recording_of(None, tmp_path) == RunRecording(tmp_path / "recording.mcap", asked_for=False)
     monkeypatch.setattr(of_a_run, "find_spec", lambda name: None)
-    assert recording_of(None, tmp_path) == "no recording: it wants `pip install 'argosy[record]'`"
-    with pytest.raises(NoRecording, match=r"pip install 'argosy\[record\]' first"):
+    assert recording_of(None, tmp_path) == f"no recording: it needs `{install_command('record')}`"
+    with pytest.raises(NoRecording, match=r"a.mcap: it needs `.* -m pip install -e '.*\[record\]'`"):
         recording_of(tmp_path / "a.mcap", None)
 
 

@@ -26,8 +26,8 @@ from schemas.codec import codec
 from schemas.minds import MindInputs
 from schemas.records import Health, LiveManifest, ManifestChange, Perception, Record
 from tests.argosy.recording.files import stretch, validated
-from tests.argosy.recording.recorders import argosy, recording
-from tests.support.buses import FLEET, Connect, on_a_bus, session, subscribed, until
+from tests.argosy.recording.recorders import argosy, recording, seen
+from tests.support.buses import FLEET, Connect, on_a_bus, session, subscribed
 
 ALTITUDE = keys.percept(FLEET, "uav1", "altitude")
 INPUTS = keys.trace(FLEET, "uav", "inputs")
@@ -36,15 +36,6 @@ INPUTS = keys.trace(FLEET, "uav", "inputs")
 def altitude(bus: Bus, value: float) -> Perception:
     """A percept of `bus`."""
     return Perception(header=bus.header("percepts"), name="altitude", parameters=(value,))
-
-
-async def seen(path: Path, key: str, count: int, seconds: float = 20) -> None:
-    """Wait until so many messages on a key are in a file."""
-    await until(
-        lambda: sum(t.messages for t in open_recording(path).topics if t.key == key) >= count,
-        f"{count} on {key}",
-        seconds,
-    )
 
 
 def test_everything_that_is_put_is_in_the_file_in_order_with_its_times(endpoint: str, tmp_path: Path) -> None:
@@ -198,7 +189,7 @@ def test_inputs_that_nobody_keeps_any_more_are_told_as_missing(endpoint: str, tm
         found = open_recording(path)
         assert found.end is not None
         assert (found.end.gaps, found.end.why) == ((told,), "told to end (SIGTERM)")
-        assert found.lives()[0].missing == [1, 2]
+        assert found.lives()[0].missing == [range(1, 3)]
 
     on_a_bus(endpoint, body)
 

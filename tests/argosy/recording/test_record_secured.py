@@ -12,7 +12,7 @@ from schemas.records import Health
 from tests.argosy.recording.files import validated
 from tests.argosy.recording.recorders import argosy
 from tests.support.buses import until
-from tests.support.secured import Secured
+from tests.support.secured import FLEET, Secured
 
 PROGRAM = "!go. +!go <- +beat; .wait(200); -beat; !go."
 
@@ -36,7 +36,7 @@ def test_a_recorder_with_keys_hears_each_board(tmp_path: Path) -> None:
         assert code == 0
         assert "board pi3 is not reached" in err
 
-    with Secured() as fleet:
+    with Secured(FLEET.replace("[eye]", "{eye: mail}")) as fleet:
         (fleet.folder / "nothing.asl").write_text(PROGRAM)
         fleet.routers(["pi1", "pi2"])
         fleet.start("pi1", "agentd").says("agents=a")

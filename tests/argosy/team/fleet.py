@@ -6,7 +6,7 @@ from argosy.team import TeamModel
 from schemas import keys
 from schemas.minds import BeliefView, Deed, IntentionView, MindDeeds, MindView
 from schemas.mission import Mission
-from schemas.records import ActionStatus, Header, Health, Mailboxes, Perception, Queue, State
+from schemas.records import ActionStatus, Header, Health, Mailboxes, Perception, Queue, RunPhase, RunState, State
 from schemas.terms import Term
 
 FLEET = "sar"
@@ -61,6 +61,12 @@ class Fleet:
         """An agent tells what it did."""
         told = MindDeeds(agent=agent, deeds=deeds, **fields)  # type: ignore[arg-type]
         self.model.deeds(keys.trace(FLEET, agent, "deeds"), told)
+        return self
+
+    def runs(self, phase: RunPhase, seconds: float, **fields: object) -> Fleet:
+        """`argosy run` tells how far the run has come."""
+        told = RunState(phase=phase, mission_time=seconds, **fields)  # type: ignore[arg-type]
+        self.model.run_told(keys.run(FLEET, "operator"), told)
         return self
 
     def mail(self, board: str, *queues: Queue) -> Fleet:

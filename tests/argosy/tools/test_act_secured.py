@@ -47,6 +47,14 @@ def test_an_observer_does_not(world: World, capsys: pytest.CaptureFixture[str]) 
     assert "note: `eye` is an observer by the mission: where access is controlled it sees, and orders nothing" in said
 
 
+def test_an_observer_of_telemetry_is_told_that_it_sees_no_minds(
+    world: World, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["why", "a", "--mission", str(world.fleet.path), "--keys", str(world.fleet.keys("eye"))]) == 1
+    why = "a: `eye` is an observer of telemetry by the mission: it may not see this (docs/security.md)"
+    assert why in capsys.readouterr().err
+
+
 def test_an_operator_tells_percepts_and_an_observer_does_not(world: World) -> None:
     async def body() -> None:
         mission = world.fleet.mission
@@ -73,8 +81,8 @@ def test_an_observer_lists_what_all_boards_tell(world: World, capsys: pytest.Cap
     out, said = capsys.readouterr()
     assert said == ""
     heads = [line for line in out.splitlines() if not line.startswith(" ")]
-    assert {"three/pi1  board", "three/pi2  board", "three/pi3  board", "three/r1  robot"} <= set(heads)
-    assert "  query  percept/**" in out
+    assert {f"argosy/three/{one}" for one in ("pi1  board", "pi2  board", "pi3  board", "r1  robot")} <= set(heads)
+    assert "  query  argosy/three/a/percept/**" in out
 
 
 def test_zenoh_cli_reads_and_acts_with_an_operators_keys_and_the_settings_of_the_page(world: World) -> None:

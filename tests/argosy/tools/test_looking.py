@@ -14,14 +14,15 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import zenoh
 
 from argosy.__main__ import main
+from argosy.tools import echo
 from argosy.tools.hearing import LATER, ROOM, Copies, Ears, Heard, key_expressions
 from argosy.tools.hz import MOST_KEYS, Rates, figures
 from commd.bus import Bus, open_bus
@@ -79,14 +80,19 @@ def typed(*words: str) -> tuple[int, list[str], str]:
     return done.returncode, done.stdout.splitlines(), done.stderr.strip()
 
 
+TOLD = ("percept/**", "status/**", "services", "manifest", "run", "health/**")
+"""What is listened to of each who."""
+
+
 @pytest.mark.parametrize("wire", ["json", "msgpack"])
 def test_echo_shows_a_record_in_each_line(endpoint: str, wire: Wire) -> None:
     with talking(endpoint, tell, wire):
         code, lines, said = typed("echo", "--router", endpoint, "--count", "2")
         assert (code, said, len(lines)) == (0, "", 2)
-        assert all(re.fullmatch(r"[\d:]{8}\.\d{3} sar/uav/percept/altitude  altitude\(4\.9\)", line) for line in lines)
+        line = r"[\d:]{8}\.\d{3} argosy/sar/uav/percept/altitude  altitude\(4\.9\)"
+        assert all(re.fullmatch(line, one) for one in lines)
         code, lines, _ = typed("echo", "uav", "--router", endpoint, "--count", "1", "--fleet", "sar")
-        assert re.fullmatch(r"[\d:.]{12} uav/percept/altitude  altitude\(4\.9\)", lines[0])
+        assert re.fullmatch(line, lines[0]), "the key as any tool of Zenoh takes it, whatever was asked for"
         code, lines, _ = typed("echo", "uav/percept/*", "--json", "--router", endpoint, "--count", "1")
         one = json.loads(lines[0])
         assert one["key"] == "argosy/sar/uav/percept/altitude"
@@ -94,7 +100,9 @@ def test_echo_shows_a_record_in_each_line(endpoint: str, wire: Wire) -> None:
         assert one["record"]["parameters"] == [4.9]
         code, lines, _ = typed("echo", "argosy/sar/**", "--raw", "--router", endpoint, "--count", "1")
         assert lines[0].startswith("argosy/sar/uav/percept/altitude ")
-        assert "altitude" in lines[0].partition(" ")[2]
+        assert "altitude" in "\n".join(lines).partition(" ")[2], (
+            "as it came: a stamp may have any byte, ends of lines too"
+        )
 
 
 def test_a_reader_that_goes_ends_it_and_so_does_ctrl_c(endpoint: str) -> None:
@@ -168,7 +176,7 @@ def test_hz_measures_each_key(endpoint: str) -> None:
             "ago",
         ]
         key, rate, *_, size, number, last = lines[1].split()
-        assert key == "uav/percept/altitude"
+        assert key == "argosy/sar/uav/percept/altitude"
         assert 3 < float(rate) < 11
         assert int(number) >= 6
         assert float(last) < 2
@@ -261,19 +269,46 @@ def test_a_board_that_tells_no_more_does_not_silence_the_other() -> None:
     assert heard == [True] * 10
 
 
+@pytest.mark.parametrize("key", ["**/state", "uav/percept/state", "argosy/*/*/percept/st$*", "uav"])
+def test_echo_begins_with_the_last_known_value_of_a_percept_that_does_not_change(flying: Trial, key: str) -> None:
+    with running("argosy", "echo", key, "--mission", str(flying.path)) as echo:
+        echo.says('argosy/trial/uav/percept/state  state("STABILIZE", true, false)  (last known)')
+    if key != "uav":  # of which there is more
+        _, [line], _ = typed("echo", key, "--mission", str(flying.path), "--count", "1", "--json")
+        told = json.loads(line)
+        assert (told["key"], told["last_known"]) == ("argosy/trial/uav/percept/state", True)
+        assert told["record"]["parameters"] == ["STABILIZE", True, False]
+
+
+def test_a_value_that_was_asked_for_is_not_shown_after_a_newer_one(capsys: pytest.CaptureFixture[str]) -> None:
+    said = [("a", "old", True), ("a", "new", False), ("a", "older", True), ("b", "kept", True), ("b", "kept too", True)]
+
+    class Said:
+        async def samples(self) -> AsyncIterator[Heard]:
+            for key, text, known in said:
+                yield Heard(key, text.encode(), "text/plain", 0.0, 0.0, last_known=known)
+
+    async def body() -> None:
+        noticing = asyncio.create_task(asyncio.sleep(0))
+        await echo._echo(cast(Ears, Said()), lambda heard: heard.payload.decode(), None, noticing)
+
+    asyncio.run(body())
+    assert capsys.readouterr().out.split("\n") == ["old", "new", "kept", "kept too", ""]
+
+
 def test_list_shows_who_serves_and_who_says_what(flying: Trial) -> None:
     code, lines, said = typed("list", "--mission", str(flying.path), "--types")
     assert (code, said) == (0, "")
-    assert lines[0] == "trial/base  agent"
-    uav = lines[lines.index("trial/uav  agent") : lines.index("trial/uav1  robot")]
-    assert "  query  action/takeoff  Action -> ActionStatus" in uav
-    assert "  query  percept/**  nothing -> Perception" in uav
-    assert "  query  mind  nothing -> MindView" in uav
-    assert any(re.fullmatch(r"  put    health/agentd  Health  [\d.]+ Hz, \d+ B", line) for line in uav)
-    base = lines[: lines.index("trial/local  board")]
+    assert lines[0] == "argosy/trial/base  agent"
+    uav = lines[lines.index("argosy/trial/uav  agent") : lines.index("argosy/trial/uav1  robot")]
+    assert "  query  argosy/trial/uav/action/takeoff  Action -> ActionStatus" in uav
+    assert "  query  argosy/trial/uav/percept/**  nothing -> Perception" in uav
+    assert "  query  argosy/trial/uav/mind  nothing -> MindView" in uav
+    assert any(re.fullmatch(r"  put    argosy/trial/uav/health/agentd  Health  [\d.]+ Hz, \d+ B", line) for line in uav)
+    base = lines[: lines.index("argosy/trial/local  board")]
     assert not any("action" in line for line in base), "it has no robot"
-    assert "  query  stop  StopOrder -> Outcome" in lines
-    assert "  query  mailboxes  nothing -> Mailboxes" in lines
+    assert "  query  argosy/trial/uav1/stop  StopOrder -> Outcome" in lines
+    assert "  query  argosy/trial/local/mailboxes  nothing -> Mailboxes" in lines
 
 
 def test_what_cannot_be_shown_is_written_otherwise_and_what_is_lost_is_no_success(endpoint: str) -> None:
@@ -310,16 +345,37 @@ def test_list_of_nobody_fails(endpoint: str) -> None:
 @pytest.mark.parametrize(
     ("text", "expressions"),
     [
-        (None, [f"argosy/f/*/{rest}" for rest in ("percept/**", "status/**", "services", "manifest", "health/**")]),
+        (None, [f"argosy/f/*/{rest}" for rest in TOLD]),
         ("**", ["argosy/f/**"]),
-        ("uav", [f"argosy/f/uav/{rest}" for rest in ("percept/**", "status/**", "services", "manifest", "health/**")]),
+        ("uav", [f"argosy/f/uav/{rest}" for rest in TOLD]),
         ("uav/percept/*", ["argosy/f/uav/percept/*", "uav/percept/*"]),
+        ("**/altitude", ["argosy/f/**/altitude", "**/altitude"]),
         ("argosy/*/uav/**", ["argosy/*/uav/**"]),
         ("@/*/router", ["@/*/router"]),
     ],
 )
 def test_a_name_or_a_key_expression_says_what_is_listened_to(text: str | None, expressions: list[str]) -> None:
     assert key_expressions(text, "f") == expressions
+
+
+@pytest.mark.parametrize("text", ["**/altitude", "*/**/altitude", "argosy/**", "**", "uav", "uav/percept/*", None])
+def test_a_record_is_heard_once_however_many_expressions_match_its_key(text: str | None, endpoint: str) -> None:
+    async def body(connect: Connect) -> None:
+        speaker, listener = await connect("uav1"), await connect("x")
+        ears = Ears(listener, key_expressions(text, "test"))
+        ours, theirs = keys.percept("test", "uav", "altitude"), "uav/percept/altitude"
+        last = keys.health("test", "uav", "end") if text in ("argosy/**", "**", "uav", None) else theirs
+        await subscribed(speaker, ours)
+        for key in (ours, ours, last):
+            speaker._session.put(key, b"{}", congestion_control=zenoh.CongestionControl.BLOCK)
+        heard = []
+        async for one in ears.samples(asyncio.get_running_loop().time() + 10):
+            heard.append(one.key)
+            if one.key == last:
+                break
+        assert heard == [ours, ours, last]
+
+    on_a_bus(endpoint, body)
 
 
 def test_what_comes_faster_than_it_is_shown_is_counted(endpoint: str) -> None:
@@ -357,7 +413,7 @@ def test_a_board_that_is_not_reached_is_told_while_others_speak() -> None:
             for tool in (echo, hz):
                 assert "note: board pi3 is not reached: " in tool.text
             assert echo.text.count("agentd up 0 s") == 5, "what repeats itself is shown again"
-            (row,) = [line for line in hz.lines if line.startswith("b/health/agentd")]
+            (row,) = [line for line in hz.lines if line.startswith(f"argosy/{NAME}/b/health/agentd")]
             assert int(row.split()[-2]) > 10
 
         asyncio.run(body())

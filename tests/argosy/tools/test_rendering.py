@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from argosy.operator_bus import Where
 from argosy.tools import echo
 from argosy.tools.hearing import Heard
 from argosy.tools.reading import candidates, read_record
@@ -49,6 +48,8 @@ from schemas.records import (
     Queue,
     Receipt,
     Record,
+    RunningMission,
+    RunState,
     ServiceRequest,
     StopOrder,
 )
@@ -118,6 +119,12 @@ RECORDS: list[tuple[str, Record, str]] = [
     ),
     ("pi1/checkup", Checkup(links=True), 'Checkup {"links":true}'),
     ("uav1/stop", StopOrder(order="hold"), "hold"),
+    ("pi1/mission", RunningMission(file="sar.yaml", text="mission: sar\n"), "sar.yaml, 13 characters"),
+    (
+        "operator/run",
+        RunState(phase="bringing_home", why="failed: it is dark", mission_time=61.04),
+        "bringing home: failed: it is dark (61.0 s)",
+    ),
     ("uav1/stop", Outcome(ok=False, reason="not heard"), "NOT done: not heard"),
     (
         "uav1/manifest",
@@ -250,7 +257,7 @@ def test_echo_shows_whatever_is_said_in_a_line_that_no_terminal_takes_for_a_comm
     key: str, payload: bytes, encoding: str
 ) -> None:
     heard = Heard(key, payload, encoding, 1.5, 1.5)
-    for line in (echo._line(Where("*", ""))(heard), echo._json(heard), echo._raw_on_a_terminal(heard)):
+    for line in (echo._line(heard), echo._json(heard), echo._raw_on_a_terminal(heard)):
         assert line.isprintable()
     said = json.loads(echo._json(heard), parse_constant=pytest.fail)
     assert said["key"] == key

@@ -10,7 +10,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from commd.bus import Bus, Query, open_bus
 from schemas import keys
 from schemas.minds import BeliefView, Deed, IntentionView, MindDeeds, MindOrder, MindView
-from schemas.records import ActionStatus, Health, Outcome, Perception, StopOrder
+from schemas.records import ActionStatus, Health, Note, Outcome, Perception, StopOrder
 from schemas.terms import Term
 from tests.support.buses import until
 
@@ -25,6 +25,7 @@ class Robot:
         self.bus, self.name, self.agent = bus, name, agent
         self.answer = answer
         """None: it does not answer at all."""
+        self.warnings: tuple[Note, ...] = ()
         self.orders: list[str] = []
         bus.serve(keys.stop(fleet, name), StopOrder, self._told)
         bus.token(keys.alive(fleet, name, "bridged", bus.boot))
@@ -46,6 +47,11 @@ class Robot:
     def percept(self, name: str, *parameters: Term) -> None:
         """Tell one percept."""
         told = Perception(header=self.bus.header("percepts"), name=name, parameters=parameters)
+        self.bus.put(keys.percept(FLEET, self.agent, name), told)
+
+    def gone(self, name: str) -> None:
+        """Take a percept away."""
+        told = Perception(header=self.bus.header("percepts"), name=name, update="remove")
         self.bus.put(keys.percept(FLEET, self.agent, name), told)
 
     def action(self, number: int, name: str, state: str, *parameters: Term, reason: str = "") -> None:
@@ -122,6 +128,12 @@ async def _healthy(robots: list[Robot], agents: list[Agent]) -> None:
         for agent in agents:
             agent.bus.put(keys.health(FLEET, agent.name, "agentd"), Health(daemon="agentd"))
         for robot in robots:
-            told = Health(daemon="bridged", percepts={robot.agent: "b:1:0"})
+            notes = ("failsafe: none", *(note.text for note in robot.warnings))
+            told = Health(
+                daemon="bridged",
+                percepts={robot.agent: "b:1:0"},
+                notes=notes if robot.warnings else (),
+                coded=robot.warnings,
+            )
             robot.bus.put(keys.health(FLEET, robot.name, "bridged"), told)
         await asyncio.sleep(0.5)

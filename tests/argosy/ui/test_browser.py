@@ -98,7 +98,7 @@ def test_the_page_shows_a_flight_tells_why_and_stops_it(patrol: tuple[Daemon, st
 async def _list_and_map(seen: Seen) -> None:
     await seen.shows("#router", "● router")
     await seen.shows(".row[data-agent=scout]", "uav1")
-    await seen.shows(".row[data-agent=helper]", "waiting")
+    await seen.shows(".row[data-agent=helper]", "idle")
     await seen.shows(".row[data-agent=scout]", "GUIDED armed")
     await seen.shows(".vessel.armed .label", "uav1")
     await seen.shows("#map .scale", "grid")

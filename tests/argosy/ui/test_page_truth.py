@@ -7,6 +7,7 @@ import re
 import signal
 from collections.abc import Callable, Coroutine
 from contextlib import AsyncExitStack
+from pathlib import Path
 
 import pytest
 
@@ -15,7 +16,11 @@ from argosy.operator_bus import Where
 from argosy.team import TeamModel
 from argosy.ui.marks import marks
 from commd.bus import Bus
-from schemas.records import Outcome
+from commd.daemon import tell_mission
+from schemas import keys
+from schemas.mission import read_mission
+from schemas.records import Health, Note, Outcome, RunPhase, RunState
+from schemas.terms import Atom
 from tests.argosy.ui.browsing import APART, PATIENCE, Seen, browsing, chromium
 from tests.argosy.ui.fleets import Agent, Robot, fleet, router
 from tests.argosy.ui.serving import Browser, served
@@ -87,9 +92,6 @@ def test_who_is_gone_is_shown_as_gone_everywhere(endpoint: str) -> None:
 
 
 async def _tells(scout: Agent, uav1: Robot) -> None:
-    from schemas import keys
-    from schemas.records import Health
-
     while True:
         scout.bus.put(keys.health("sar", "scout", "agentd"), Health(daemon="agentd"))
         uav1.bus.put(keys.health("sar", "uav1", "bridged"), Health(daemon="bridged", percepts={"scout": "b:1:0"}))
@@ -128,6 +130,25 @@ def test_a_key_that_is_held_and_a_double_click_order_nothing(endpoint: str) -> N
             await button.click()
             await seen.shows(".outcome.good", "release all: confirmed by it")
             assert uav1.orders == ["release"], "one order, whatever was clicked after it"
+
+    runs(body)
+
+
+def test_a_robot_is_paused_and_continued_by_its_buttons_and_shown_as_paused_meanwhile(endpoint: str) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            [uav1], _, seen = await paged(stack, endpoint, "uav1")
+            uav1.tell()
+            await seen.shows(".row[data-robot=uav1] .how", "GUIDED")
+            await seen.twice(seen.page.locator("header [data-order=pause]"))
+            await seen.shows(".outcome.good", "pause all: confirmed by it")
+            uav1.percept("paused", Atom("operator"))
+            await seen.shows(".row[data-robot=uav1] .how.warn", "PAUSED GUIDED")
+            await seen.twice(seen.page.locator("header [data-order=continue]"))
+            await seen.shows(".outcome.good", "continue all: confirmed by it")
+            uav1.gone("paused")
+            await seen.gone(".row[data-robot=uav1] .how.warn")
+            assert uav1.orders == ["pause", "continue"]
 
     runs(body)
 
@@ -188,7 +209,7 @@ def test_the_stop_buttons_are_in_the_window_whatever_else_there_is_to_say(width:
                 document.querySelector('.time').textContent = '12:34 of 40 min ×0.46';
                 document.querySelector('.done').textContent = '10 of 13 done';
             }""")
-            for order in ("hold", "land", "rtl", "release"):
+            for order in ("hold", "land", "rtl", "release", "pause", "continue"):
                 box = await seen.page.locator(f"header [data-order={order}]").bounding_box()
                 assert box is not None
                 assert box["x"] >= 0
@@ -304,6 +325,18 @@ def test_an_address_that_somebody_has_written_by_hand_opens_the_page(hash: str) 
     runs(body)
 
 
+def test_a_robot_that_nobody_attends_is_an_alarm_on_its_card_before_every_other_note(endpoint: str) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            [uav1], _, seen = await paged(stack, endpoint, "uav1")
+            uav1.warnings = (Note(code="robot_unattended", text="in the air without anybody in charge"),)
+            await seen.shows(".row .notes.bad", "⚠ in the air without anybody in charge · failsafe: none")
+            uav1.warnings = ()
+            await seen.gone(".row .notes.bad")
+
+    runs(body)
+
+
 def test_an_action_of_which_nobody_tells_is_not_shown_as_running_on(endpoint: str) -> None:
     async def body() -> None:
         async with AsyncExitStack() as stack:
@@ -311,7 +344,8 @@ def test_an_action_of_which_nobody_tells_is_not_shown_as_running_on(endpoint: st
             uav1.tell()
             await seen.shows(".row[data-robot=uav1]", "GUIDED")
             uav1.action(1, "goto", "running", -27.603, -48.518, 20)
-            await seen.shows(".row .doing", "goto(")
+            await seen.shows(".row .state", "flying: goto(-27.603,-48.518,20)")
+            await seen.shows(".row .doing[data-silent]", "goto(-27.603,-48.518,20) for")
             await seen.shows(".row .doing[data-silent]", "not heard of for")
 
     runs(body)
@@ -324,5 +358,120 @@ def test_a_robot_may_be_called_as_what_every_object_has(endpoint: str) -> None:
             robot.tell()
             await seen.shows(".vessel .label", "constructor")
             assert not await seen.page.locator(".banner.bad").count()
+
+    runs(body)
+
+
+async def run_told(bus: Bus, phase: RunPhase, seconds: float, **fields: str) -> None:
+    """Tell how far a run has come, as `argosy run` does."""
+    bus.put(keys.run("sar", "operator"), RunState(phase=phase, mission_time=seconds, **fields))  # type: ignore[arg-type]
+
+
+def test_a_mission_that_is_done_is_shown_as_done_after_everybody_and_the_router_have_gone(endpoint: str) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            browser = await stack.enter_async_context(served(Where("sar", endpoint)))
+            async with fleet(endpoint, {"uav1": FINE}) as ([uav1], [_]):
+                seen = await stack.enter_async_context(browsing(browser.doors.url))
+                uav1.tell()
+                await run_told(uav1.bus, "flying", 61.0)
+                await seen.shows("#run.good", "flying")
+                await seen.shows(".chip.time", "1:0")
+                uav1.percept("state", "RTL", True, False)
+                await seen.shows(".row[data-robot=uav1]", "RTL disarmed")
+                await run_told(uav1.bus, "done", 123.4, report="/logs/one", recording="/logs/one.zip")
+                await seen.shows(".banner.good", "The mission is done after 123.4 s.")
+            await seen.shows("#router.calm", "router ended")
+            await seen.page.wait_for_timeout(4_000)  # longer than what was known last may be old
+            await seen.shows(".banner.good", "Report: /logs/one. Recording: /logs/one.zip.")
+            await seen.shows("#run.good", "done")
+            await seen.shows(".chip.time", "2:03")
+            await seen.shows(".row[data-robot=uav1]", "RTL disarmed")
+            for alarming in (
+                ".banner.bad",
+                ".banner.warn",
+                ".row.gone",
+                ".row.stale",
+                ".vessel.old",
+                "[data-old]",
+                ".bad",
+            ):
+                assert await seen.page.locator(f"{alarming}:visible").count() == 0, alarming
+
+    runs(body)
+
+
+def test_a_mission_that_has_failed_says_why_and_who_has_died_is_gone(endpoint: str) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            ([uav1], [scout]) = await stack.enter_async_context(fleet(endpoint, {"uav1": FINE}))
+            browser = await stack.enter_async_context(served(Where("sar", endpoint)))
+            seen = await stack.enter_async_context(browsing(browser.doors.url))
+            uav1.tell()
+            await run_told(uav1.bus, "flying", 61.0)
+            await seen.shows("#run.good", "flying")
+            why = {"why": "agentd scout was killed", "dead": ("agentd scout",)}
+            await run_told(uav1.bus, "bringing_home", 70.0, **why)  # type: ignore[arg-type]
+            await seen.shows("#run.warn", "bringing home")
+            await scout.bus.close()
+            await seen.shows(".row.gone[data-agent=scout]", "gone")
+            await run_told(uav1.bus, "failed", 80.0, **why)  # type: ignore[arg-type]
+            await seen.shows(".banner.bad", "The mission has failed after 80.0 s: agentd scout was killed.")
+            await seen.shows("#run.bad", "failed")
+
+    runs(body)
+
+
+def test_a_run_that_nobody_watches_over_is_told_of(endpoint: str) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            [uav1], _, seen = await paged(stack, endpoint, "uav1")
+            await run_told(uav1.bus, "flying", 61.0)
+            await seen.shows(".banner.warn", "argosy run has not been heard for")
+
+    runs(body)
+
+
+def test_what_several_say_in_the_same_words_is_said_once_and_an_alarm_above_everything(endpoint: str) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            craft, _, seen = await paged(stack, endpoint, "uav1", "uav2")
+            alone = Note(code="robot_unattended", text="in the air, and its agent intends nothing")
+            for robot in craft:
+                notes = ("failsafe: none", alone.text) if robot.name == "uav1" else ("failsafe: none",)
+                told = Health(daemon="bridged", notes=notes, coded=(alone,) if len(notes) > 1 else ())
+                stack.callback(
+                    asyncio.create_task(_again(robot.bus, keys.health("sar", robot.name, "bridged"), told)).cancel
+                )
+            await seen.shows(".shared", "⚠ uav1, uav2: failsafe: none")
+            await seen.shows(".banner.bad", "uav1: in the air, and its agent intends nothing")
+            assert await seen.page.locator(".row", has_text="failsafe").count() == 0
+
+    runs(body)
+
+
+async def _again(bus: Bus, key: str, told: Health) -> None:
+    while True:
+        bus.put(key, told)
+        await asyncio.sleep(0.05)
+
+
+def test_the_page_shows_the_mission_that_the_fleet_runs_whatever_it_was_started_with(
+    endpoint: str, tmp_path: Path
+) -> None:
+    async def body() -> None:
+        async with AsyncExitStack() as stack:
+            await stack.enter_async_context(fleet(endpoint, {"uav1": FINE}))
+            board = await stack.enter_async_context(session(endpoint, "local"))
+            text = "mission: {}\nfleet: sar\nagents: {{scout: {{program: a.asl}}{}}}\ntimeout: {}min\n"
+            ours = read_mission(text.format("ours", "", 7), tmp_path / "ours.yaml")
+            theirs = read_mission(text.format("theirs", ", ghost: {program: a.asl}", 3), tmp_path / "theirs.yaml")
+            tell_mission(board, "local", ours)
+            board.token(keys.alive("sar", "local", "commd", board.boot))
+            browser = await stack.enter_async_context(served(Where("sar", endpoint), theirs))
+            seen = await stack.enter_async_context(browsing(browser.doors.url))
+            await seen.shows("header .mission", "ours")
+            await seen.gone(".row[data-agent=ghost]")
+            await seen.shows(".banner.warn", "The fleet runs another mission than theirs.yaml")
 
     runs(body)

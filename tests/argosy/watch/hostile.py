@@ -1,10 +1,17 @@
-"""A fleet that says what a terminal takes for commands wherever it can, and numbers that are none: `hostile ROUTER`."""
+"""A fleet that says what a terminal takes for commands wherever it can, and numbers that are none.
+
+`hostile ROUTER`, or `hostile ROUTER markup` for what a browser or `rich` takes for markup. `hostile SOCKET markup FLEET
+AGENT ROBOT` is a member of a secured board, which says it in the names that it may use there.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from commd.bus import Bus, Query, open_bus
 from schemas import keys
@@ -19,21 +26,62 @@ from schemas.minds import (
     MindView,
     QuestionView,
 )
-from schemas.records import ActionStatus, Health, Mailboxes, Perception, Queue
+from schemas.records import (
+    ActionStatus,
+    DeadLetter,
+    Health,
+    Mailboxes,
+    Message,
+    Perception,
+    Queue,
+    RunningMission,
+    RunState,
+)
 from schemas.terms import Number, Term
 
-FLEET = "hostile"
-BAD = "\x1b]0;PWNED\x07\x1b[5;5HPWNED\x9b2J\u202e"
+_, KIND, *NAMES = [*sys.argv[1:], "commands"][:5] if __name__ == "__main__" else ("", "commands")
+FLEET, AGENT, ROBOT = NAMES if len(NAMES) == 3 else ("hostile", "scout", "uav1")
+OPEN = len(NAMES) != 3
+MARKUP = (
+    "<img src=x onerror=\"window.hacked=1;document.title='hacked'\"><script>window.hacked=1</script>"
+    "<b class=evil>b</b><a href='javascript:window.hacked=1'>a</a>[bold red]rich[/][link=file:///etc/passwd]l[/link]"
+)
+BAD = MARKUP if KIND == "markup" else "\x1b]0;PWNED\x07\x1b[5;5HPWNED\x9b2J\u202e\r\nFORGED"
+RAW = (b"\x1b]0;PWNED", b"\x1b[5;5HPWNED", b"\x9b2J", "\x9b".encode(), "\u202e".encode(), b"\nFORGED", b"\rFORGED")
+"""What a terminal would take for commands, or a reader for another line."""
+IN_KEY = BAD.replace("/", "").replace("#", "").replace("?", "").replace("$", "").replace("*", "")
+"""What may be in a key of Zenoh's."""
+
+
+@contextmanager
+def saying(*arguments: str) -> Iterator[None]:
+    """Have a process of its own that says it, with the arguments above."""
+    command = [sys.executable, "-m", "tests.argosy.watch.hostile", *arguments]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE)
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"there\n"
+        yield
+    finally:
+        process.kill()
+        process.wait()
 
 
 async def serve(router: str) -> None:
     """Say it until the process is ended."""
-    async with open_bus(router, fleet=FLEET, name="h", daemon="agentd", stamp=time.time_ns, mode="router") as bus:
-        for name, daemon in (("scout", "agentd"), ("uav1", "bridged"), ("pi1", "commd"), (f"bad{BAD}name", "agentd")):
+    mode = "router" if OPEN else "client"
+    async with open_bus(router, fleet=FLEET, name="h", daemon="agentd", stamp=time.time_ns, mode=mode) as bus:
+        for name, daemon in (
+            (AGENT, "agentd"),
+            (ROBOT, "bridged"),
+            ("pi1", "commd"),
+            (f"bad{IN_KEY}name", "agentd"),
+        ):
             bus.token(keys.alive(FLEET, name, daemon, "b"))
-        bus.token(keys.alive(f"other{BAD}", "scout", "agentd", "b"))
-        bus.serve(keys.mind(FLEET, "scout"), MindView, _mind)
+        bus.token(keys.alive(f"other{IN_KEY}", "scout", "agentd", "b"))
+        bus.serve(keys.mind(FLEET, AGENT), MindView, _mind)
         bus.serve(keys.mailboxes(FLEET, "pi1"), Mailboxes, _mailboxes)
+        bus.serve(keys.mission(FLEET, "pi1"), RunningMission, _mission)
         print("there", flush=True)
         while True:
             _say(bus)
@@ -42,7 +90,7 @@ async def serve(router: str) -> None:
 
 async def _mind(query: Query[MindView]) -> None:
     view = MindView(
-        agent="scout",
+        agent=AGENT,
         state="waiting",
         believed=(BeliefView(text=f"a{BAD}", sources=(BAD, "x")),),
         events=(EventView(text=BAD),),
@@ -58,14 +106,22 @@ async def _mind(query: Query[MindView]) -> None:
 
 
 async def _mailboxes(query: Query[Mailboxes]) -> None:
-    queue = Queue(box="inbox", sender=BAD, receiver="scout", messages=2, oldest=3.0, state=BAD)
-    query.reply(Mailboxes(board="pi1", queues=(queue,)), keys.mailboxes(FLEET, "pi1"))
+    queue = Queue(box="inbox", sender=BAD, receiver=AGENT, messages=2, oldest=3.0, state=BAD)
+    message = Message(id=BAD, sender=AGENT, performative=BAD, receiver=BAD, content=BAD)
+    dead = (DeadLetter(message=message, reason=BAD, stamp=1),)
+    boxes = Mailboxes(board="pi1", store=BAD, queues=(queue,), dead=dead, dead_count=1)
+    query.reply(boxes, keys.mailboxes(FLEET, "pi1"))
+
+
+async def _mission(query: Query[RunningMission]) -> None:
+    query.reply(RunningMission(file=BAD, text=f"mission: {BAD!r}\n{BAD}: x\n"))
 
 
 def _say(bus: Bus) -> None:
-    for name, daemon in (("scout", "agentd"), ("pi1", "commd")):
+    for name, daemon in ((AGENT, "agentd"), ("pi1", "commd")):
         bus.put(keys.health(FLEET, name, daemon), Health(daemon=daemon, notes=(BAD,)))
-    bus.put(keys.health(FLEET, "uav1", "bridged"), Health(daemon="bridged", percepts={"scout": "b:1:0"}, notes=(BAD,)))
+    bus.put(keys.health(FLEET, ROBOT, "bridged"), Health(daemon="bridged", percepts={AGENT: "b:1:0"}, notes=(BAD,)))
+    bus.put(keys.run(FLEET, "h"), RunState(phase="failed", why=BAD, report=BAD, recording=BAD, dead=(BAD,)))
     none = Number("Infinity")
     _percept(bus, "state", f"{BAD}GUIDED", True, True)
     for name in ("altitude", "heading"):
@@ -75,21 +131,21 @@ def _say(bus: Bus) -> None:
     _percept(bus, "battery", 1, 1, none)
     _percept(bus, "holder", BAD)
     _percept(bus, "override", BAD)
-    status = ActionStatus(id="scout:b:1", state="running", name="goto", parameters=(BAD,), feedback={BAD: 1.0})
-    bus.put(keys.status(FLEET, "scout", "goto"), status)
-    over = ActionStatus(id=f"scout:b:{time.monotonic()}", state="failed", name="land", parameters=(BAD,), reason=BAD)
-    bus.put(keys.status(FLEET, "scout", "land"), over)
+    status = ActionStatus(id=f"{AGENT}:b:1", state="running", name="goto", parameters=(BAD,), feedback={BAD: 1.0})
+    bus.put(keys.status(FLEET, AGENT, "goto"), status)
+    over = ActionStatus(id=f"{AGENT}:b:{time.monotonic()}", state="failed", name="land", parameters=(BAD,), reason=BAD)
+    bus.put(keys.status(FLEET, AGENT, "land"), over)
     deeds = (
         Deed(kind="print", text=BAD),
         Deed(kind="sent", id=BAD, other=BAD, performative=BAD, text=BAD),
         Deed(kind="undelivered", id=BAD, other=BAD, performative=BAD, text=BAD, reason=BAD),
     )
-    bus.put(keys.trace(FLEET, "scout", "deeds"), MindDeeds(agent="scout", deeds=deeds))
+    bus.put(keys.trace(FLEET, AGENT, "deeds"), MindDeeds(agent=AGENT, deeds=deeds))
 
 
 def _percept(bus: Bus, name: str, *parameters: Term) -> None:
-    told = Perception(header=bus.header("percepts", "scout"), name=name, parameters=parameters)
-    bus.put(keys.percept(FLEET, "scout", name), told)
+    told = Perception(header=bus.header("percepts", AGENT), name=name, parameters=parameters)
+    bus.put(keys.percept(FLEET, AGENT, name), told)
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import pytest
 
 from tests.argosy.conftest import Start
 from tests.argosy.team.test_watcher import crowd_of
+from tests.argosy.watch.hostile import RAW, saying
 from tests.argosy.watch.terminal import Terminal
 
 ROUTER = """
@@ -53,7 +54,9 @@ def test_a_real_flight_is_watched_and_its_agent_looked_into(single_uav: Path, en
     with watch(endpoint, "--mission", str(single_uav), columns=120, lines=24) as terminal:
         terminal.shows("1 of 1 agent  1 of 1 robot  1 of 1 board")
         terminal.until(lambda text: re.search(r"uav1  GUIDED +armed", text) is not None, "the vehicle flies")
-        terminal.until(lambda text: re.search(r"● +uav +waiting +1 +\+!", text) is not None, "the agent's intention")
+        terminal.until(
+            lambda text: re.search(r"● +uav +(acting|flying) +1 +\+!", text) is not None, "the agent's intention"
+        )
         terminal.shows("▸ goto(")
         terminal.press("\r")
         terminal.shows("INTENTIONS 1")
@@ -160,27 +163,28 @@ def test_a_mission_that_cannot_be_read_is_told_in_a_line() -> None:
 
 
 def test_nothing_that_a_fleet_says_is_a_command_to_the_terminal_or_ends_the_view(endpoint: str) -> None:
-    command = [sys.executable, "-m", "tests.argosy.watch.hostile", endpoint]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE)
-    try:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"there\n"
-        with watch(endpoint, "--fleet", "hostile", columns=160, lines=50) as terminal:
-            terminal.shows("+!evil")
-            terminal.until(lambda text: "GUIDED" in text and "▸ goto(" in text, "the vehicle")
-            assert "1 of 1 agent  1 of 1 robot  1 of 1 board" in terminal.text
-            terminal.press("\x1b[B\r")
-            terminal.until(lambda text: "INTENTIONS 1" in text and "DROPPED" in text, "the mind")
-            terminal.until(lambda text: "BELIEFS" in text and "FROM " in text and "fails" in text, "all panes")
-            terminal.press("q")
-            assert terminal.end() == 0
-            assert b"PWNED" in terminal.output, "its words are shown"
-            for sequence in (b"\x1b]0;PWNED", b"\x1b[5;5HPWNED", b"\x9b2J", "\x9b".encode(), "\u202e".encode()):
-                assert sequence not in terminal.output
-            assert b"defect" not in terminal.output
-    finally:
-        process.kill()
-        process.wait()
+    with saying(endpoint), watch(endpoint, "--fleet", "hostile", columns=160, lines=50) as terminal:
+        terminal.shows("+!evil")
+        terminal.until(lambda text: "GUIDED" in text and "▸ goto(" in text, "the vehicle")
+        assert "1 of 1 agent  1 of 1 robot  1 of 1 board" in terminal.text
+        terminal.press("\x1b[B\r")
+        terminal.until(lambda text: "INTENTIONS 1" in text and "DROPPED" in text, "the mind")
+        terminal.until(lambda text: "BELIEFS" in text and "FROM " in text and "fails" in text, "all panes")
+        terminal.press("q")
+        assert terminal.end() == 0
+        assert b"PWNED" in terminal.output, "its words are shown"
+        assert not [sequence for sequence in RAW if sequence in terminal.output]
+        assert b"defect" not in terminal.output
+
+
+def test_markup_that_a_fleet_says_is_shown_as_text(endpoint: str) -> None:
+    with saying(endpoint, "markup"), watch(endpoint, "--fleet", "hostile", columns=400, lines=50) as terminal:
+        terminal.shows("+!evil<img src=x")
+        terminal.shows("[bold red]rich[/]")
+        terminal.press("q")
+        assert terminal.end() == 0
+        assert b"\x1b]8;" not in terminal.output, "no link"
+        assert b"defect" not in terminal.output
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])

@@ -10,7 +10,8 @@ from argosy.watch import pages
 from argosy.watch.app import WatchApp
 from argosy.watch.glyphs import ASCII, UNICODE, glyphs_of
 from argosy.watch.lines import Lines
-from argosy.watch.rows import Row
+from argosy.watch.overview import overview
+from argosy.watch.rows import BAD, WARN, Row
 from schemas import keys
 from schemas.minds import (
     BeliefView,
@@ -24,7 +25,7 @@ from schemas.minds import (
     QuestionView,
     RejectedView,
 )
-from schemas.records import Queue
+from schemas.records import Note, Queue
 from tests.argosy.team.fleet import Fleet, rescue
 from tests.argosy.watch.shown import lines_of, link_to, show, text_of, until
 
@@ -102,8 +103,8 @@ def test_the_overview_shows_vehicles_agents_boards_and_what_happens() -> None:
         text = text_of(app)
         assert "argosy watch sar  2 of 2 agents  1 of 1 robot  1 of 1 board" in text
         assert "●  uav1  GUIDED  armed  20.0 m  0 m off  ▸ goto(-27.603512,-48.5182,20)  1.0 s" in text
-        assert "●  scout     reasoning  1  +!visit(3)  waits: for an action  uav.asl:41  mail 3" in text
-        assert "●  rescuer1                its mind has not been seen yet" in text
+        assert "●  scout     flying  1  +!visit(3)  goto(-27.603512,-48.5182,20)  uav.…  mail 3" in text
+        assert "●  rescuer1             its mind has not been seen yet" in text
         assert "●  pi1  3 messages waiting" in text
         assert "scout  hello there" in text
 
@@ -140,7 +141,7 @@ def test_enter_looks_into_the_agent_of_the_row_and_escape_comes_back() -> None:
 def test_enter_on_a_robot_looks_into_its_agent() -> None:
     async def body(app: WatchApp, pilot: Pilot[None]) -> None:
         await pilot.press("home", "enter")
-        await until(app, pilot, "scout  reasoning  robot uav1")
+        await until(app, pilot, "scout  flying  robot uav1")
 
     show(flying(), body)
 
@@ -327,7 +328,7 @@ def test_that_nobody_is_there_is_said_and_after_a_while_what_to_do() -> None:
         fleet.model.token(keys.alive("other", "x", "agentd", "b"), alive=True)
         fleet.waits(15)
         await until(app, pilot, "waiting for 15 s")
-        assert "at this router there is other: --fleet NAME" in text_of(app)
+        await until(app, pilot, "at this router there is other: --fleet NAME")
         fleet.comes("scout", "agentd")
         await until(app, pilot, "1 of 1 agent")
         assert "nobody" not in text_of(app)
@@ -355,6 +356,15 @@ def test_a_note_of_several_robots_is_said_once() -> None:
         assert "!  uav1, uav2: failsafe: none" in text_of(app)
 
     show(fleet, body)
+
+
+def test_an_alarm_stands_before_other_notes_and_looks_like_an_error() -> None:
+    alarm = Note(code="robot_unattended", text="in the air without anybody in charge")
+    fleet = flying()
+    fleet.told("uav1", "bridged", notes=("failsafe: none", alarm.text), coded=(alarm,), percepts={"scout": "x"})
+    rows = [row.text for row in overview(fleet.model, 100, UNICODE) if row.text.plain.startswith("!")]
+    assert [row.plain for row in rows] == [f"!  uav1: {alarm.text}", "!  uav1: failsafe: none"]
+    assert [[str(one.style) for one in row.spans] for row in rows] == [[BAD], [WARN]]
 
 
 def test_members_stand_in_the_order_of_their_numbers() -> None:

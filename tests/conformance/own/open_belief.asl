@@ -8,7 +8,7 @@
     ?asked(5); ?asked(6); .print("a rule asks anew each time");
     if (not any(7, 2)) { .print("still 1 here") };
     .findall(X, any(X, 2), L); .print(L);
-    -any(1, _); if (not any(_, 2)) { .print(gone) }.
+    -any(1, _); if (any(_, 2)) { .print("no fact any(1,2) was there") }.
 +any(X, Y) <- .print("event ", Y).
 +!other <- ?any(3, 2); .print(3); if (any(4, 2)) { .print(never) }.
 +!context(X) : any(X, 2) & not any(zip, 2) <- .print("context ", X); if (any(1, 2)) { .print(never) }.

@@ -25,7 +25,7 @@ far(P) :- waypoint(P, D) & L > D & L < 9.          // unbound-variable
      takeoff(500);                                 // action-type
      arm_motors("yes");                            // action-type
      print("up");                                  // unknown-action; undotted-internal-action without a manifest
-     .send(base, askOne, wind(_), W);              // endless-ask
+     .send(base, askOne, wind(_), W);
      .send(base, tel, wind(W));                    // unknown-performative
      not far(N);                                   // formula-as-action
      land
@@ -38,6 +38,9 @@ far(P) :- waypoint(P, D) & L > D & L < 9.          // unbound-variable
 +!wait_for_wind : far(_) <- land.                  // plan-shadowed
 
 +!patrol <- .print("round"); !patrol.              // busy-loop
+
+@ask[atomic] -!start
+  <- .send(self, askAll, far(_), L); .print(L).    // endless-ask
 
 +!never <- land.                                   // plan-never-used
 

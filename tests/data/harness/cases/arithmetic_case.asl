@@ -1,8 +1,11 @@
-{ include("$suite/inc/candidate.asl") }
+{ include("../suite/tester.asl") }
 
 double(X, Y) :- Y = 2 * X.
 
-@adds[test] +!adds <- X = 1 + 2; !same(X, 3).
-@[test]     +!doubles : double(4, Y) <- !same(Y, 8); !same(Y / 3, 2.67, 0.01).
-@slow[test, seconds(1)] +!waits <- .wait(20); ?double(1, Z); !same(Z, 2).
++!setup <- -+count(0).
++!teardown <- ?count(N); !assert_between(N, 0, 1).
+
+@adds[test] +!adds <- X = 1 + 2; !assert_equals(3, X).
+@[test]     +!doubles : double(4, Y) <- !assert_equals(8, Y); !assert_equals(2.67, Y / 3, 0.01).
+@slow[test, seconds(1)] +!waits <- .wait(20); ?double(1, Z); -+count(1); !assert_true(count(1)); !assert_false(Z > 2).
 +!no_test_of_mine <- .fail.

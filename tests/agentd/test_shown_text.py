@@ -1,0 +1,53 @@
+"""Text of others reaches terminals and logs as text: no control character, no line in somebody else's name."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+from agentd.host import Host
+from agentd.mind.effects import Print
+from commd.logs import LineFormatter
+from schemas.findings import Finding
+from schemas.terminal import escape_line, escape_lines
+from tests.agentd.teams import Stage
+
+HOSTILE = "\x1b]0;owned\x07\x1b[2J\r\u009b31m\u202eERROR\nERROR bridged orders robot=uav1 lost"
+
+
+def test_what_a_program_prints_sends_no_terminal_a_command() -> None:
+    stage = Stage({"bob": '!s. +!s <- .print("a\x1b[2Jb\u202ec", "\\nsecond\tline").'})
+    stage.run()
+    assert "".join(stage.lines) == "[bob] a\\x1b[2Jb\\u202ec\nsecond\tline"
+
+
+def test_each_line_that_a_served_agent_prints_has_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    written: list[str] = []
+
+    class Out:
+        write = staticmethod(written.append)
+
+    class Told:
+        name = "bob"
+
+        def did(self, effect: object) -> None:
+            pass
+
+    host = Host.__new__(Host)
+    host._tracing, host.part, host._prints = Told(), Told(), []  # type: ignore[assignment]
+    monkeypatch.setattr("agentd.host.stdout", Out)
+    for plain in (False, True):
+        host._carry_out(Print(HOSTILE, plain=plain))
+    assert written == 2 * [
+        "[bob] \\x1b]0;owned\\x07\\x1b[2J\\r\\x9b31m\\u202eERROR",
+        "[bob] ERROR bridged orders robot=uav1 lost",
+    ]
+
+
+def test_a_log_line_and_a_finding_show_what_they_name_as_text() -> None:
+    record = logging.LogRecord("mail", logging.INFO, "", 0, "agent=%s", (HOSTILE,), None)
+    assert LineFormatter("agentd", dated=False).format(record) == f"INFO agentd mail agent={escape_line(HOSTILE)}"
+    assert "\x1b" not in str(Finding(HOSTILE, 1, 1, HOSTILE))
+    assert escape_line(HOSTILE).isprintable()
+    assert escape_lines("a\tb\nc\ud800é") == "a\tb\nc\\ud800é"

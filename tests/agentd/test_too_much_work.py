@@ -1,0 +1,69 @@
+"""A formula that would compute for ever fails, in whatever way it is written, and the mind goes on."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentd.mind import execution, mind, selection, waiting, work
+from agentd.mind.inputs import Mail
+from tests.agentd.minds import World, mind_of, run, term
+
+MANY = " ".join(f"q({n})." for n in range(40))
+
+
+@pytest.fixture
+def short_of_breath(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give formulas a tenth of the steps that they have: what is without end takes a tenth of the time."""
+    for module in (execution, mind, selection, waiting, work):
+        monkeypatch.setattr(module, "MOST_STEPS", work.MOST_STEPS // 10)
+
+
+@pytest.mark.usefixtures("short_of_breath")
+@pytest.mark.parametrize(
+    "formula",
+    [
+        ".findall(X, .range(X,1,1e11) & X < 0, L)",
+        ".count(q(A) & q(B) & q(C) & q(D) & q(E) & A < 0, N)",
+        "?(r(X) & r(Y) & X < 0)",
+        "?fib(26, F)",
+        ".range(L,1,1); Q = (r(X) & r(Y) & X < 0); .findall(X, Q, S)",
+        "for (.range(X,1,1e11)) { +b(X) }",
+        ".wait(r(X) & r(Y) & X < 0)",
+        "?not (r(X) & r(Y) & X < 0)",
+        ".findall(A, q(A)[source(S)] & q(B)[source(S)] & q(C)[source(S)] & q(D)[source(S)] & A < 0, L)",
+    ],
+)
+def test_a_formula_without_end_fails_its_plan_with_too_much_work(formula: str) -> None:
+    world = run(
+        f"{MANY} r(X) :- .range(X,1,100000). fib(0,0). fib(1,1). "
+        "fib(N,F) :- N > 1 & fib(N-1,A) & fib(N-2,B) & F = A+B. "
+        f"!s. +!s <- {formula}; .print(no). -!s[error(E)] <- .print(E). !t. +!t <- .print(t)."
+    )
+    assert sorted(world.prints) == ["t", "too_much_work"]
+
+
+def test_a_formula_has_two_million_steps() -> None:
+    program = "!s. +!s <- .count(.range(X,1,LAST), C); .print(C). -!s[error(E)] <- .print(E)."
+    assert work.MOST_STEPS == 2_000_000
+    assert run(program.replace("LAST", "1990000")).prints == ["1990000"]
+    assert run(program.replace("LAST", "2010000")).prints == ["too_much_work"]
+
+
+@pytest.mark.usefixtures("short_of_breath")
+def test_a_context_without_end_leaves_the_event_to_the_next_plan_and_is_told() -> None:
+    world = run("r(X) :- .range(X,1,1e11). !s. +!s : r(X) & X < 0 <- .print(no). +!s <- .print(second).")
+    assert world.prints == ["second"]
+    assert "steps" in world.logs[0]
+
+
+@pytest.mark.usefixtures("short_of_breath")
+def test_a_question_that_asks_rules_without_end_is_refused_and_told() -> None:
+    mind = mind_of("r(X) :- .range(Y,1,1e11) & Y < 0 & X = Y.")
+    world = World(mind).feed(Mail("alice", "askAll", term("r(X)"), "mid1"))
+    assert any("the question of alice is refused" in line for line in world.logs)
+
+
+@pytest.mark.usefixtures("short_of_breath")
+def test_much_work_in_many_steps_is_no_harm() -> None:
+    program = "!s(10). +!s(0) <- .print(done). +!s(N) <- .count(.range(X,1,100000), C); !s(N-1)."
+    assert run(program).prints == ["done"]

@@ -1,0 +1,240 @@
+"""Attacks by text that is shown, files that are named or left behind, values that grow, and what is no HTTP."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import re
+import socket
+import stat
+import time
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from tests.argosy.ui.test_malformed_http import MALFORMED
+from tests.argosy.watch.hostile import RAW, saying
+from tests.argosy.watch.terminal import Terminal
+from tests.attacks.world import NAME, TEXT, Attack, Row, World
+from tests.support.processes import Daemon
+from tests.support.secured import Secured
+
+SHOWN = 60.0
+"""Seconds that a command has to show what it shows, and to end."""
+REFUSED = 20.0
+"""Seconds in which a program that is no file is refused; most of it is the start of Python."""
+
+
+async def commands_to_terminals(world: World) -> Row:
+    """Say what a terminal takes for commands in every text of an agent's and a robot's records."""
+    row = Row(
+        "text that commands a terminal",
+        "a member of pi3 says OSC titles, cursor moves, C1 codes, line breaks and marks of writing direction as mind, "
+        "beliefs, mail, health notes, percepts and actions of `c` and `r3`; the operator looks by `argosy status`, "
+        "`why`, `echo` and `watch`, each in a terminal",
+        "`argosy`: text of others is escaped where it is shown",
+    )
+    ops = ("--mission", str(world.fleet.path), "--keys", str(world.fleet.keys("ops")))
+    looks = {
+        "status": ["status", *ops[1:]],
+        "why": ["why", "c", *ops],
+        "echo": ["echo", "c", "--count", "10", *ops],
+        "watch": ["watch", *ops],
+    }
+    with saying(world.fleet.socket("pi3"), "commands", NAME, "c", "r3"):
+        for command, arguments in looks.items():
+            output = await asyncio.to_thread(_output, arguments)
+            row.expect(b"PWNED" in output, f"`argosy {command}` shows what was said")
+            passed = [sequence for sequence in RAW if sequence in output]
+            row.expect(not passed, f"`argosy {command}` lets through {passed}")
+            row.expect(b"Traceback" not in output and b"defect" not in output, f"`argosy {command}` goes on")
+            if command == "why":
+                found = re.search(rb"\]0;PWNED[^\r\n]{0,40}", output)
+                row.seen.append(f"`argosy why c`: `{found[0].decode() if found else ''}`")
+    row.seen.append(f"none of {len(RAW)} sequences in the output of {', '.join(looks)}")
+    return row
+
+
+def _output(arguments: list[str]) -> bytes:
+    """What a command of `argosy` writes to a terminal until it ends, `watch` until it shows the mind."""
+    with Terminal(["argosy", *arguments], columns=160, lines=60) as terminal:
+        if arguments[0] == "watch":
+            terminal.until(lambda text: "PWNED" in text, "what was said", SHOWN)
+            terminal.press("q")
+        terminal.end(SHOWN)
+        return terminal.output
+
+
+async def state_under_an_open_umask(_: World) -> Row:
+    """Start the daemons of a board by hand, in a shell whose umask is 0."""
+    row = Row(
+        "state that everybody may read",
+        "`commd`, `bridged` and `agentd` of a board started by hand under umask 0",
+        "the daemons: folders 0700 and files 0600, whatever the umask",
+    )
+    before = os.umask(0)
+    try:
+        fleet = Secured(TEXT)
+        with fleet:
+            await asyncio.to_thread(_serve, fleet)
+            state = fleet.folder / "state"
+            modes = {path: stat.S_IMODE(path.lstat().st_mode) for path in [state, *state.rglob("*")]}
+    finally:
+        os.umask(before)
+    open_ones = [f"{path.relative_to(state.parent)} {mode:o}" for path, mode in modes.items() if mode & 0o077]
+    row.expect(not open_ones, f"nobody else may read {open_ones}")
+    kinds = {path.suffix or path.name for path in modes if not path.is_dir()}
+    row.expect({".mail", ".sqlite", ".actions"} <= kinds, f"mail, minds and the ledger are among {kinds}")
+    row.seen.append(f"{len(modes)} files and folders of state, none of which group or others may read or write")
+    return row
+
+
+def _serve(fleet: Secured) -> None:
+    fleet.routers(("pi1",))
+    fleet.run("argosy", "simulate", str(fleet.path), "--board", "pi1", "--router", fleet.socket("pi1")).says(
+        "simulated turtle", 60
+    )
+    fleet.start("pi1", "bridged").says("serving r1", 60)
+    fleet.start("pi1", "agentd").says("agents=", 60)
+
+
+LEAVES = """
+!go("/etc/passwd"). !go("../other.asl"). !go("link.asl"). !go("own.asl").
++!go(X) <- .include(X); .print("included ", X).
+-!go(X)[error_msg(M)] <- .print("refused: ", M).
+!save("../saved.asl"). !save("out/saved.asl"). !save("saved.asl").
++!save(X) <- .save_agent(X); .print("saved ", X).
+-!save(X)[error_msg(M)] <- .print("refused: ", M).
+"""
+
+
+async def files_outside(world: World) -> Row:
+    """Run a program that reads and writes files outside of its folder, by paths and by links."""
+    row = Row(
+        "files outside of the project",
+        "`agentd run` of a program that includes `/etc/passwd`, `../other.asl` and a link there, and saves itself at "
+        "`../saved.asl` and below a link to a folder",
+        "`.include` and `.save_agent`: within the project's folders, links resolved; `--allow-folder` allows others",
+    )
+    outside = world.fleet.folder / "files"
+    project = outside / "project"
+    project.mkdir(parents=True)
+    (outside / "other.asl").write_text("other.\n")
+    (project / "own.asl").write_text("own.\n")
+    (project / "link.asl").symlink_to(outside / "other.asl")
+    (project / "out").symlink_to(outside)
+    (project / "leaves.asl").write_text(LEAVES)
+    _, text = await asyncio.to_thread(_agentd_run, "leaves.asl", project)
+    refused = [line.partition("refused: ")[2] for line in text.splitlines() if "refused: " in line]
+    row.expect(len(refused) == 5, f"five are refused, not {refused}")
+    row.expect("included own.asl" in text and "saved saved.asl" in text, "what is its own, it may")
+    row.expect({path.name for path in outside.iterdir()} == {"project", "other.asl"}, "nothing was written elsewhere")
+    row.seen += [f"`{text.replace(str(project), 'project')}`" for text in refused[:1]]
+    row.seen.append(f"{len(refused)} refused; its own file included, and it saved there")
+    return row
+
+
+async def values_that_double(world: World) -> Row:
+    """Let a program concatenate a text and a list to themselves without end."""
+    row = Row(
+        "values that double",
+        "`agentd run` of a program that concatenates a text to itself without end, and then a list",
+        "`.concat`: 16,000,000 characters or 1,000,000 members; beyond, the plan fails",
+    )
+    folder = world.fleet.folder / "doubles"
+    folder.mkdir()
+    (folder / "doubles.asl").write_text(
+        '!a("0123456789"). !a([0,1,2,3,4,5,6,7,8,9]).\n+!a(X) <- .concat(X, X, Y); !a(Y).\n'
+        "-!a(_)[error(too_large),error_msg(M)] <- .print(M).\n"
+    )
+    code, text = await asyncio.to_thread(_agentd_run, "doubles.asl", folder)
+    told = [line for line in text.splitlines() if "concat" in line]
+    row.expect(code == 0 and len(told) == 2, f"two plans fail, not {text[-500:]}")
+    row.expect("Traceback" not in text, "no traceback")
+    row.seen += [f"`{line}`" for line in told]
+    return row
+
+
+async def programs_that_are_no_files(world: World) -> Row:
+    """Name a named pipe and a device as programs, for `agentd run` and in a mission for `argosy check`."""
+    row = Row(
+        "a pipe or a device as a program",
+        "`agentd run` and `argosy check` with a named pipe that nobody writes to, and with `/dev/zero`",
+        "whoever reads: a program is a regular file of at most 16 MB",
+    )
+    folder = world.fleet.folder / "pipes"
+    folder.mkdir()
+    os.mkfifo(folder / "pipe.asl")
+    (folder / "zero.asl").symlink_to("/dev/zero")
+    for name in ("pipe.asl", "zero.asl"):
+        mission = folder / f"{name}.yaml"
+        mission.write_text(f"mission: m\nagents:\n  a: {{program: {name}}}\n")
+        for command in (("agentd", "run", name), ("argosy", "check", mission.name)):
+            code, text, seconds = await asyncio.to_thread(_ended, command, folder)
+            row.expect(code == 2, f"{' '.join(command)} ends with 2, not {code}")
+            row.expect(seconds < REFUSED, f"{' '.join(command)} ends within {REFUSED:g} s, not in {seconds:.1f} s")
+            row.expect("Traceback" not in text and "defect" not in text, "it is told in a line")
+            if command[0] == "agentd":
+                line = text.replace(f"{folder}/", "").strip().splitlines()[0]
+                row.seen.append(f"`{line}`")
+    return row
+
+
+async def malformed_http(world: World) -> Row:
+    """Send what is no HTTP to the page of an operator."""
+    row = Row(
+        "what is no HTTP",
+        f"{len(MALFORMED)} malformed requests at the port of `argosy ui` of an operator: bytes, overlong lines, bad "
+        "lengths, control characters in headers",
+        "`argosy ui`: refused and counted, in one line for the 1st, 2nd, 4th, 8th",
+    )
+    keys = ("--mission", str(world.fleet.path), "--keys", str(world.fleet.keys("ops")), "--port", "0")
+    page = world.fleet.run("argosy", "ui", *keys)
+    try:
+        await asyncio.to_thread(page.says, "open http://", SHOWN)
+        address = urlsplit(next(line for line in page.lines if line.startswith("open "))[5:])
+        for sent in MALFORMED:
+            answer = await asyncio.to_thread(_answer, address.port or 0, sent)
+            row.expect(not answer or re.match(rb"HTTP/1\.\d 4", answer), f"{sent[:20]!r} is refused: {answer[:60]!r}")
+        token = f"GET /?{address.query} HTTP/1.1\r\nHost: 127.0.0.1:{address.port}\r\n\r\n".encode()
+        answer = await asyncio.to_thread(_answer, address.port or 0, token, False)
+        row.expect(answer.startswith(b"HTTP/1.1 303"), f"its operator is let in: {answer[:60]!r}")
+        await asyncio.to_thread(page.says, "malformed requests so far")
+        row.expect(not re.search(r"defect|Traceback|\x1b", page.text), page.text)
+        counted = [line for line in page.lines if "malformed" in line]
+        row.seen.append(f"`{counted[-1].removeprefix('argosy ui: ')}`")
+    finally:
+        page.kill()
+    return row
+
+
+def _answer(port: int, sent: bytes, ends: bool = True) -> bytes:
+    with socket.create_connection(("127.0.0.1", port), timeout=10) as link:
+        link.sendall(sent)
+        if ends:
+            link.shutdown(socket.SHUT_WR)
+        return link.recv(65_536)
+
+
+def _agentd_run(program: str, folder: Path) -> tuple[int, str]:
+    code, text, _ = _ended(("agentd", "run", program, "--exit-when-idle", "--timeout", "60"), folder)
+    return code, text
+
+
+def _ended(command: tuple[str, ...], folder: Path) -> tuple[int, str, float]:
+    """Run a command in a folder to its end. Returns its exit code, what it said, and the seconds that it took."""
+    began = time.monotonic()
+    daemon = Daemon(*command, code=folder)
+    try:
+        return daemon.ends(90), daemon.text, time.monotonic() - began
+    finally:
+        daemon.kill()
+
+
+TEXT_AND_FILES: tuple[Attack, ...] = (
+    commands_to_terminals,
+    state_under_an_open_umask,
+    files_outside,
+    values_that_double,
+    programs_that_are_no_files,
+    malformed_http,
+)

@@ -1,0 +1,112 @@
+"""Attacks on the link of a vehicle: real MAVLink packets at the port of a bridge in this process."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.signing import Signing, key_of
+from schemas.records import Note
+from tests.attacks.world import Attack, Row, World
+from tests.bridged.radio import COPTER, Ride, Speaker, place, riding
+from tests.support.buses import until
+from tests.support.ports import free_port
+
+GUIDED = dialect.MAVLink_heartbeat_message(2, 3, 129 | 8, 4, 4, 3)
+"""Of an armed copter that takes targets."""
+
+
+async def telemetry_from_elsewhere(world: World) -> Row:
+    """Somebody on the network of a vehicle says in its name where it is, and that it obeys."""
+    row = Row(
+        "telemetry in the vehicle's name from a second port",
+        "positions at the goal, acknowledgements and HEARTBEATs of 1/1 at the bridge's `udpin` port, from another port "
+        "than the vehicle's, during a `goto`; no signing",
+        "the bridge: a vehicle is a system id and the address that its HEARTBEATs come from",
+    )
+    port = free_port()
+    async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
+        vehicle, forger = Speaker(port), Speaker(port)
+        vehicle.say(GUIDED, place(5.0))
+        state = ride.driver._conversation.vehicle
+        await until(lambda: state.positions == 1, "the vehicle is heard")
+        goal_of_agent = {"latitude": -27.61, "longitude": -48.52, "altitude": 20.0}
+        action = ride.driver.perform("goto", COPTER.actions["goto"], goal_of_agent)
+        goal = dialect.MAVLink_global_position_int_message(0, -276100000, -485200000, 20000, 20000, 0, 0, 0, 0)
+        target = dialect.MAVLink_position_target_global_int_message(
+            0, 6, 3576, -276100000, -485200000, 20.0, 0, 0, 0, 0, 0, 0, 0, 0
+        )
+        for _ in range(20):
+            forger.say(goal, target, dialect.MAVLink_command_ack_message(192, 0))
+        await until(lambda: ride.driver.counters()["foreign_packets"] == 60, "what is forged is counted")
+        vehicle.say(GUIDED)
+        await until(lambda: state.heartbeats == 2, "the vehicle is heard again")
+        row.expect(state.positions == 1, "the vehicle is where it says itself")
+        row.expect(not action.over, f"`goto` is not called done: {action.outcome}")
+        told = _told(ride, "foreign_packets")
+        row.expect(told is not None and f"udp:127.0.0.1:{forger.port}" in told.text, f"health names the forger: {told}")
+        forger.say(GUIDED)
+        vehicle.say(GUIDED, place(6.0))
+        await until(lambda: state.positions == 2, "its own position is taken")
+        two = _told(ride, "two_vehicles")
+        row.expect(two is not None, "a second HEARTBEAT is a second vehicle")
+        row.expect(not forger.listen(), "no order of ours goes to the forger")
+        vehicle.close()
+        forger.close()
+    row.seen.append(f"60 packets not taken, `goto` goes on; health, `foreign_packets`: `{told.text if told else ''}`")
+    row.seen.append(f"with HEARTBEATs as well: `{two.text if two else ''}`; neither is armed or moved meanwhile")
+    return row
+
+
+async def signed_packets_again(world: World) -> Row:
+    """Somebody records what a signed vehicle sends, and sends it to the bridge once it was restarted."""
+    row = Row(
+        "signed packets of before a restart of the bridge",
+        "5 HEARTBEATs of an armed vehicle, rightly signed, are taken; then sent again, from another port, to a bridge "
+        "with the state folder that was left in order, and to one with that of the middle of the work, as of kill -9",
+        "the bridge: the last timestamps of the vehicle's streams are kept, written ahead",
+    )
+    with TemporaryDirectory() as folder:
+        kept, crashed = Path(folder) / "kept", Path(folder) / "crashed"
+        phrase = Path(folder) / "phrase"
+        phrase.write_text("argo\n")
+        phrase.chmod(0o600)
+        port, signing = free_port(), Signing(key_of(b"argo"))
+        fields = f"link: 'udpin:127.0.0.1:{port}', signing: {{passphrase_file: '{phrase}'}}"
+        async with riding(fields, state=kept) as [ride]:
+            vehicle = Speaker(port, signing=signing)
+            packets = [vehicle.say(GUIDED) for _ in range(5)]
+            await until(lambda: ride.driver.counters()["messages"] == 5, "the vehicle is heard")
+            shutil.copytree(kept, crashed)
+        for state, how in ((kept, "in order"), (crashed, "by kill -9")):
+            async with riding(fields, state=state) as [ride]:
+                replayer = Speaker(port)
+                for packet in packets:
+                    replayer.send(packet)
+                await until(lambda: ride.driver.counters()["refused_packets"] == 5, "what came before is refused")
+                row.expect(not ride.driver.heard, f"ended {how}: the vehicle is not heard by what it said before")
+                row.expect(not ride.driver.active, "nor does it count as armed")
+                began = time.monotonic()
+
+                def back() -> bool:
+                    vehicle.say(GUIDED)
+                    return ride.driver.heard
+
+                await until(back, "the vehicle itself is heard")
+                row.seen.append(
+                    f"ended {how}: 5 of 5 refused; the vehicle itself is heard {time.monotonic() - began:.1f} s after"
+                )
+                replayer.close()
+        vehicle.close()
+    return row
+
+
+def _told(ride: Ride, code: str) -> Note | None:
+    return next((note for note in ride.driver.notes() if isinstance(note, Note) and note.code == code), None)
+
+
+VEHICLE: tuple[Attack, ...] = (telemetry_from_elsewhere, signed_packets_again)

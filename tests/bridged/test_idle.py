@@ -1,0 +1,62 @@
+"""When the agents of a robot count as idle."""
+
+from __future__ import annotations
+
+from bridged.idle import Idleness
+
+
+def idle_for(idleness: Idleness, there: set[str], *, seconds: float, speed: float = 1.0) -> float:
+    """Let mission time pass in which nobody has the robot."""
+    result, start, at = 0.0, 1000.0, 0.0
+    while at <= seconds:
+        result = idleness.look(there, True, start + at, (start + at) / speed)
+        at += 0.5
+    return result
+
+
+def told(**agents: bool | None) -> Idleness:
+    idleness = Idleness(10.0)
+    for agent, idle in agents.items():
+        idleness.told(agent, idle)
+    return idleness
+
+
+def test_an_agent_counts_as_idle_after_the_time_that_the_mission_says() -> None:
+    assert idle_for(told(uav=True), {"uav"}, seconds=9.5) == 0
+    assert idle_for(told(uav=True), {"uav"}, seconds=10) == 10
+
+
+def test_one_agent_with_an_intention_or_that_does_not_say_is_enough() -> None:
+    assert idle_for(told(uav=True, wing=False), {"uav", "wing"}, seconds=60) == 0
+    assert idle_for(told(uav=True), {"uav", "planner"}, seconds=60) == 0
+    assert idle_for(told(uav=None), {"uav"}, seconds=60) == 0
+    assert idle_for(told(uav=True), {"uav"}, seconds=60) == 60, "of agents that are there"
+    assert idle_for(told(uav=True), set(), seconds=60) == 0, "who is not there is lost, and not idle"
+
+
+def test_a_robot_whose_agent_is_lost_is_nobodys_whatever_the_others_intend() -> None:
+    idleness = told(wing=False)
+    assert idleness.look({"wing"}, True, 0, 0, lost=True) == 0
+    assert idleness.look({"wing"}, True, 10, 10, lost=True) == 10
+    assert idleness.look(set(), True, 11, 11, lost=True) == 11
+    assert idleness.look(set(), False, 12, 12, lost=True) == 0, "the operator, a pilot or a sequence has it"
+
+
+def test_time_begins_again_whenever_somebody_has_had_the_robot() -> None:
+    idleness = told(uav=True)
+    assert idleness.look({"uav"}, True, 0, 0) == 0
+    assert idleness.look({"uav"}, False, 8, 8) == 0
+    assert idleness.look({"uav"}, True, 9, 9) == 0
+    assert idleness.look({"uav"}, True, 18, 18) == 0
+    assert idleness.look({"uav"}, True, 19, 19) == 10
+
+
+def test_what_a_former_life_said_does_not_count() -> None:
+    idleness = told(uav=True)
+    idleness.gone("uav")
+    assert idle_for(idleness, {"uav"}, seconds=60) == 0
+
+
+def test_at_high_speed_an_agent_has_the_wall_time_to_say_that_it_is_not_idle() -> None:
+    assert idle_for(told(uav=True), {"uav"}, seconds=140, speed=50) == 0
+    assert idle_for(told(uav=True), {"uav"}, seconds=160, speed=50) == 160

@@ -1,0 +1,247 @@
+"""A vehicle is a system id and an address: what others say in its name is told, not taken; two of one id as well."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.driver import MavlinkDriver
+from bridged.drivers.mavlink.flight import Call
+from bridged.drivers.mavlink.modes import MODE_TABLES
+from bridged.drivers.mavlink.peer import Peer
+from bridged.drivers.mavlink.vehicle_address import BACK_WITHIN, VehicleAddress
+from bridged.drivers.mavlink.ways_down import leads_down, may_lead_down
+from bridged.drivers.mavlink.wire import Encoder
+from bridged.drivers.robot import Setup
+from commd.clock import Clock
+from schemas.manifest import load_manifest
+from schemas.mission import read_mission
+from schemas.records import Note
+from tests.bridged.radio import Speaker, place, riding
+from tests.bridged.sky import MISSION
+from tests.support.buses import until
+from tests.support.ports import free_port
+
+MANIFEST = load_manifest("arducopter")
+BEAT = dialect.MAVLink_heartbeat_message(2, 3, 1, 4, 4, 3)
+
+
+def two_told(driver: MavlinkDriver) -> bool:
+    return any(isinstance(note, Note) and note.code == "two_vehicles" for note in driver.notes())
+
+
+class Sender:
+    """Peers by name, and the judgement of a vehicle whose link is lost after 5 s."""
+
+    def __init__(self) -> None:
+        self.address = VehicleAddress(1, link_loss=5.0)
+        self._peers: dict[str, Peer] = {}
+
+    def peer(self, name: str) -> Peer:
+        return self._peers.setdefault(name, Peer(name, lambda data: True))
+
+    def beats(self, name: str, now: float) -> bool:
+        return self.address.counts(self.peer(name), now, heartbeat=True)
+
+    def speaks(self, name: str, now: float) -> bool:
+        return self.address.counts(self.peer(name), now, heartbeat=False)
+
+    def codes(self, now: float) -> set[str]:
+        return {note.code for note in self.address.notes(now)}
+
+
+def test_two_vehicles_of_one_system_id_are_a_warning_while_both_speak(caplog: pytest.LogCaptureFixture) -> None:
+    sender = Sender()
+    for second in range(10):
+        assert sender.beats("udp:a:1", second)
+        assert not sender.beats("udp:b:2", second + 0.5), "the established one keeps counting"
+    said = "two vehicles are system 1, at udp:a:1 and udp:b:2: give each its own MAV_SYSID"
+    assert sender.address.two_vehicles(10.0) == said
+    assert [one.message for one in caplog.records].count(said) == 1, "the log says it once"
+    assert sender.codes(10.0) == {"two_vehicles", "foreign_packets"}
+    for second in range(10, 30):
+        sender.beats("udp:b:2", second)
+    assert sender.address.two_vehicles(30.0) == ""
+
+
+def test_three_of_them_are_a_warning_too() -> None:
+    sender = Sender()
+    for second in range(3):
+        for name in ("a", "b", "c"):
+            sender.beats(name, second)
+    assert sender.address.two_vehicles(2.0)
+
+
+def test_a_vehicle_that_comes_back_from_another_port_is_one_vehicle_that_counts_after_a_link_loss() -> None:
+    sender = Sender()
+    for second in range(100):
+        taken = sender.beats(f"udp:a:{second // 20}", second)
+        assert sender.address.two_vehicles(second) == ""
+        assert taken == (second < 20 or second % 20 > 4), second
+        assert ("vehicle_moved" in sender.codes(second)) == (second > 20 and 4 < second % 20 < 15)
+
+
+def test_an_address_that_is_used_again_much_later_is_one_vehicle() -> None:
+    sender = Sender()
+    for name, now in (("a", 0.0), ("b", 1.0), ("a", BACK_WITHIN + 1.0)):
+        sender.beats(name, now)
+    assert sender.address.two_vehicles(BACK_WITHIN + 1.0) == ""
+
+
+def test_what_another_address_says_without_heartbeats_never_counts_however_long_the_vehicle_is_silent() -> None:
+    sender = Sender()
+    assert not sender.speaks("b", 0.0), "before the first HEARTBEAT nothing is the vehicle's word"
+    assert sender.beats("a", 1.0)
+    for second in range(2, 100):
+        assert not sender.speaks("b", second)
+    assert sender.speaks("a", 100.0)
+    assert sender.address.foreign == 99
+
+
+def test_after_this_process_stood_still_the_known_address_has_its_turn_first() -> None:
+    sender = Sender()
+    sender.beats("a", 0.0)
+    assert not sender.beats("b", 60.0), "what waited is read in a row"
+    assert sender.beats("a", 60.01)
+    assert not sender.beats("b", 60.02)
+
+
+def test_a_connection_that_ended_is_replaced_at_once() -> None:
+    sender = Sender()
+    sender.beats("tcp:a:1", 0.0)
+    sender.peer("tcp:a:1").closed = True
+    assert sender.beats("tcp:a:2", 0.1)
+    assert sender.codes(0.1) == {"vehicle_moved"}
+
+
+def test_ever_new_ports_fill_neither_the_log_nor_the_memory(caplog: pytest.LogCaptureFixture) -> None:
+    sender = Sender()
+    for number in range(1000):
+        assert sender.beats("a", number / 100)
+        assert not sender.beats(f"b{number}", number / 100)
+    assert len(caplog.records) < 4
+    assert len(sender.address._heard) <= 8
+
+
+def test_a_position_and_an_acknowledgement_from_a_second_port_do_not_move_the_vehicle_for_the_agent() -> None:
+    """What an assessment did: telemetry of the vehicle's ids from elsewhere, and `goto` succeeded at once."""
+
+    async def body() -> None:
+        port = free_port()
+        async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
+            vehicle, forger, camera = Speaker(port), Speaker(port), Speaker(port, component=100)
+            state = ride.driver._conversation.vehicle
+            vehicle.say(FLYING, place(5.0))
+            await until(lambda: state.positions == 1, "the vehicle is where it says")
+            camera.say(dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3))
+            forger.say(place(90.0), dialect.MAVLink_command_ack_message(400, 0), FLYING, place(90.0))
+            await until(lambda: ride.driver.counters()["foreign_packets"] == 4, "they are counted")
+            assert state.position is not None
+            assert (state.positions, state.position.altitude) == (1, 5.0)
+            assert ride.driver.counters()["messages"] == 2, "the vehicle's own"
+            said = [note for note in ride.driver.notes() if isinstance(note, Note) and note.code == "foreign_packets"]
+            assert [(note.text, note.value) for note in said] == [
+                (
+                    f"packets of system 1 from udp:127.0.0.1:{forger.port} are not taken: "
+                    f"its HEARTBEATs come from udp:127.0.0.1:{vehicle.port}",
+                    4.0,
+                )
+            ]
+            ride.driver._send(dialect.MAVLink_command_long_message(1, 1, 400, 0, 77.0, 0, 0, 0, 0, 0, 0))
+            await until(lambda: any(getattr(one, "param1", 0) == 77.0 for one in vehicle.listen()), "it is commanded")
+            assert not forger.listen(), "what we say does not go to the forger"
+            vehicle.say(place(6.0))
+            await until(lambda: state.positions == 2, "the vehicle goes on")
+            for one in (vehicle, forger, camera):
+                one.close()
+
+    asyncio.run(body())
+
+
+def test_two_vehicles_at_one_port_of_a_real_link_are_told_and_not_armed_and_their_companions_are_not_meant(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.WARNING)
+    port = free_port()
+    robot = read_mission(MISSION.replace("127.0.0.1:0", f"127.0.0.1:{port}"), Path("test.yaml")).robots["uav1"]
+
+    async def body() -> None:
+        driver = MavlinkDriver(Setup("uav1", MANIFEST, robot, Path(), Clock(), lambda reading: None, lambda: None))
+        driving = asyncio.create_task(driver.run())
+        await until(lambda: "bad_checksums" in driver.counters(), "the link is open")
+        with socket.socket(type=socket.SOCK_DGRAM) as one, socket.socket(type=socket.SOCK_DGRAM) as other:
+
+            def speak(component: int) -> None:
+                for vehicle, at in ((one, 1), (other, component)):
+                    vehicle.sendto(Encoder(1, at).pack(BEAT), ("127.0.0.1", port))
+
+            for _ in range(3):
+                speak(191)
+                await asyncio.sleep(0.05)
+            await until(lambda: driver.counters()["messages"] == 3, "the vehicle is heard beside its companion")
+            assert not two_told(driver)
+            assert driver.refuses(MANIFEST.actions["arm_motors"]) == ""
+            for _ in range(3):
+                speak(1)
+                await asyncio.sleep(0.05)
+            await until(lambda: two_told(driver), "the warning")
+            assert driver.refuses(MANIFEST.actions["arm_motors"]).startswith(
+                "two vehicles are system 1, at udp:127.0.0.1"
+            )
+        driving.cancel()
+        await asyncio.gather(driving, return_exceptions=True)
+
+    asyncio.run(body())
+    assert "two vehicles are system 1" in caplog.text
+
+
+FLYING = dialect.MAVLink_heartbeat_message(2, 3, 129, 4, 4, 3)
+
+
+def test_two_vehicles_of_one_id_in_flight_are_left_their_ways_down_which_go_to_both() -> None:
+    async def body() -> None:
+        port = free_port()
+        async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
+            driver, one, other = ride.driver, Speaker(port), Speaker(port)
+
+            def both_told() -> bool:
+                one.say(FLYING)
+                other.say(FLYING)
+                return two_told(driver)
+
+            await until(both_told, "the warning")
+            where = sorted(f"udp:127.0.0.1:{vehicle.port}" for vehicle in (one, other))
+            said = f"two vehicles are system 1, at {' and '.join(where)}"
+            for name in ("takeoff", "goto", "setpoint"):
+                assert driver.refuses(MANIFEST.actions[name]).startswith(said)
+            for name in ("land", "return_to_launch", "set_mode", "arm_motors"):
+                assert driver.refuses(MANIFEST.actions[name]) == ""
+            for name, arguments in (("set_mode", {"mode": "GUIDED"}), ("arm_motors", {"arm": True})):
+                outcome = driver.perform(name, MANIFEST.actions[name], arguments).outcome
+                assert outcome is not None
+                assert (outcome.state, outcome.reason.startswith(said)) == ("refused", True)
+            rtl = driver.perform("set_mode", MANIFEST.actions["set_mode"], {"mode": "RTL"})
+            assert not rtl.over
+
+            def told_to_return(vehicle: Speaker) -> bool:
+                commands = [heard for heard in vehicle.listen() if heard.get_type() == "COMMAND_LONG"]
+                return any((heard.command, heard.param2) == (176, 6.0) for heard in commands)
+
+            await until(lambda: told_to_return(one) and told_to_return(other), "both are told to return")
+            for vehicle in (one, other):
+                vehicle.close()
+
+    asyncio.run(body())
+
+
+@pytest.mark.parametrize("manifest", ["arduplane", "ardurover"])
+def test_a_return_that_does_not_land_is_a_way_down_too(manifest: str) -> None:
+    entry = load_manifest(manifest).actions["return_to_launch"]
+    assert entry.confirm == "at_home"
+    assert may_lead_down(entry)
+    assert leads_down(entry, Call(), MODE_TABLES[manifest])

@@ -1,0 +1,242 @@
+"""A link over which nothing is known of what its board serves is renewed; that of a slow or foreign router is not."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import socket
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from commd import link_watchdog
+from commd.bus import Bus
+from commd.link_watchdog import PATIENCE, PATIENCE_MOST, RENEWED, open_link_watchdog
+from commd.session import session_config
+from schemas import keys
+from schemas.records import Receipt
+from tests.attacks.world import NAME, TEXT, World, ask
+from tests.support.buses import FLEET, session, until
+from tests.support.ports import free_port
+from tests.support.relay import Relay
+from tests.support.secured import Secured
+
+TRIES = 30
+"""Times that a fault which a race makes is tried at most."""
+
+
+@dataclass
+class Fleet:
+    """The routers of boards `a` and `b`; `b` dials `a` through a relay, and so does a third board."""
+
+    a: Bus
+    b: Bus
+    to_b: Relay
+    to_c: Relay
+
+    @property
+    def link(self) -> tuple[str, str, str] | None:
+        """The link of `b` to `a`, if there is one now."""
+        return next((one for one in self.b.link_ends() if one[0] == self.a.zid), None)
+
+    async def hears(self) -> bool:
+        """Whether `b` knows what `a` serves."""
+        return bool(await self.b.tokens(keys.alive(FLEET, "a", "commd", "*")))
+
+    async def renewed(self, before: object) -> None:
+        await until(lambda: self.link not in (before, None), "the link is made again")
+
+    async def become_deaf(self) -> None:
+        """Lose and make again the links of `a` within one round of its router, until `b` has forgotten `a` by it."""
+        for _ in range(TRIES):
+            before = self.link
+            self.to_c.reset()
+            await asyncio.sleep(0.01)
+            self.to_b.reset()
+            await self.renewed(before)
+            await asyncio.sleep(0.3)  # in which comes what comes with a link
+            if not await self.hears():
+                return
+        raise AssertionError(f"the fault did not come in {TRIES} tries")
+
+
+@asynccontextmanager
+async def boards() -> AsyncIterator[Fleet]:
+    async with AsyncExitStack() as stack, asyncio.timeout(120):
+        enter = stack.enter_async_context
+        port = free_port()
+        a = await enter(session(f"tcp/127.0.0.1:{port}", "a", "commd", router=True))
+        relays = [await enter(Relay(free_port(), port)) for _ in range(2)]
+        b, c = [
+            await enter(
+                session(
+                    f"tcp/127.0.0.1:{free_port()}", name, "commd", router=True, connect=[f"tcp/127.0.0.1:{to.port}"]
+                )
+            )
+            for name, to in zip("bc", relays, strict=True)
+        ]
+        for one in (a, b, c):
+            await one.claim(one.name)
+        fleet = Fleet(a, b, *relays)
+        await _holds(fleet.hears, "b hears a")
+        yield fleet
+
+
+async def _holds(condition: Callable[[], Awaitable[bool]], wish: str) -> None:
+    for _ in range(600):
+        if await condition():
+            return
+        await asyncio.sleep(0.05)
+    raise AssertionError(wish)
+
+
+def test_a_board_that_is_linked_and_not_heard_is_heard_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link_watchdog, "LOOK", 0.05)
+    monkeypatch.setattr(link_watchdog, "PATIENCE", 0.3)
+
+    async def body() -> None:
+        async with boards() as fleet:
+            fleet.a.serve("served", Receipt, lambda query: query.reply(Receipt()), at_once=True)
+            for count in range(1, 4):
+                await fleet.become_deaf()
+                assert await ask(fleet.b, "served", None, Receipt) == []
+                async with open_link_watchdog(fleet.b, ["a", "c"]) as watchdog:
+                    await _holds(fleet.hears, f"b hears a again, {count}")
+                assert watchdog.counters["links_renewed"] >= 1
+                assert [note.code for note in watchdog.health().coded] == [RENEWED]
+                assert "the link to a was made again: " in watchdog.health().notes[0]
+                assert await ask(fleet.b, "served", None, Receipt) == [Receipt()]
+
+    asyncio.run(body())
+
+
+def test_a_board_that_stays_silent_is_linked_anew_ever_more_seldom(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link_watchdog, "LOOK", 3600.0)  # it looks when it is told to
+
+    async def body() -> None:
+        port = free_port()
+        async with (
+            session(f"tcp/127.0.0.1:{port}", "a", "commd", router=True) as a,
+            session(
+                f"tcp/127.0.0.1:{free_port()}", "b", "commd", router=True, connect=[f"tcp/127.0.0.1:{port}"]
+            ) as silent,
+            open_link_watchdog(a, ["b"]) as watchdog,
+        ):
+            await until(lambda: a.link_ends() != [], "b is linked")
+            now, patience = 0.0, PATIENCE
+            watchdog.look(now)
+            for _ in range(9):
+                before = a.link_ends()
+                watchdog.look(now + patience - 0.1)
+                assert a.link_ends() == before
+                watchdog.look(now := now + patience)
+                await until(lambda before=before: a.link_ends() not in (before, []), "the link is made again")
+                watchdog.look(now)
+                patience = min(2 * patience, PATIENCE_MOST)
+            await silent.claim("b")
+            await _holds(_shows(a, "b"), "b is heard")
+            watchdog.look(now + patience)
+            assert watchdog.counters["links_renewed"] == 9
+
+    asyncio.run(body())
+
+
+def test_a_router_that_is_slow_or_no_board_keeps_its_link(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link_watchdog, "LOOK", 3600.0)  # it looks when it is told to
+
+    async def body() -> None:
+        port = free_port()
+        foreign = session_config("router", f"tcp/127.0.0.1:{free_port()}", "zenohd", connect=[f"tcp/127.0.0.1:{port}"])
+        async with (
+            session(f"tcp/127.0.0.1:{port}", "a", "commd", router=True) as a,
+            session(
+                f"tcp/127.0.0.1:{free_port()}", "b", "commd", router=True, connect=[f"tcp/127.0.0.1:{port}"]
+            ) as slow,
+            open_link_watchdog(a, ["b"]) as watchdog,
+        ):
+            with await asyncio.to_thread(zenoh.open, foreign):
+                await until(lambda: len(a.link_ends()) == 2, "both are linked")
+                before = sorted(a.link_ends())
+                watchdog.look(0.0)
+                watchdog.look(PATIENCE - 0.1)
+                await slow.claim("b")
+                await _holds(_shows(a, "b"), "b is heard")
+                watchdog.look(PATIENCE)
+                watchdog.look(10 * PATIENCE_MOST)
+                assert sorted(a.link_ends()) == before
+                assert not watchdog.counters
+
+    asyncio.run(body())
+
+
+def test_a_link_that_is_no_tcp_connection_is_not_judged(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(link_watchdog, "LOOK", 3600.0)  # it looks when it is told to
+
+    async def body() -> None:
+        place = f"unixsock-stream/{tmp_path}/a.sock"
+        async with (
+            session(f"tcp/127.0.0.1:{free_port()}", "a", "commd", router=True, listen=[place]) as a,
+            session(f"tcp/127.0.0.1:{free_port()}", "b", "commd", router=True, connect=[place]),
+            open_link_watchdog(a, ["b"]) as watchdog,
+        ):
+            await until(lambda: a.link_ends() != [], "b is linked")
+            for now in (0.0, PATIENCE, 10 * PATIENCE_MOST):
+                watchdog.look(now)
+            assert not watchdog.counters
+            assert not watchdog.running.done()
+
+    asyncio.run(body())
+
+
+def test_a_board_that_stood_still_for_longer_than_its_lease_takes_mail_again() -> None:
+    with Secured(TEXT) as fleet:
+        world = World(fleet)
+        fleet.routers()
+        stopped = fleet.daemons[1]
+
+        async def body() -> None:
+            async with world.member("pi1", "a") as pi1, world.member("pi3", "c") as pi3, asyncio.timeout(150):
+                for _ in range(3):
+                    for member, name in ((pi1, "a"), (pi3, "c")):
+                        await _holds(_answers(member, keys.mail(NAME, "b", name)), f"{name} reaches b")
+                    stopped.signal(signal.SIGSTOP)
+                    try:
+                        for member in (pi1, pi3):
+                            await _holds(_hides(member, "pi2"), "pi2 is given up")
+                        await asyncio.sleep(1.5)  # in which they dial, and wait for it to answer
+                    finally:
+                        stopped.signal(signal.SIGCONT)
+                for member, name in ((pi1, "a"), (pi3, "c")):
+                    await _holds(_answers(member, keys.mail(NAME, "b", name)), f"{name} reaches b at last")
+
+        asyncio.run(body())
+
+
+def _shows(bus: Bus, board: str) -> Callable[[], Awaitable[bool]]:
+    async def shown() -> bool:
+        return bool(await bus.tokens(keys.alive(bus.fleet, board, "commd", "*")))
+
+    return shown
+
+
+def _hides(bus: Bus, board: str) -> Callable[[], Awaitable[bool]]:
+    async def hidden() -> bool:
+        return not await _shows(bus, board)()
+
+    return hidden
+
+
+def _answers(bus: Bus, key: str) -> Callable[[], Awaitable[bool]]:
+    async def answered() -> bool:
+        return bool(await ask(bus, key, None, Receipt))
+
+    return answered
+
+
+def test_sockets_that_are_not_of_ip_are_passed_over() -> None:
+    with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW):
+        assert not link_watchdog._close_connection("tcp/127.0.0.1:1", "tcp/127.0.0.1:2")

@@ -1,0 +1,65 @@
+"""A mail file that went back in time is known by what other boards have seen of it, in whichever order they hear."""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+
+import pytest
+
+from commd.mail_clock import MailClock
+from commd.mail_schema import migrate
+from commd.mail_witness import WENT_BACK, MailWitness
+from schemas.records import BoardServices, Header, MailSeen
+
+
+def _clock(found: float | None) -> MailClock:
+    clock = MailClock()
+    clock.found = found
+    return clock
+
+
+def _says(board: str, boot: str, mail_time: float, **seen: MailSeen) -> BoardServices:
+    return BoardServices(header=Header(boot=boot), board=board, mail_time=mail_time, mail_seen=seen)
+
+
+def _seen_of_two_lives(first: float, second: float | None) -> MailSeen:
+    """What pi2 has seen of pi1, whose file had come to `first` in life `one`, and says `second` in life `two`."""
+    witness = MailWitness("pi2", "x", _clock(0.0))
+    for boot, mail_time in (("one", first - 5), ("one", first), ("two", second)):
+        if mail_time is not None and (seen := witness.news(_says("pi1", boot, mail_time))) is not None:
+            witness.seen = {"pi1": seen}
+    return witness.seen["pi1"]
+
+
+@pytest.mark.parametrize("second", [None, 40.0, 500.0], ids=["before it heard", "after it", "after it, clock gone on"])
+def test_a_restored_file_is_told_once(second: float | None) -> None:
+    witness = MailWitness("pi1", "two", _clock(40.0))
+    witness.judge(_says("pi2", "x", 7.0, pi1=_seen_of_two_lives(100.0, second)))
+    assert witness.note is not None
+    assert (witness.note.code, witness.note.value) == (WENT_BACK, 60.0)
+    assert "the mail file of board pi1 went back in time by 60 s, as board pi2 has seen it" in witness.note.text
+    told = witness.note
+    witness.judge(_says("pi3", "y", 7.0, pi1=MailSeen(boot="one", time=900.0)))
+    assert witness.note is told
+
+
+@pytest.mark.parametrize("found", [100.0, 103.0, None], ids=["in order", "after kill -9", "not open yet"])
+def test_a_file_that_went_on_is_not(found: float | None) -> None:
+    witness = MailWitness("pi1", "two", _clock(found))
+    for seen in (_seen_of_two_lives(100.0, None), _seen_of_two_lives(100.0, 120.0), MailSeen()):
+        witness.judge(_says("pi2", "x", 7.0, pi1=seen))
+    witness.judge(_says("pi2", "x", 7.0))
+    assert witness.note is None
+
+
+def test_what_was_seen_is_on_disk() -> None:
+    with closing(sqlite3.connect(":memory:", isolation_level=None)) as db:
+        migrate(db)
+        MailWitness("pi2", "x", _clock(0.0)).keep(db, "pi1", MailSeen(boot="one", time=9.0, former=3.0))
+        db.execute("INSERT INTO facts VALUES('mail_seen', 'pi3', x'00')")
+        again = MailWitness("pi2", "y", _clock(0.0))
+        again.load(db)
+        assert again.seen == {"pi1": MailSeen(boot="one", time=9.0, former=3.0)}
+        assert again.news(_says("pi1", "one", 9.0)) is None
+        assert again.news(_says("pi1", "two", 0.0)) is None  # an older commd says nothing of its file

@@ -1,0 +1,96 @@
+"""Each damaged file is told at its start, whichever byte was hit."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+import shutil
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from agentd.checkpoint import Checkpoint, Saving
+from agentd.mind.kept_state import MindChanges
+from commd.page_sums import PageSums, log_damage
+from commd.store import open_store
+
+HITS = 15
+
+
+def _hit(path: Path, chance: random.Random) -> None:
+    """Flip one bit of a file."""
+    data = bytearray(path.read_bytes())
+    data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+    path.write_bytes(bytes(data))
+
+
+def _checkpoint(folder: Path) -> Path:
+    path = folder / "mind.sqlite"
+    made = Checkpoint.open(path, "a")
+    for round_ in range(20):
+        rows = [(rank, random.Random(rank).randbytes(300)) for rank in range(round_ * 10, round_ * 10 + 10)]
+        made.save(Saving(mind=MindChanges(beliefs=rows), lives=1))
+    made.close()
+    return path
+
+
+@pytest.mark.parametrize("seed", range(HITS))
+def test_a_bit_of_a_checkpoint_that_is_hit_is_told(tmp_path: Path, seed: int) -> None:
+    path = _checkpoint(tmp_path)
+    _hit(path, random.Random(seed))
+    made = Checkpoint.open(path, "a")
+    assert made.notes
+    assert made.read() is None
+    made.close()
+    assert path.with_name("mind.sqlite.corrupt-1").exists()
+    again = Checkpoint.open(path, "a")
+    assert again.notes == []
+    again.close()
+
+
+def test_a_checkpoint_that_is_well_is_read_as_it_was(tmp_path: Path) -> None:
+    made = Checkpoint.open(_checkpoint(tmp_path), "a")
+    assert made.notes == []
+    stored = made.read()
+    assert stored is not None
+    assert len(stored.mind.beliefs) == 200
+    made.close()
+
+
+@pytest.mark.parametrize("seed", range(HITS))
+def test_a_bit_of_the_log_of_a_killed_checkpoint_that_is_hit_is_told(tmp_path: Path, seed: int) -> None:
+    (tmp_path / "live").mkdir()
+    path = tmp_path / "live" / "mind.sqlite"
+    made = Checkpoint.open(path, "a")
+    for rank in range(40):
+        made.save(Saving(mind=MindChanges(beliefs=[(rank, random.Random(rank).randbytes(300))]), lives=1))
+    shutil.copytree(path.parent, tmp_path / "killed")  # as kill -9 leaves it
+    made.close()
+    killed = tmp_path / "killed" / "mind.sqlite"
+    assert log_damage(killed) == ""
+    assert PageSums(killed).damage() == ""
+    _hit(killed.with_name("mind.sqlite-wal"), random.Random(seed))
+    again = Checkpoint.open(killed, "a")
+    assert again.notes
+    again.close()
+
+
+@pytest.mark.parametrize("seed", range(HITS))
+def test_a_bit_of_a_mail_file_that_is_hit_is_told(tmp_path: Path, seed: int) -> None:
+    path = tmp_path / "pi1.mail"
+
+    def fill(db: sqlite3.Connection) -> None:
+        row = (1, "b", "a", "b", "n", 1, 0.0, None, 3, b"abc")
+        db.executemany("INSERT INTO mail VALUES(?,?,?,?,?,?,?,?,?,?)", [(n, *row[1:]) for n in range(1, 200)])
+
+    async def body() -> None:
+        async with open_store(path) as store:
+            await store.write(fill)
+        _hit(path, random.Random(seed))
+        async with open_store(path) as store:
+            assert store.set_aside == ["pi1.mail.corrupt-1"]
+        async with open_store(path) as store:
+            assert store.set_aside == store.damaged == []
+
+    asyncio.run(body())

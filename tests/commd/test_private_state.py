@@ -1,0 +1,57 @@
+"""What daemons keep is for their user alone, whatever the umask is."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from agentd.agent_files import AgentFiles
+from agentd.checkpoint import Checkpoint
+from argosy.recording.writer import _opened
+from bridged.ledger import Ledger
+from commd.lives import begin_life
+from commd.store_file import alone, connect
+
+
+@pytest.fixture
+def open_umask() -> Iterator[None]:
+    before = os.umask(0)
+    yield
+    os.umask(before)
+
+
+@pytest.mark.usefixtures("open_umask")
+def test_state_is_for_its_user_alone_whatever_the_umask(tmp_path: Path) -> None:
+    state = tmp_path / "state"
+    old = state / "fleet" / "old"
+    with alone(state / "fleet" / "mail.sqlite"):
+        old.write_bytes(b"")  # as an earlier version made it
+        database = connect(state / "fleet" / "mail.sqlite", "full")
+        database.execute("CREATE TABLE t (a)")
+        connect(old, "full").close()
+        checkpoint = Checkpoint.open(state / "fleet" / "bob" / "mind.sqlite", "bob")
+        AgentFiles([], state / "fleet" / "bob").save("saved/new.asl", "a.")
+        ledger = Ledger(state / "fleet" / "uav1.actions")
+        begin_life(state / "fleet", "agentd", "bob")
+        _opened(state / "fleet" / "rec.mcap", overwrite=False).close()
+        modes = {path: stat.S_IMODE(path.stat().st_mode) for path in [state, *state.rglob("*")]}
+        wrong = {str(path): oct(mode) for path, mode in modes.items() if mode != (0o700 if path.is_dir() else 0o600)}
+        assert wrong == {}
+        assert {"mail.sqlite-wal", "mail.sqlite-shm", "mind.sqlite-wal"} <= {path.name for path in modes}
+        database.close()
+        checkpoint.close()
+        ledger.close()
+
+
+def test_a_folder_that_was_there_keeps_the_mode_that_its_maker_gave_it(tmp_path: Path) -> None:
+    tmp_path.chmod(0o755)
+    with alone(tmp_path / "mail.sqlite"):
+        pass
+    assert stat.S_IMODE(tmp_path.stat().st_mode) == 0o755
+    with pytest.raises(sqlite3.OperationalError):
+        connect(tmp_path / "none" / "mail.sqlite", "full")
