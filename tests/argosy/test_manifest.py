@@ -48,6 +48,7 @@ def turtle(endpoint: str, folder: Path) -> Iterator[list[str]]:
             state=folder,
             link=None,
             simulated=False,
+            until_home=False,
         )
         async with open_bus(
             endpoint, fleet="pond", name="board", daemon="commd", stamp=time.time_ns, mode="router"

@@ -141,7 +141,8 @@ function rowsOf(wire) {
   nameTones(robots.keys());
   const rows = wire.of("agent").map((agent) => {
     const robot = robots.get(agent.robot) ?? null;
-    return { key: `agent ${agent.name}`, agent, robot };
+    // A row is made for its robot, with that one's orders: with another robot it is another row.
+    return { key: `agent ${agent.name} ${robot?.name ?? ""}`, agent, robot };
   });
   const taken = new Set(rows.map((row) => row.robot?.name));
   for (const robot of robots.values()) if (!taken.has(robot.name)) rows.push({ key: `robot ${robot.name}`, agent: null, robot });

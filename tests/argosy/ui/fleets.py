@@ -49,6 +49,12 @@ class Robot:
         told = Perception(header=self.bus.header("percepts"), name=name, parameters=parameters)
         self.bus.put(keys.percept(FLEET, self.agent, name), told)
 
+    def healthy(self) -> None:
+        """Tell that it is well, and whom it serves."""
+        notes = ("failsafe: none", *(note.text for note in self.warnings)) if self.warnings else ()
+        told = Health(daemon="bridged", percepts={self.agent: "b:1:0"}, notes=notes, coded=self.warnings)
+        self.bus.put(keys.health(FLEET, self.name, "bridged"), told)
+
     def gone(self, name: str) -> None:
         """Take a percept away."""
         told = Perception(header=self.bus.header("percepts"), name=name, update="remove")
@@ -128,12 +134,5 @@ async def _healthy(robots: list[Robot], agents: list[Agent]) -> None:
         for agent in agents:
             agent.bus.put(keys.health(FLEET, agent.name, "agentd"), Health(daemon="agentd"))
         for robot in robots:
-            notes = ("failsafe: none", *(note.text for note in robot.warnings))
-            told = Health(
-                daemon="bridged",
-                percepts={robot.agent: "b:1:0"},
-                notes=notes if robot.warnings else (),
-                coded=robot.warnings,
-            )
-            robot.bus.put(keys.health(FLEET, robot.name, "bridged"), told)
+            robot.healthy()
         await asyncio.sleep(0.5)

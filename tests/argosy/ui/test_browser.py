@@ -13,7 +13,7 @@ import pytest
 from argosy.operator_bus import Where
 from schemas.records import Outcome
 from tests.argosy.ui.browsing import APART, Seen, browsing, chromium
-from tests.argosy.ui.fleets import fleet, router
+from tests.argosy.ui.fleets import Robot, fleet, router
 from tests.argosy.ui.serving import served
 from tests.support.processes import Daemon, running
 
@@ -215,6 +215,27 @@ def test_a_hold_that_was_not_confirmed_stays_on_the_page_and_a_lost_router_ages_
                 await seen.shows("#router", "● router")
                 await seen.shows(".banner.warn", "Nobody of fleet sar is on the bus")
             assert seen.hosts == {"127.0.0.1"}
+
+    asyncio.run(asyncio.wait_for(body(), 120))
+
+
+def test_an_agent_whose_robot_comes_later_gets_its_orders(endpoint: str) -> None:
+    chromium()
+
+    async def body() -> None:
+        async with (
+            fleet(endpoint, {}) as (_, [scout]),
+            served(Where("sar", endpoint)) as browser,
+            browsing(browser.doors.url) as seen,
+        ):
+            await seen.shows(".row[data-agent=scout]")
+            assert await seen.page.locator(".row [data-order=hold]").count() == 0
+            uav1 = Robot(scout.bus, "uav1", "scout", Outcome(ok=True))
+            uav1.healthy()
+            await seen.shows(".row[data-agent=scout][data-robot=uav1]")
+            await seen.twice(seen.page.locator(".row[data-robot=uav1] [data-order=hold]"))
+            await seen.shows(".outcome.good", "uav1: hold confirmed")
+            assert uav1.orders == ["hold"]
 
     asyncio.run(asyncio.wait_for(body(), 120))
 
