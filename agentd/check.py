@@ -10,14 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from agentd.analysis.actions import action_types, external_actions
-from agentd.analysis.arities import Arities
 from agentd.analysis.beliefs import beliefs_never_added, events_never_perceived
-from agentd.analysis.calls import formulas_as_actions, internal_actions, undotted_internal_actions
 from agentd.analysis.directives import directives_as_beliefs, wrong_directives
-from agentd.analysis.elsewhere import Elsewhere
+from agentd.analysis.external_knowledge import Arities, Elsewhere, look_for_packages, standard_library
 from agentd.analysis.kinds import Kind
-from agentd.analysis.library import look_for_packages, standard_library
 from agentd.analysis.loops import busy_loops
 from agentd.analysis.messages import endless_asks, unknown_performatives
 from agentd.analysis.plans import (
@@ -26,6 +22,13 @@ from agentd.analysis.plans import (
     shadowed_plans,
     unused_belief_plans,
     unused_plans,
+)
+from agentd.analysis.rules_actions import (
+    action_types,
+    external_actions,
+    formulas_as_actions,
+    internal_actions,
+    undotted_internal_actions,
 )
 from agentd.analysis.subjects import Surveyed, read_subjects, read_survey
 from agentd.analysis.variables import named_variables, singletons, unbound_variables

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from agentd.analysis.elsewhere import RAISED_BY_AGENTD, Elsewhere, from_team
+from agentd.analysis.external_knowledge import RAISED_BY_AGENTD, Elsewhere, from_team
 from agentd.analysis.kinds import FAILS_WHERE_REACHED
 from agentd.analysis.subjects import Surveyed, read_survey
 from agentd.check import Robot, findings_of

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
-from agentd.analysis.mentions import Survey
+from agentd.analysis.symbol_table import Survey
 from agentd.compose import restart_goal
 from agentd.language.syntax import Goal, InternalAction, ListTerm, Operator, Program, Step, Structure
 from argosy.board_files import outside

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from agentd.analysis.arities import Arities, arguments, takes
-from agentd.analysis.elsewhere import RAISED_BY_AGENTD, Elsewhere
+from agentd.analysis.external_knowledge import RAISED_BY_AGENTD, Arities, Elsewhere, arguments, takes
 from agentd.analysis.kinds import Kind, warning
-from agentd.analysis.mentions import Mention, Survey
+from agentd.analysis.symbol_table import Mention, Survey
 from agentd.language.spelling import near
 from schemas.findings import Finding
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from agentd.analysis.kinds import Kind, finding, warning
-from agentd.analysis.mentions import Survey
+from agentd.analysis.symbol_table import Survey
 from agentd.language.patterns import PATTERNS, WrongPattern
 from agentd.language.printer import source_text
 from agentd.language.spelling import near

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from agentd.analysis.elsewhere import Elsewhere
+from agentd.analysis.external_knowledge import Elsewhere
 from agentd.analysis.kinds import Kind, warning
-from agentd.analysis.mentions import PlacedPlan, Survey
+from agentd.analysis.symbol_table import PlacedPlan, Survey
 from agentd.language.syntax import (
     BodyFormula,
     InternalAction,

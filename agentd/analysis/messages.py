@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from agentd.analysis.kinds import Kind, warning
-from agentd.analysis.mentions import Survey, steps_of
+from agentd.analysis.symbol_table import Survey, steps_of
 from agentd.language.spelling import near
 from agentd.language.syntax import InternalAction, Structure
 from schemas.findings import Finding

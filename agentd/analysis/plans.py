@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from agentd.analysis.arities import arguments
-from agentd.analysis.elsewhere import Elsewhere
+from agentd.analysis.external_knowledge import Elsewhere, arguments
 from agentd.analysis.kinds import Kind, finding, warning
-from agentd.analysis.mentions import PlacedPlan, Survey
+from agentd.analysis.symbol_table import PlacedPlan, Survey
 from agentd.language.spelling import near
 from agentd.language.syntax import Plan, Structure, Variable
 from schemas.findings import Finding

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from agentd.analysis.elsewhere import Elsewhere, from_team
+from agentd.analysis.external_knowledge import Elsewhere, from_team
 from agentd.analysis.includes import Includes, near_file
 from agentd.analysis.kinds import Kind, finding
-from agentd.analysis.mentions import Survey
 from agentd.analysis.survey import survey
+from agentd.analysis.symbol_table import Survey
 from agentd.language.errors import SyntaxErrors
 from agentd.language.parser import parse_file, parse_term
 from agentd.language.syntax import Belief, Goal, InternalAction, Item, ListTerm, Program, Structure

@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from typing import NamedTuple, TypeAlias
 
-from agentd.analysis.arguments import ASSERTIONS, FILE_READERS, RUNNERS, query_of
-from agentd.analysis.mentions import ANY_ARITY, Call, Mention, PlacedPlan, Survey, asks_others, qualified
+from agentd.analysis.symbol_table import ANY_ARITY, Call, Mention, PlacedPlan, Survey, asks_others, qualified
 from agentd.language.compile import DIRECTIVES
 from agentd.language.facts import GroundFact
 from agentd.language.patterns import PATTERNS, WrongPattern
@@ -44,6 +43,26 @@ from agentd.language.syntax import (
     Variable,
     While,
 )
+
+_QUERIES = {
+    ".findall": 1,
+    ".setof": 1,
+    ".count": 0,
+    ".eval": 1,
+    ".wait": 0,
+    ".belief": 0,
+    ".foreach": 0,
+    ".loop": 0,
+    ".if_then_else": 0,
+}
+"""The internal actions with a logical formula among their arguments, and which argument it is."""
+
+_RUNNERS = frozenset((".foreach", ".loop", ".if_then_else", ".fork", ".add_plan", ".send", ".broadcast"))
+"""The internal actions that run, keep or send the code that stands in their arguments."""
+
+_ASSERTIONS = frozenset((".asserta", ".assertz"))
+_FILE_READERS = frozenset((".include", ".create_agent"))
+"""The internal actions that read a program while an agent runs."""
 
 _ADDITIONS = frozenset((Operator.ADD, Operator.ADD_NEW_FOCUS, Operator.ADD_FIRST, Operator.ADD_LAST, Operator.UPDATE))
 _GOALS = frozenset((Operator.ACHIEVE, Operator.ACHIEVE_NEW_FOCUS))
@@ -256,15 +275,15 @@ class _Walk:
     def _call(self, action: InternalAction, namespace: str, as_term: bool) -> None:
         self.found.calls.append(Call(action, as_term))
         name, args = action.name, action.args
-        query = query_of(action)
-        if name in ASSERTIONS and args:
+        query = _query_of(action)
+        if name in _ASSERTIONS and args:
             self._addition(args[0], namespace)
         self.found.looks_at_plans |= name in _LOOKERS
         self.found.ends_goals |= name in _ENDERS
         self.found.ends_others |= name in (".stopMAS", ".kill_agent")
         if name == ".add_plan":
             self.found.open_plans = self.found.open_beliefs = self.found.open_goals = True
-        elif name in FILE_READERS:
+        elif name in _FILE_READERS:
             self._files.append(action)
         elif name == ".save_agent" and args:
             self._saves_any |= not isinstance(args[0], String)
@@ -275,7 +294,7 @@ class _Walk:
                 (Structure(performative), content),
             ):
                 self._sent(performative, content, namespace)
-        live = name in RUNNERS or name in ASSERTIONS
+        live = name in _RUNNERS or name in _ASSERTIONS
         for index, term in enumerate(args):
             # A query inside `not` is not what is inverted: `not .count(b(_), 0)` says nothing of b.
             self._pending.append(_Visit(term, namespace, index == query, data=not live))
@@ -383,3 +402,10 @@ class _Walk:
             name = qualified(literal, namespace)
             others = literal.annotations is not None and asks_others(literal.annotations)
             kind.append(Mention(name, literal, inverted, others))
+
+
+def _query_of(action: InternalAction) -> int | None:
+    """The index of the argument that is a logical formula; None if there is none."""
+    if action.name in (".min", ".max"):
+        return 1 if len(action.args) == 3 else None
+    return _QUERIES.get(action.name)

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator
 from typing import NamedTuple, TypeAlias
 
 from agentd.analysis.kinds import Kind, warning
-from agentd.analysis.mentions import Survey
+from agentd.analysis.symbol_table import Survey
 from agentd.language.syntax import (
     And,
     Arithmetic,

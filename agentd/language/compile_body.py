@@ -10,17 +10,16 @@ from typing import Any
 
 from agentd.language import syntax
 from agentd.language.compile_control import write_brackets, write_for, write_fork, write_if, write_while
-from agentd.language.compile_step import write_step
 from agentd.language.plan_code import PlanCode, StepCode
 from agentd.language.statements import as_statement
-from agentd.language.step_writer import Bound, StepWriter
+from agentd.language.steps import Bound, StepWriter, write_step
 
 
 class BodyCompiler:
     """Compiles the formulas of one plan in order, tracking which variables are bound where."""
 
     def __init__(self, code: PlanCode, library: Any) -> None:
-        self.code, self.unit, self.library = code, code.unit, library
+        self.code, self.library = code, library
         self.values: dict[str, Any] = {}
         """Values of variables known when the body became a term; they fill free places before the first step."""
 

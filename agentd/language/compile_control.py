@@ -8,8 +8,8 @@ from agentd.language import syntax
 from agentd.language.compile_terms import Scope
 from agentd.language.emit import tuple_of
 from agentd.language.plan_code import StepCode
-from agentd.language.step_writer import Bound, StepWriter
-from agentd.language.variables import variables
+from agentd.language.steps import Bound, StepWriter
+from agentd.language.traversal import variables
 
 
 def write_brackets(writer: StepWriter, body: syntax.Body) -> None:

@@ -9,7 +9,7 @@ from agentd.language import syntax
 from agentd.language.compile_terms import Scope, TermCompiler
 from agentd.language.constants import is_constant, signature_of
 from agentd.language.emit import targets_of
-from agentd.language.variables import is_plain_variable
+from agentd.language.traversal import is_plain_variable
 
 Next: TypeAlias = Callable[[Scope], None]
 """Writes what comes after a success, with the variables known there."""

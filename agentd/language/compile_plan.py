@@ -15,7 +15,7 @@ from agentd.language.compile_select import Form, compile_select
 from agentd.language.compile_terms import Scope
 from agentd.language.emit import Function, Unit
 from agentd.language.plan_code import FRAME_HEADER, PlanCode, StepCode
-from agentd.language.variables import variables
+from agentd.language.traversal import variables
 
 
 def compile_plan(

@@ -8,7 +8,7 @@ from agentd.language import syntax
 from agentd.language.compile_match import MatchCompiler, Next
 from agentd.language.compile_terms import Scope
 from agentd.language.constants import is_plain_atom
-from agentd.language.variables import is_plain_variable, variables
+from agentd.language.traversal import is_plain_variable, variables
 
 _COMPARISONS = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "==": "==", "\\==": "!="}
 

@@ -21,7 +21,7 @@ from agentd.language.compile_match import Next
 from agentd.language.compile_terms import Scope
 from agentd.language.emit import Function, Ref, targets_of, tuple_of
 from agentd.language.plan_code import FRAME_HEADER, PlanCode
-from agentd.language.variables import variables
+from agentd.language.traversal import variables
 
 Form = Literal["select", "trace", "options"]
 

@@ -8,11 +8,10 @@ from agentd.language import syntax
 from agentd.language.constants import constant_annots, is_constant, is_number, is_plain_atom, shared_atom, signature_of
 from agentd.language.emit import Function, Unit, tuple_of
 from agentd.language.order import sorted_annots
-from agentd.language.parts import parts, with_parts
 from agentd.language.signatures import signature
 from agentd.language.sources import SELF, is_source
 from agentd.language.terms import EMPTY
-from agentd.language.variables import is_plain_variable, variables
+from agentd.language.traversal import is_plain_variable, parts, variables, with_parts
 
 Scope: TypeAlias = dict[str, str]
 """Which Python local holds the value of each variable that has occurred; a variable not in it is free and new."""

@@ -9,9 +9,9 @@ from typing import Any
 from agentd.language import syntax
 from agentd.language.numbers import OPERATIONS, UndefinedNumber
 from agentd.language.order import sorted_annots
-from agentd.language.parts import parts
 from agentd.language.signatures import DEFAULT, signature
 from agentd.language.terms import ARITHMETIC, Code, Expression, Literal, Open, Rest, Var, deref, elements, make_list
+from agentd.language.traversal import parts
 
 Functions = Mapping[tuple[str, int], Callable[..., Any]]
 """Functions by name and arity, as ``math.max`` with 2; each takes terms and returns one, or None for no value."""

@@ -12,7 +12,7 @@ from functools import cmp_to_key
 from typing import Any
 
 from agentd.language.signatures import DEFAULT
-from agentd.language.terms import EMPTY, List, Literal, Rest, Var, deref, describe
+from agentd.language.terms import EMPTY, List, Literal, Rest, Var, deref
 
 _RANK = {float: 0, str: 1, List: 2, Literal: 3, Var: 5, Rest: 6}
 
@@ -85,7 +85,7 @@ def _compare_others(a: Any, b: Any) -> int:
             if difference:
                 return difference
         return _sign(len(a.annots), len(b.annots))
-    return _sign(describe(a), describe(b))
+    return _sign(repr(a), repr(b))
 
 
 key = cmp_to_key(compare)

@@ -21,6 +21,7 @@ from agentd.language.terms import (
     Literal,
     Open,
     Rest,
+    Shown,
     Var,
     deref,
     further,
@@ -40,6 +41,9 @@ def text(term: Any) -> str:
     out: list[str] = []
     write(term, out)
     return "".join(out)
+
+
+Shown.text = text
 
 
 def flat_text(term: Any, depth: int = 4) -> str | None:

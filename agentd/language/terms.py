@@ -10,8 +10,8 @@ no bound variable is left inside it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import Any, Final, TypeAlias, Union
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, ClassVar, Final, TypeAlias, Union
 
 from agentd.language.signatures import Signature, signature
 
@@ -24,7 +24,18 @@ FIRST_NODES: Final = 100_000
 """After so many parts whoever walks a term asks `further` whether it is cyclic (``X = f(X)``)."""
 
 
-class Literal:
+class Shown:
+    """A term, whose ``repr`` is its text in the language: `agentd.language.term_text`, once imported, sets ``text``."""
+
+    __slots__ = ()
+
+    text: ClassVar[Callable[[Any], str]] = object.__repr__
+
+    def __repr__(self) -> str:
+        return Shown.text(self)
+
+
+class Literal(Shown):
     """An atom, structure or literal: a signature, its arguments and its annotations (sorted, without duplicates).
 
     Equality is that of ``==`` in the language: same signature, equal arguments, equal annotations.
@@ -55,9 +66,6 @@ class Literal:
         # Depth 2 only, so that the hash of a deeply nested term costs nothing and needs no recursion.
         return hash((self.sig, *[a.sig if type(a) is Literal else a for a in self.args if type(a) is not List]))
 
-    def __repr__(self) -> str:
-        return describe(self)
-
     @property
     def functor(self) -> str:
         """Its name, without namespace, sign and arity."""
@@ -72,7 +80,7 @@ class Literal:
         return Literal(self.sig, self.args) if self.annots else self
 
 
-class List:
+class List(Shown):
     """A non-empty list, or `EMPTY`: the elements ``items[at:]`` followed by ``tail``.
 
     ``tail`` is `EMPTY`, another list, a `Var`, or (deviation D3) any other term. Taking the tail of a list shares its
@@ -109,16 +117,13 @@ class List:
     def __hash__(self) -> int:
         return hash(self.items[self.at]) if self.items and type(self.items[self.at]) is not List else 0
 
-    def __repr__(self) -> str:
-        return describe(self)
-
 
 EMPTY: Final = List((), None)
 """The empty list, the only one without elements: compare with ``is``."""
 EMPTY.ground = True
 
 
-class Var:
+class Var(Shown):
     """A variable while a plan runs: free (``ref`` is None) or bound to a term.
 
     ``depth`` is the depth in its intention's stack of the frame that made it: a binding must be remembered for undoing
@@ -135,11 +140,8 @@ class Var:
         self.name, self.depth = name, depth
         self.ref = None
 
-    def __repr__(self) -> str:
-        return describe(self)
 
-
-class Expression:
+class Expression(Shown):
     """An operator over terms that has no value (yet): ``X+1`` with X free, ``a & b``, ``not c``, ``1 < 2`` as a term.
 
     ``operator`` is one of `ARITHMETIC`, a relation, ``&``, ``|`` or ``not``; one or two operands.
@@ -161,15 +163,12 @@ class Expression:
     def __hash__(self) -> int:
         return hash(self.operator)
 
-    def __repr__(self) -> str:
-        return describe(self)
-
 
 ARITHMETIC: Final = frozenset({"+", "-", "*", "/", "**", "div", "mod"})
 """The operators whose expressions are computed as soon as their operands are numbers."""
 
 
-class Open:
+class Open(Shown):
     """A variable with decorations, ``~X``, ``ns::X``, ``X[a]``, or a literal in a variable namespace, ``N::p(1)``.
 
     It means something only to unification: ``variable`` stands for what is left when the decorations are taken off.
@@ -189,9 +188,6 @@ class Open:
         self.variable, self.annots, self.negated, self.namespace = variable, annots, negated, namespace
         self.literal = literal
 
-    def __repr__(self) -> str:
-        return describe(self)
-
 
 class Rest:
     """The tail of an annotation list, ``[a|R]``: unifies with the annotations that are left over."""
@@ -202,7 +198,7 @@ class Rest:
         self.tail = tail
 
 
-class Code:
+class Code(Shown):
     """A plan, trigger, plan body or rule as a term: its syntax, and the values of the variables bound when it was made.
 
     ``syntax`` is an `agentd.language.syntax` ``Plan``, ``Trigger``, ``Body`` or ``Rule``; ``values`` maps variable
@@ -221,11 +217,8 @@ class Code:
     def __hash__(self) -> int:
         return hash(type(self.syntax))
 
-    def __repr__(self) -> str:
-        return describe(self)
 
-
-class Collection:
+class Collection(Shown):
     """A map, set or queue: changed in place, shared by every variable that holds it; equal only by contents."""
 
     __slots__ = ("content", "kind")
@@ -243,9 +236,6 @@ class Collection:
 
     def __hash__(self) -> int:
         return hash(self.kind)
-
-    def __repr__(self) -> str:
-        return describe(self)
 
 
 def atom(name: str) -> Literal:
@@ -398,10 +388,3 @@ def _inside(node: Any) -> tuple[Any, ...]:
         case Expression():
             return tuple(node.operands)
     return ()
-
-
-def describe(term: Any) -> str:
-    """The text of a term, for messages and debugging."""
-    from agentd.language.term_text import text  # the writer imports this module
-
-    return text(term)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, TypeAlias
 
 from agentd.language.terms import Literal, Var, deref
-from agentd.language.variables import HIDDEN
+from agentd.language.traversal import HIDDEN
 from agentd.mind.frames import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Frame, Step
 
 Event: TypeAlias = "tuple[Any, tuple[Any, ...], tuple[Any, ...], Intention | None]"

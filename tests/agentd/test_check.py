@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from agentd.analysis.arities import Arities
+from agentd.analysis.external_knowledge import Arities
 from agentd.check import add_arguments, check_program, run
 from agentd.language.compile import DirectiveError
 from agentd.language.parser import parse_file, parse_program

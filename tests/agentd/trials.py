@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from typing import Any, Final
 
-from agentd.analysis.elsewhere import from_team
+from agentd.analysis.external_knowledge import from_team
 from agentd.analysis.subjects import read_survey
 from agentd.check import Robot, check_program, findings_of
 from agentd.language.compile import DirectiveError, compile_program

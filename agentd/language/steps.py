@@ -1,19 +1,143 @@
-"""Generates the Python of single formulas: actions, goals, tests, belief changes and ``.wait`` for a formula."""
+"""Generates the Python of single formulas: actions, goals, tests, belief changes and ``.wait`` for a formula.
+
+The function of a formula has the variables of its plan in the frame, and as locals while it runs.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, Protocol
 
 from agentd.language import syntax
-from agentd.language.compile_queries import QUERIES, is_query
+from agentd.language.compile_formula import QUERIES, FormulaCompiler, is_query
 from agentd.language.compile_terms import Scope
-from agentd.language.computed_once import ComputedOnce
 from agentd.language.constants import is_plain_atom, signature_of
-from agentd.language.emit import Ref, tuple_of
+from agentd.language.emit import Function, Ref, tuple_of
+from agentd.language.plan_code import PlanCode
 from agentd.language.signatures import signature
-from agentd.language.step_writer import StepWriter
 from agentd.language.syntax import Operator
-from agentd.language.variables import is_plain_variable, variables
+from agentd.language.traversal import HIDDEN, is_plain_variable, variables
+
+Bound = dict[str, bool]
+"""Which variables have a place filled in the frame: True for certain, False perhaps; not in it: certainly not."""
+
+
+class Bodies(Protocol):
+    """The compiler of the plan's bodies, which writes the steps of a block inside a formula."""
+
+    code: PlanCode
+    library: Any
+    values: dict[str, Any]
+
+    def body(self, body: syntax.Body, bound: Bound, after: int | None) -> int | None: ...
+
+
+class StepWriter:
+    """The function of one formula, ``number`` among the steps of ``body``; ``bound`` is changed as it is written."""
+
+    def __init__(self, body: Bodies, number: int, bound: Bound) -> None:
+        self.body, self.code, self.bound, self.number = body, body.code, bound, number
+        self.unit = body.code.unit
+        self.name = f"s{number}"
+        self.code.steps[number].function = self.name
+        self.start(self.name, bound)
+
+    def start(self, name: str, bound: Bound) -> None:
+        """Begin a function of this step."""
+        self.function = Function(self.unit, name, "m, i, f")
+        self.trail_line = self.function.reserve()
+        """The line for the local ``trail``, filled in when the function is finished."""
+        self._certain: set[str] = set()
+        self.compiler = FormulaCompiler(self.unit, self.function, self.body.library, "len(i.stack)")
+        self.scope: Scope = {}
+        self.bound = bound
+
+    def use(self, node: Any) -> Scope:
+        """Load the variables of a node into locals."""
+        for name in variables(node):
+            if name in self.scope:
+                continue
+            if name in self.bound:
+                place = self.code.slot(name)
+                local = self.function.assign(f"f[{place}]")
+                self.scope[name] = local
+                if not self.bound[name]:
+                    with self.function.block(f"if {local} is None:"):
+                        known = self.body.values.get(name)
+                        if known is not None:
+                            self.function.emit(f"{local} = f[{place}] = {self.unit.constant(known)}")
+                        else:
+                            fresh = f"Var({self.unit.constant(name)}, len(i.stack))"
+                            self.function.emit(f"{local} = f[{place}] = {fresh}")
+        return dict(self.scope)
+
+    def store(self, scope: Scope) -> None:
+        """Put variables that are new in ``scope`` into the frame."""
+        for name, local in scope.items():
+            if self.scope.get(name) != local:
+                self.function.emit(f"f[{self.code.slot(name)}] = {local}")
+
+    def became(self, scope: Scope, certain: bool = True) -> None:
+        """Note the variables of ``scope`` as bound after this step."""
+        for name in scope:
+            self.bound[name] = certain or self.bound.get(name, False)
+
+    def settle(self, term: Any) -> None:
+        """After a formula that was written with `succeed`: what it surely binds is known to be bound."""
+        for name in variables(term):
+            self.bound[name] = name in self._certain or self.bound.get(name, False)
+
+    def finish(self) -> None:
+        """End the function and add it to the unit."""
+        if self.function.uses("trail"):
+            self.function.fill(self.trail_line, "trail = i.trail", 1)
+        self.unit.add(self.function)
+
+    def step(self, number: int | None) -> str:
+        """An expression for a step by its number; None ends the body."""
+        return "None" if number is None else self.unit.constant(Ref("step", number))
+
+    def constant(self, value: Any) -> str:
+        return self.unit.constant(value)
+
+    def here(self) -> str:
+        """An expression for the step that is being written."""
+        return self.step(self.number)
+
+    def succeed(self, found: Scope) -> None:
+        """The formula holds, with the variables of ``found``."""
+        self._certain.update(found)
+        self.store(found)
+        self.function.emit("return None")
+
+    def succeed_settled(self, scope: Scope) -> None:
+        """As `succeed`, after a call that may have bound variables."""
+        self.succeed(self.compiler.settled(self.scope, scope))
+
+    def built(self, term: Any) -> tuple[str, Scope]:
+        """An expression for a term, and the scope with its new variables."""
+        scope = self.use(term)
+        return self.compiler.build(term, scope), scope
+
+    def literal(self, term: syntax.Structure) -> tuple[str, str, Scope]:
+        """Expressions for arguments and event annotations of a literal, and the scope with its new variables."""
+        scope = self.use(term)
+        args = tuple_of([self.compiler.build(arg, scope) for arg in term.args])
+        return args, self.compiler.event_annots(term.annotations, scope), scope
+
+    def dynamic(self, call: str, term: Any) -> None:
+        """Leave a formula to the mind: ``call`` gets the built term."""
+        built, scope = self.built(term)
+        local = self.function.assign(built)
+        self.store(scope)
+        self.function.emit(f"return {call.format(local)}")
+        self.became(scope)
+        for name in self.bound:
+            self.bound[name] = self.bound[name] and name not in scope
+
+    def relevant(self, operator: str, goal: str, term: syntax.Structure) -> str:
+        """An expression for the plans that a trigger makes relevant."""
+        return self.constant(Ref("relevant", (operator, goal, signature_of(term))))
 
 
 def write_step(writer: StepWriter, formula: syntax.Step) -> None:
@@ -221,3 +345,56 @@ def _is_condition(node: Any) -> bool:
     return isinstance(
         node, syntax.Structure | syntax.Relation | syntax.And | syntax.Or | syntax.Not | syntax.InternalAction
     ) and not is_plain_variable(node)
+
+
+class ComputedOnce:
+    """Replaces the functions in a formula of ``.wait`` by variables of the frame, computed before the wait begins.
+
+    ``.wait(.count(b(_)) >= 3)`` waits for ever unless there are three already; ``.wait(.count(b(_), 3))`` counts each
+    time. ``scope`` has the variables that are known before; what else a function needs keeps it from being computed.
+    """
+
+    def __init__(self, writer: StepWriter, scope: Scope) -> None:
+        self._writer, self._scope = writer, scope
+        self._known = {name for name in scope if writer.bound.get(name)}
+        self._count = 0
+
+    def formula(self, node: Any) -> Any:
+        """The formula with variables for functions."""
+        match node:
+            case syntax.And(left=left, right=right) | syntax.Or(left=left, right=right):
+                return replace(node, left=self.formula(left), right=self.formula(right))
+            case syntax.Not(operand=operand):
+                return replace(node, operand=self.formula(operand))
+            case syntax.Relation(left=left, right=right):
+                return replace(node, left=self._term(left), right=self._term(right))
+            case syntax.Structure(args=args):
+                return replace(node, args=tuple(map(self._term, args)))
+        return node
+
+    def _term(self, node: Any) -> Any:
+        match node:
+            case syntax.InternalAction(name=name, args=args):
+                return self._value(node, name, args)
+            case syntax.Structure(functor=name, args=args):
+                found = self._value(node, name, args)
+                return found if found is not node else replace(node, args=tuple(map(self._term, args)))
+            case syntax.Arithmetic(operands=operands):
+                return replace(node, operands=tuple(map(self._term, operands)))
+            case syntax.ListTerm(items=items):
+                return replace(node, items=tuple(map(self._term, items)))
+        return node
+
+    def _value(self, node: Any, name: str, args: tuple[Any, ...]) -> Any:
+        counts = name == ".count" and len(args) == 1
+        if not counts and not self._writer.body.library.is_function(name, len(args)):
+            return node
+        if not counts and not all(variable in self._known for variable in variables(node)):
+            return node
+        variable = f"{HIDDEN}{self._count}"
+        self._count += 1
+        built = self._writer.compiler.build(node, dict(self._scope) if counts else self._scope)
+        self._scope[variable] = self._writer.function.assign(built)
+        # Frames are made with the places of the variables that the program names; this one may be beyond.
+        self._writer.function.emit(f"f.extend([None] * ({self._writer.code.slot(variable)} + 1 - len(f)))")
+        return syntax.Variable(variable, position=node.position)
