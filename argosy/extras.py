@@ -11,6 +11,7 @@ EXTRAS = {
     "rich": "operator",
     "psutil": "operator",
     "textual": "operator",
+    "prometheus_client": "operator",
     "cryptography": "keys",
     "mcap": "record",
     "aiohttp": "ui",

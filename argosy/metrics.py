@@ -1,22 +1,28 @@
-"""`argosy metrics`: the health of a fleet for Prometheus, over HTTP, on loopback unless told otherwise."""
+"""`argosy metrics`: the health of a fleet for Prometheus, over HTTP, on loopback unless another address is given."""
 
 from __future__ import annotations
 
 import asyncio
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from ipaddress import ip_address
 
-from argosy.exposition import exposition
+from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
+from prometheus_client.core import Metric
+from prometheus_client.registry import Collector
+
 from argosy.fleet_status import add_roll_arguments, call_the_roll
 from argosy.operator_bus import ANY, Where, on_the_bus
+from argosy.roll import Row
 from commd.bus import Bus
 from commd.process import EXIT_BAD_INPUT, EXIT_FAILED
 from schemas.endpoints import host_and_port
 from schemas.findings import Findings
 from schemas.mission import load_mission
+from schemas.records import Health
 
 LISTEN = "127.0.0.1:9464"
 CALLERS = 16
@@ -24,6 +30,20 @@ CALLERS = 16
 REQUEST_BYTES = 8_192
 REQUEST_PATIENCE = 5.0
 """Wall seconds that a caller has to ask, and to take the answer."""
+
+COUNTERS = 100
+"""Counters of one daemon that are exported; further ones are left out."""
+FIGURES: tuple[tuple[str, str, Callable[[Health], float | None]], ...] = (
+    ("argosy_uptime_seconds", "Seconds since the daemon started.", lambda one: one.uptime),
+    ("argosy_cpu_seconds_total", "Processor time of its process.", lambda one: one.cpu),
+    ("argosy_lag_seconds", "Seconds by which it is behind.", lambda one: one.lag),
+    ("argosy_drops_total", "What its queues have dropped.", lambda one: one.drops),
+    ("argosy_bad_input_total", "Input that did not decode.", lambda one: one.bad_input),
+    ("argosy_errors_total", "Errors that it has logged.", lambda one: one.errors),
+    ("argosy_restarts", "Starts after an end that nobody ordered.", lambda one: one.restarts),
+    ("argosy_notes", "Warnings that hold now.", lambda one: len(one.notes)),
+)
+"""Name, help and value of each figure of a health record; `_total` makes it a counter."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -48,7 +68,7 @@ def run(args: Namespace) -> int:
     async def serve(bus: Bus, where: Where) -> int:
         roll = call_the_roll(bus, where.fleet, mission)
         fleet = "" if where.fleet == ANY else where.fleet
-        page = Page(lambda: exposition(fleet, roll.rows(), router_up=bus.router_up, dropped=roll.dropped))
+        page = Page(lambda: Fleet(fleet, roll.rows(), bus.router_up, roll.dropped).page())
         try:
             server = await asyncio.start_server(page.answer, host.strip("[]"), port, limit=REQUEST_BYTES)
         except OSError as error:
@@ -67,7 +87,7 @@ def run(args: Namespace) -> int:
 class Page:
     """Answers `GET /metrics`, to a bounded number of callers at once."""
 
-    def __init__(self, text: Callable[[], str]) -> None:
+    def __init__(self, text: Callable[[], bytes]) -> None:
         self._text = text
         self.callers = 0
 
@@ -90,16 +110,15 @@ class Page:
     def _answer_to(self, request: bytes) -> bytes:
         words = request.split(b"\r\n", 1)[0].split()
         if len(words) != 3 or words[0] not in (b"GET", b"HEAD"):
-            return _response("405 Method Not Allowed", "expected GET\n")
+            return _response("405 Method Not Allowed", b"expected GET\n")
         if words[1].split(b"?")[0] != b"/metrics":
-            return _response("404 Not Found", "expected /metrics\n")
+            return _response("404 Not Found", b"expected /metrics\n")
         found = _response("200 OK", self._text())
         return found if words[0] == b"GET" else found.partition(b"\r\n\r\n")[0] + b"\r\n\r\n"
 
 
-def _response(status: str, text: str) -> bytes:
-    body = text.encode(errors="replace")
-    kind = "text/plain; version=0.0.4; charset=utf-8"
+def _response(status: str, body: bytes) -> bytes:
+    kind = CONTENT_TYPE_PLAIN_0_0_4
     head = f"HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\nConnection: close\r\n\r\n"
     return head.encode() + body
 
@@ -117,3 +136,52 @@ def _is_loopback(host: str) -> bool:
         return ip_address(host.strip("[]")).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+@dataclass(frozen=True)
+class Fleet(Collector):
+    """The health of a fleet at one time."""
+
+    name: str
+    rows: Sequence[Row]
+    router_up: bool
+    dropped: int = 0
+    """Tokens and records of daemons beyond those that are followed."""
+
+    def page(self) -> bytes:
+        """Return it in Prometheus' text format, version 0.0.4."""
+        return generate_latest(self)
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield each metric with its samples."""
+        fleet = {"fleet": self.name}
+        reported = [(self._labels(row), row.age or 0.0, row.now) for row in self.rows if row.now is not None]
+        yield _metric("argosy_router_up", "Whether the router answers this exporter.", [(fleet, self.router_up)])
+        beyond = "Tokens and records of more daemons than are followed."
+        yield _metric("argosy_not_followed_total", beyond, [(fleet, self.dropped)])
+        up = [(self._labels(row), row.standing == "up") for row in self.rows]
+        yield _metric("argosy_up", "Whether a daemon is there and reports its health.", up)
+        ages = [(labels, age) for labels, age, _ in reported]
+        yield _metric("argosy_record_age_seconds", "Seconds since a daemon's last health record.", ages)
+        versions = [(labels | {"version": health.version}, 1) for labels, _, health in reported]
+        yield _metric("argosy_info", "Version of a daemon.", versions)
+        for name, text, value in FIGURES:
+            yield _metric(name, text, [(labels, value(health)) for labels, _, health in reported])
+        counters = [
+            (labels | {"counter": name}, health.counters[name])
+            for labels, _, health in reported
+            for name in sorted(health.counters)[:COUNTERS]
+        ]
+        yield _metric("argosy_counter", "A figure of a daemon's own: see docs/health.md.", counters)
+
+    def _labels(self, row: Row) -> dict[str, str]:
+        return {"fleet": row.fleet or self.name, "board": row.board, "daemon": row.daemon, "name": row.name}
+
+
+def _metric(name: str, text: str, samples: Sequence[tuple[dict[str, str], float | None]]) -> Metric:
+    """Return a counter if `name` ends in `_total`, else a gauge; samples without a value are left out."""
+    family = Metric(name.removesuffix("_total"), text, "counter" if name.endswith("_total") else "gauge")
+    for labels, value in samples:
+        if value is not None:
+            family.add_sample(name, labels, value)
+    return family

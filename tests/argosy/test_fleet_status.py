@@ -14,8 +14,8 @@ import pytest
 from rich.console import Console
 
 from argosy.__main__ import main
-from argosy.exposition import exposition
 from argosy.journal import json_lines
+from argosy.metrics import Fleet
 from argosy.roll import MOST, SILENT, Roll
 from argosy.status_lines import line, summary, to_json
 from argosy.status_table import span, table
@@ -150,9 +150,9 @@ def test_of_several_fleets_one_name_is_not_taken_for_another() -> None:
     rows = roll.rows()
     assert [(row.title, row.standing) for row in rows] == [("alpha/uav1", "up"), ("beta/uav1", "up")]
     assert [one["fleet"] for one in to_json("any", rows, True)["daemons"]] == ["alpha", "beta"]
-    page = exposition("", rows, router_up=True, dropped=3)
-    assert 'argosy_drops_total{fleet="beta",board="",daemon="bridged",name="uav1"} 4.0' in page
-    assert 'argosy_not_followed_total{fleet=""} 3' in page
+    page = Fleet("", rows, True, dropped=3).page().decode()
+    assert 'argosy_drops_total{board="",daemon="bridged",fleet="beta",name="uav1"} 4.0' in page
+    assert 'argosy_not_followed_total{fleet=""} 3.0' in page
 
 
 def test_a_line_tells_everything_in_keys_and_values_and_takes_no_line_breaks_from_anybody(mission: Mission) -> None:

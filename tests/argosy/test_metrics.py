@@ -1,4 +1,4 @@
-"""`argosy metrics`: what Prometheus reads, judged by its own parser, over real HTTP."""
+"""`argosy metrics`: what Prometheus reads, over real HTTP."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from argosy import metrics
 from argosy.__main__ import main
-from argosy.exposition import COUNTERS, exposition
-from argosy.metrics import CALLERS, REQUEST_BYTES, Page, _is_loopback
+from argosy.metrics import CALLERS, COUNTERS, REQUEST_BYTES, Fleet, Page, _is_loopback
 from argosy.roll import Row
 from schemas.records import Health
 from tests.support.ports import free_port
@@ -25,9 +24,10 @@ UGLY = 'a "quoted"\nline \\ back'
 
 
 def samples(page: str) -> dict[tuple[str, tuple[str, ...]], float]:
-    """Return what Prometheus makes of a page: each sample by its name and the values of its labels."""
+    """Return what Prometheus makes of a page: each sample by its name and the values of its labels, in this order."""
+    order = ("fleet", "board", "daemon", "name", "version", "counter")
     return {
-        (sample.name, tuple(sample.labels.values())): sample.value
+        (sample.name, tuple(sample.labels[name] for name in order if name in sample.labels)): sample.value
         for family in text_string_to_metric_families(page)
         for sample in family.samples
     }
@@ -42,7 +42,7 @@ def test_prometheus_reads_every_figure_and_every_label_as_it_was_told() -> None:
         Row("a", "agentd", "pi1", "missing"),
         Row("old", "agentd", "pi1", "up", Health(), 0.1),
     ]
-    found = samples(exposition("sar", rows, router_up=True))
+    found = samples(Fleet("sar", rows, True).page().decode())
     uav = ("sar", "pi1", "bridged", "uav")
     assert found["argosy_router_up", ("sar",)] == 1
     assert found["argosy_up", uav] == 1
@@ -59,16 +59,15 @@ def test_prometheus_reads_every_figure_and_every_label_as_it_was_told() -> None:
     }
     assert {name: found[f"argosy_{name}", uav] for name in figures} == figures
     assert ("argosy_restarts", ("sar", "pi1", "agentd", "old")) not in found, "what is not known is no nought"
-    kinds = {
-        family.name: family.type for family in text_string_to_metric_families(exposition("s", rows, router_up=True))
-    }
+    page = Fleet("s", rows, True).page().decode()
+    kinds = {family.name: family.type for family in text_string_to_metric_families(page)}
     assert kinds["argosy_drops"] == "counter"
     assert kinds["argosy_lag_seconds"] == "gauge"
 
 
 def test_counters_without_end_are_cut() -> None:
     health = Health(counters={f"c{number}": 1.0 for number in range(COUNTERS + 50)})
-    page = exposition("sar", [Row("a", "agentd", "pi1", "up", health, 0.1)], router_up=False)
+    page = Fleet("sar", [Row("a", "agentd", "pi1", "up", health, 0.1)], False).page().decode()
     assert page.count("\nargosy_counter{") == COUNTERS
     assert samples(page)["argosy_router_up", ("sar",)] == 0
 
@@ -95,7 +94,7 @@ async def ask(port: int, request: bytes) -> bytes:
 )
 def test_only_get_metrics_has_an_answer_and_what_is_too_long_none(request_: bytes, first: bytes) -> None:
     async def body() -> None:
-        server = await asyncio.start_server(Page(lambda: "page\n").answer, "127.0.0.1", port, limit=REQUEST_BYTES)
+        server = await asyncio.start_server(Page(lambda: b"page\n").answer, "127.0.0.1", port, limit=REQUEST_BYTES)
         async with server:
             try:
                 answer = await asyncio.wait_for(ask(port, request_), 20)
@@ -113,7 +112,7 @@ def test_callers_that_say_nothing_are_bounded_and_give_their_place_back(monkeypa
     monkeypatch.setattr(metrics, "REQUEST_PATIENCE", 120.0)
 
     async def body() -> None:
-        page = Page(lambda: "page\n")
+        page = Page(lambda: b"page\n")
         server = await asyncio.start_server(page.answer, "127.0.0.1", port, limit=REQUEST_BYTES)
         async with server, asyncio.timeout(60):
             mute = [await asyncio.open_connection("127.0.0.1", port) for _ in range(CALLERS)]
