@@ -1,15 +1,8 @@
-"""Samples of every record, made from what the record declares: each field set, only those that must be, each choice.
-
-Run by the code of an older version too, so it uses nothing but records and codec.
-
-    python -m tests.compat.samples > tests/compat/data/records-VERSION.json     # records those of the present version
-"""
+"""Samples of every record, made from what the record declares: each field set, only those that must be, each choice."""
 
 from __future__ import annotations
 
 import base64
-import json
-import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -119,8 +112,3 @@ def recorded() -> dict[str, list[dict[str, str]]]:
         ]
         for name, record in sorted(all_records().items())
     }
-
-
-if __name__ == "__main__":
-    json.dump(recorded(), sys.stdout, indent=1)
-    print()

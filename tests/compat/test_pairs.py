@@ -1,33 +1,24 @@
-"""Daemons of two versions at work together: those of an older release as they were, and the present ones."""
+"""Daemons of two major versions of the records on one bus: they refuse each other with a reason."""
 
 from __future__ import annotations
 
 import contextlib
-import signal
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.compat.older import unpack
 from tests.support.processes import ROOT, Daemon, running
 
 Start = Callable[..., Daemon]
-FINE = ("defect", "Traceback", "bad_input", "other_version")
-"""Words that no daemon says when all is well."""
-
-
-@pytest.fixture(scope="module")
-def older(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return unpack(tmp_path_factory.mktemp("older"))
 
 
 @pytest.fixture
 def start() -> Iterator[Start]:
-    """Return a function that starts a daemon of the checkout, or of other `code`, which ends with the test."""
+    """Return a function that starts a daemon of the checkout, which ends with the test."""
     with contextlib.ExitStack() as stack:
-        yield lambda *arguments, code=ROOT: stack.enter_context(running(*arguments, code=code))
+        yield lambda *arguments: stack.enter_context(running(*arguments))
 
 
 def copied(folder: Path, port: int) -> str:
@@ -38,36 +29,6 @@ def copied(folder: Path, port: int) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize("older_ones", [("bridged",), ("commd", "agentd")], ids=" and ".join)
-def test_a_mission_is_flown_by_daemons_of_two_versions(
-    older_ones: tuple[str, ...],
-    older: Path,
-    start: Start,
-    tmp_path: Path,
-    endpoint: str,
-    free_port: Callable[[], int],
-) -> None:
-    port = free_port()
-    mission = copied(tmp_path, port)
-
-    def serve(daemon: str, *arguments: str) -> Daemon:
-        code = older if daemon in older_ones else ROOT
-        options = ("--router", endpoint, "--state", str(tmp_path / daemon))
-        return start(daemon, "serve", mission, *arguments, *options, code=code)
-
-    commd, bridged = serve("commd"), serve("bridged", "uav1", "--speed", "20")
-    start("bridged", "simulate", "copter", "--link", f"udpout:127.0.0.1:{port}", "--speed", "20")
-    agentd = serve("agentd", "uav", "--speed", "20")
-    agentd.says("[uav] mission done", 120)
-    for daemon in (commd, bridged, agentd):
-        said = [line for line in daemon.lines if any(word in line for word in FINE)]
-        assert said == [], daemon.arguments
-    newer = next(one for one in (commd, bridged, agentd) if one.arguments[0] not in older_ones)
-    assert "unknown_fields" not in newer.text, "the older has no field that the newer does not know"
-    if "agentd" in older_ones:
-        agentd.says("unknown_fields key=argosy/single-uav/uav1/health/bridged ignored=", 5)
-
-
 MAIL = """\
 mission: letters
 boards: {{a: {{}}, b: {{}}}}
@@ -76,38 +37,6 @@ agents:
   knower: {{board: b, program: knower.asl}}
 done: "asker: known(42)"
 """
-
-
-def test_mail_crosses_from_an_older_board_to_a_newer_and_survives_the_update_of_its_board(
-    older: Path, start: Start, tmp_path: Path, endpoint: str, free_port: Callable[[], int]
-) -> None:
-    mission, between = tmp_path / "letters.yaml", f"tcp/127.0.0.1:{free_port()}"
-    mission.write_text(MAIL.format())
-    (tmp_path / "asker.asl").write_text(
-        "!ask(first). +!ask(What) <- .send(knower, tell, wanted(What)); +asked(What); .print(asked, What).\n"
-        "+known(N) : asked(first) <- .print(known, N)."
-    )
-    (tmp_path / "knower.asl").write_text("+wanted(What)[source(A)] <- .print(wanted, What); .send(A, tell, known(42)).")
-    routers = {"a": endpoint, "b": f"tcp/127.0.0.1:{free_port()}"}
-    links = {"a": ("--listen", between), "b": ("--connect", between)}
-
-    def board(name: str, agent: str, code: Path) -> tuple[Daemon, Daemon]:
-        options = ("--router", routers[name], "--state", str(tmp_path / name))
-        router = start("commd", "serve", str(mission), "--board", name, *links[name], *options, code=code)
-        return router, start("agentd", "serve", str(mission), agent, *options, code=code)
-
-    before = board("a", "asker", older)
-    before[1].says("asked", 30)
-    for daemon in reversed(before):  # the board is updated: the letter waits in what the older version has written
-        daemon.signal(signal.SIGTERM)
-        assert daemon.ends(20) == 0
-    after = board("a", "asker", ROOT)
-    there = board("b", "knower", older)
-    there[1].says("wanted", 30)
-    after[1].says("known", 30)
-    assert after[1].text.count("asked") == 0, "the mind of the older version goes on, it does not begin anew"
-    for daemon in (*after, *there):
-        assert [line for line in daemon.lines if any(word in line for word in FINE)] == []
 
 
 def test_a_daemon_does_not_start_beside_a_commd_of_another_major_version(

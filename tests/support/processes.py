@@ -85,9 +85,9 @@ class Daemon:
 
 
 @contextlib.contextmanager
-def running(*arguments: str, code: Path = ROOT, environment: Mapping[str, str] | None = None) -> Iterator[Daemon]:
+def running(*arguments: str, environment: Mapping[str, str] | None = None) -> Iterator[Daemon]:
     """Start `python -m ARGUMENTS` and end it when the block ends."""
-    daemon = Daemon(*arguments, code=code, environment=environment)
+    daemon = Daemon(*arguments, environment=environment)
     try:
         yield daemon
     finally:
