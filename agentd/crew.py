@@ -26,8 +26,9 @@ from agentd.roster import Roster
 from agentd.services import Do, NotDone, Services
 from agentd.tracing.given_terms import Included
 from agentd.tracing.sources import Sources
-from commd.bus import AlreadyRunning, Bus, BusClosed, Token
+from commd.bus import Bus, Token
 from commd.clock import Clock
+from commd.errors import AlreadyRunning, BusClosed
 from commd.notify import Member, Unit
 from commd.process import report_health
 from commd.tasks import Tasks
@@ -126,7 +127,7 @@ class Crew:
         return memory
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Let the agents reason until `stop` is set or a program stops the team. Raises Denied."""
+        """Let the agents reason until `stop` is set or a program stops the team. Raises AccessDenied."""
         health = [keys.health(self._bus.fleet, name, self._bus.daemon) for name in self.hosts]
         try:
             await self._bus.permitted(puts=health)

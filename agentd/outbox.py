@@ -10,13 +10,14 @@ import asyncio
 import logging
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import aclosing, suppress
+from contextlib import suppress
 from typing import Any, Final, NamedTuple, cast
 from weakref import WeakKeyDictionary
 
 import msgspec
 
-from commd.bus import Bus, BusClosed, boot_id
+from commd.bus import Bus, boot_id
+from commd.errors import BusError
 from commd.letters import LARGEST, adds_up
 from commd.tasks import wait_at_most
 from schemas import keys
@@ -240,21 +241,13 @@ class Outbox:
 
     async def _ask(self, batch: list[Waiting]) -> Receipt | str:
         """Give a batch to commd. Returns its receipt, or why there is none."""
-        reason = "commd does not answer"
         mail = Mail(messages=tuple(one.message for one in batch))
         outbox = keys.outbox(self._bus.fleet, self._agent)
         try:
-            async with aclosing(self._bus.query(outbox, mail, Receipt, ANSWER_TIMEOUT)) as replies:
-                async for reply in replies:
-                    if reply.record is None:
-                        reason = reply.error
-                    elif adds_up(reply.record, len(batch)):
-                        return reply.record
-                    else:
-                        reason = f"the receipt of {len(batch)} messages does not add up"
-        except (BadRecord, BusClosed) as error:
-            reason = str(error)
-        return reason
+            receipt = await self._bus.ask_one(outbox, mail, Receipt, ANSWER_TIMEOUT)
+        except (BadRecord, BusError) as error:
+            return f"commd: {error}"
+        return receipt if adds_up(receipt, len(batch)) else f"the receipt of {len(batch)} messages does not add up"
 
     def _settle(self, batch: list[Waiting], receipt: Receipt) -> None:
         """Forget what commd has taken or refused for good; what it has no room for waits."""
@@ -287,14 +280,11 @@ class Outbox:
         """
         outbox, pause = keys.outbox(self._bus.fleet, self._agent), RETRY_FIRST
         while True:
-            with suppress(BusClosed, BadRecord):
+            with suppress(BusError, BadRecord):
                 mail = Mail(numberings=(numbering, self.numbering))
-                asked = self._bus.query(outbox, mail, Receipt, ANSWER_TIMEOUT)
-                async with aclosing(asked) as replies:
-                    async for reply in replies:
-                        if reply.record is not None:
-                            found = reply.record.numbers.items()
-                            return {one: seq - numbers.get(one, 0) for one, seq in found if seq > numbers.get(one, 0)}
+                receipt = await self._bus.ask_one(outbox, mail, Receipt, ANSWER_TIMEOUT)
+                found = receipt.numbers.items()
+                return {one: seq - numbers.get(one, 0) for one, seq in found if seq > numbers.get(one, 0)}
             await asyncio.sleep(pause)
             pause = min(2 * pause, RETRY_MOST)
 

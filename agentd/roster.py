@@ -9,9 +9,9 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Collection, Iterable, Mapping
-from contextlib import aclosing
 
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusClosed
 from commd.tasks import wait_at_most
 from schemas import keys
 from schemas.mission import RESERVED
@@ -132,15 +132,16 @@ class Roster:
     async def _refresh(self, board: str) -> bool:
         """Ask a board's directory for all that it knows. Returns whether it has answered."""
         answered = False
+
+        def told(_: str, services: BoardServices) -> None:
+            nonlocal answered
+            answered = True
+            self._remembered = {}
+            self.told(services)
+            self._settle()
+
         try:
-            key = keys.services(self._bus.fleet, board)
-            async with aclosing(self._bus.query(key, None, BoardServices, ASK_TIMEOUT)) as replies:
-                async for reply in replies:
-                    if reply.record is not None:
-                        answered = True
-                        self._remembered = {}
-                        self.told(reply.record)
-                        self._settle()
+            await self._bus.ask_all(keys.services(self._bus.fleet, board), BoardServices, ASK_TIMEOUT, told)
         except BusClosed as closed:
             log.debug("not_asked board=%s why=%s", board, closed)
         if answered and self._met:

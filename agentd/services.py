@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections import defaultdict
 from collections.abc import Iterable
-from contextlib import AsyncExitStack, aclosing, suppress
+from contextlib import AsyncExitStack, suppress
 from typing import Literal, TypeAlias
 
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusError
 from schemas import keys
 from schemas.codec import BadRecord
 from schemas.records import BoardServices, ServiceRequest
@@ -74,7 +75,7 @@ class Services:
                     else:
                         line.heard()
         if answer is None:
-            raise NotDone(f"the directory of board {board} does not answer: {why or 'its commd is not there'}", False)
+            raise NotDone(f"the directory of board {board} does not answer: {why}", False)
         if answer.problem:
             raise NotDone(answer.problem, True, answer.prefix)
         return answer
@@ -100,14 +101,8 @@ class Services:
         return True
 
     async def _ask(self, board: str, request: ServiceRequest, seconds: float) -> tuple[BoardServices | None, str]:
-        why = ""
         key = keys.service_requests(self._bus.fleet, board, request.agent)
         try:
-            async with aclosing(self._bus.query(key, request, BoardServices, seconds)) as replies:
-                async for reply in replies:
-                    if reply.record is not None:
-                        return reply.record, ""
-                    why = reply.error
-        except (BusClosed, BadRecord) as error:
-            why = str(error)
-        return None, why
+            return await self._bus.ask_one(key, request, BoardServices, seconds), ""
+        except (BusError, BadRecord) as error:
+            return None, str(error)

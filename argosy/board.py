@@ -20,7 +20,7 @@ import bridged.daemon
 import commd.daemon
 from agentd.plugins import discover
 from commd import router_config
-from commd.bus import AlreadyRunning, BusClosed
+from commd.errors import AlreadyRunning, BusClosed
 from commd.notify import Member, Unit
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, run_daemon
 from commd.refusals import hear_refusals

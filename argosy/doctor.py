@@ -9,7 +9,7 @@ import shutil
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator, Sequence
-from contextlib import aclosing, contextmanager
+from contextlib import contextmanager
 from dataclasses import asdict
 from textwrap import wrap
 from typing import Any
@@ -24,8 +24,9 @@ from argosy.journal import printable
 from argosy.operator_bus import Where, add_router_argument, operator_bus, where
 from argosy.remedies import target_of
 from argosy.roll import SILENT
-from commd.bus import Bus, BusClosed
-from commd.checkup import LINKS_WITHIN, NoAnswer, ask, measure_all
+from commd.bus import Bus
+from commd.checkup import LINKS_WITHIN, measure_all
+from commd.errors import BusClosed, BusError, QueryFailed
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas import keys
 from schemas.findings import Findings
@@ -99,10 +100,11 @@ async def gather(bus: Bus, mission: Mission) -> Facts:
     earlier, began = roll.rows(), loop.time()
     boards: dict[str, BoardReport | str] = {}
     for board in mission.board_names:
+        key, within = keys.checkup(bus.fleet, board), LINKS_WITHIN + ANSWER_TIMEOUT
         try:
-            boards[board] = await ask(bus, board, Checkup(links=True), LINKS_WITHIN + ANSWER_TIMEOUT)
-        except NoAnswer as why:
-            boards[board] = str(why)
+            boards[board] = await bus.ask_one(key, Checkup(links=True), BoardReport, within)
+        except BusError as error:
+            boards[board] = str(error)
     reached = [board for board, report in boards.items() if isinstance(report, BoardReport)]
     from_here = await measure_all(bus, reached)
     there = {row.name for row in roll.rows() if row.daemon == "bridged" and row.well}
@@ -119,23 +121,18 @@ async def gather(bus: Bus, mission: Mission) -> Facts:
 async def _robot(bus: Bus, mission: Mission, robot: str) -> RobotFacts:
     agent = mission.agents_of(robot)[0]
     told: dict[str, int] = {}
-    declared: dict[str, Any] | None = None
+
+    def note(_: str, percept: Perception) -> None:
+        told[percept.name] = max(told.get(percept.name, 0), percept.header.stamp)
+
+    declared: dict[str, Any] | None
     try:
-        async with aclosing(
-            bus.query(keys.percept(bus.fleet, agent, "**"), None, Perception, ANSWER_TIMEOUT)
-        ) as replies:
-            async for reply in replies:
-                if reply.record is not None:
-                    name = reply.record.name
-                    told[name] = max(told.get(name, 0), reply.record.header.stamp)
-        key = keys.manifest(bus.fleet, robot)
-        async with aclosing(bus.query(key, None, LiveManifest, ANSWER_TIMEOUT)) as manifests:
-            async for answer in manifests:
-                if answer.record is not None:
-                    declared = answer.record.manifest.get("percepts", {})
+        await bus.ask_all(keys.percept(bus.fleet, agent, "**"), Perception, ANSWER_TIMEOUT, note)
+        answer = await bus.ask_one(keys.manifest(bus.fleet, robot), None, LiveManifest, ANSWER_TIMEOUT)
+        declared = answer.manifest.get("percepts", {})
     except BusClosed as closed:
         return RobotFacts(told, {}, str(closed))
-    if declared is None:
+    except QueryFailed:
         declared = _of_the_file(mission, robot)
     if declared is None:
         return RobotFacts(told, {}, "its bridge does not tell its manifest")
@@ -156,10 +153,8 @@ def _of_the_file(mission: Mission, robot: str) -> dict[str, Any] | None:
 
 async def _mailboxes(bus: Bus) -> dict[str, Mailboxes]:
     found: dict[str, Mailboxes] = {}
-    async with aclosing(bus.query(keys.mailboxes(bus.fleet, "*"), None, Mailboxes, ANSWER_TIMEOUT)) as replies:
-        async for reply in replies:
-            if reply.record is not None:
-                found[reply.record.board] = reply.record
+    key = keys.mailboxes(bus.fleet, "*")
+    await bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, lambda _, told: found.update({told.board: told}))
     return found
 
 

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import zenoh
 
 from argosy.diagnosis import Said
-from commd.bus import Bus, BusClosed, open_bus
+from commd.bus import Bus, open_bus
 from commd.denials import router_name
+from commd.errors import BusClosed
 from commd.routers import endpoint_of
 from commd.tls import identity_of
 from commd.trying import which_are_answered, which_come_through

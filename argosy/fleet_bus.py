@@ -15,7 +15,8 @@ from typing import Any, TypeVar
 
 import zenoh
 
-from commd.bus import BACKLOG, Bus, BusClosed, Reply, open_bus
+from commd.bus import BACKLOG, Bus, Reply, open_bus
+from commd.errors import BusClosed
 from commd.routers import endpoint_of
 from commd.tasks import Tasks
 from commd.tls import Tls

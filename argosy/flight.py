@@ -22,7 +22,8 @@ from argosy.restarts import Restarts
 from argosy.status import Status
 from argosy.supervise import Child, Supervisor
 from argosy.watchdog import Watchdog
-from commd.bus import BusClosed, open_bus
+from commd.bus import open_bus
+from commd.errors import BusClosed
 from commd.process import EXIT_DONE, EXIT_FAILED
 from schemas import keys
 from schemas.records import RunPhase

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from argparse import ArgumentParser, Namespace
-from contextlib import aclosing
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -55,15 +54,17 @@ def run(args: Namespace) -> int:
     async def ask(bus: Bus, where: Where) -> int:
         key = keys.mailboxes(where.fleet, args.board or "*")
         found: dict[str, Mailboxes] = {}
-        why: dict[str, str] = {}
-        async with aclosing(bus.query(key, None, Mailboxes, ANSWER_TIMEOUT)) as replies:
-            async for reply in replies:
-                parsed = keys.parse(reply.key)
-                board = parsed[1] if parsed is not None else ""
-                if reply.record is not None and board in wanted:
-                    found[board] = reply.record
-                elif reply.error:
-                    why[board] = reply.error
+
+        def board_of(key: str) -> str:
+            parsed = keys.parse(key)
+            return parsed[1] if parsed is not None else ""
+
+        def told(key: str, mailboxes: Mailboxes) -> None:
+            if (board := board_of(key)) in wanted:
+                found[board] = mailboxes
+
+        errors = await bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, told)
+        why = {board_of(key): error for key, error in errors.items()}
         silent = [f"{board}: {why.get(board, 'its commd does not answer')}" for board in wanted if board not in found]
         silent += [f"somebody answers: {error}" for board, error in why.items() if board not in wanted]
         return _show([found[board] for board in wanted if board in found], silent, args)

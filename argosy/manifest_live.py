@@ -8,11 +8,11 @@ import sys
 import tomllib
 from argparse import ArgumentParser, Namespace
 from collections.abc import Awaitable, Callable
-from contextlib import aclosing
 from typing import Any
 
 from argosy.operator_bus import Unanswered, Where, add_fleet_arguments, bridges, on_the_bus, unreached
 from commd.bus import Bus
+from commd.errors import QueryFailed, QueryTimeout
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas import keys
 from schemas.codec import BadRecord
@@ -146,15 +146,13 @@ async def _fleet_of(bus: Bus, where: Where, robot: str) -> str:
 
 async def _asked(bus: Bus, fleet: str, robot: str, change: ManifestChange | None) -> LiveManifest:
     """Return what the bridge of a robot answers. Raises Unanswered."""
-    error = f"its bridge did not answer within {ANSWER_TIMEOUT:g} s"
-    if change is not None:
-        error += "; `argosy manifest get` tells whether the change is in effect"
-    async with aclosing(bus.query(keys.manifest(fleet, robot), change, LiveManifest, ANSWER_TIMEOUT)) as replies:
-        async for reply in replies:
-            if reply.record is not None:
-                return reply.record
-            error = reply.error
-    raise Unanswered(f"{robot}: {error}")
+    try:
+        return await bus.ask_one(keys.manifest(fleet, robot), change, LiveManifest, ANSWER_TIMEOUT)
+    except QueryTimeout:
+        remedy = "; `argosy manifest get` tells whether the change is in effect" if change is not None else ""
+        raise Unanswered(f"{robot}: its bridge did not answer within {ANSWER_TIMEOUT:g} s{remedy}") from None
+    except QueryFailed as failed:
+        raise Unanswered(f"{robot}: {failed}") from None
 
 
 def _show(told: LiveManifest, entry: str | None, toml: bool) -> int:

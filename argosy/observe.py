@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import time
-from contextlib import aclosing, suppress
+from contextlib import suppress
 
 from argosy.picture import Picture
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusClosed, BusError
 from schemas import keys
 from schemas.minds import MindView
 from schemas.records import ActionStatus, Health, Perception
@@ -79,22 +80,17 @@ class Observer:
         for agent in self.picture.eyes:
             everything = keys.percept(self.bus.fleet, agent, "**")
             with suppress(BusClosed):
-                async with aclosing(self.bus.query(everything, None, Perception, ANSWER_TIMEOUT)) as replies:
-                    async for reply in replies:
-                        if reply.record is not None:
-                            self.picture.percept(reply.key, reply.record)
+                await self.bus.ask_all(everything, Perception, ANSWER_TIMEOUT, self.picture.percept)
 
     async def look_at_mind(self, agent: str) -> bool:
         """Ask one agent for its mind. Returns whether it answered."""
-        answered = False
-        with suppress(BusClosed):
-            key = f"{keys.mind(self.bus.fleet, agent)}?last=0"  # a run shows no decisions: they need not be told
-            async with aclosing(self.bus.query(key, None, MindView, ANSWER_TIMEOUT)) as replies:
-                async for reply in replies:
-                    if reply.record is not None:
-                        self.picture.mind(reply.record)
-                        answered = True
-        return answered
+        key = f"{keys.mind(self.bus.fleet, agent)}?last=0"  # a run shows no decisions: they need not be told
+        try:
+            view = await self.bus.ask_one(key, None, MindView, ANSWER_TIMEOUT)
+        except BusError:
+            return False
+        self.picture.mind(view)
+        return True
 
     async def _watch_mind(self, agent: str) -> None:
         heard = time.monotonic()

@@ -15,7 +15,8 @@ from argosy.arguments import name
 from argosy.endpoint import endpoint
 from argosy.fleet_bus import FleetBus, open_fleet_bus
 from argosy.journal import printable
-from commd.bus import Bus, BusClosed, open_bus
+from commd.bus import Bus, open_bus
+from commd.errors import BusClosed
 from commd.local_runs import router_of
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, tls_of
 from commd.tls import Tls, identity_of

@@ -5,12 +5,12 @@ from __future__ import annotations
 import asyncio
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from contextlib import aclosing
 from typing import get_args
 
 from argosy.journal import printable
 from argosy.operator_bus import ANY, Where, add_fleet_arguments, bridges, on_the_bus, unreached
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusError, QueryTimeout
 from commd.process import EXIT_DONE, EXIT_FAILED
 from schemas import keys
 from schemas.mission import load_mission
@@ -113,12 +113,10 @@ def _absent(where: Where, wanted: list[str], known: list[str], there: list[str])
 
 async def order_robot(bus: Bus, fleet: str, robot: str, order: str) -> Outcome:
     """Give one robot an order and return what became of it."""
-    told = Outcome(ok=False, reason=UNANSWERED)
     ask = StopOrder(order=order)  # type: ignore[arg-type]
     try:
-        async with aclosing(bus.query(keys.stop(fleet, robot), ask, Outcome, ANSWER_TIMEOUT)) as replies:
-            async for reply in replies:
-                told = reply.record or Outcome(ok=False, reason=reply.error)
-    except BusClosed as closed:  # the others have their orders, and are to be told of
-        return Outcome(ok=False, reason=str(closed))
-    return told
+        return await bus.ask_one(keys.stop(fleet, robot), ask, Outcome, ANSWER_TIMEOUT)
+    except QueryTimeout:
+        return Outcome(ok=False, reason=UNANSWERED)
+    except BusError as error:  # the others have their orders, and their outcomes are to be shown
+        return Outcome(ok=False, reason=str(error))

@@ -9,7 +9,8 @@ from collections.abc import Awaitable, Callable
 from contextlib import aclosing, suppress
 
 from commd.bridge_watch import BridgeWatch
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusClosed, BusError
 from commd.perceiving import Perceiving
 from schemas import keys
 from schemas.codec import BadRecord
@@ -187,12 +188,10 @@ class Acting:
         loop = asyncio.get_running_loop()
         began = loop.time()
         while loop.time() < min(max(began, self._bridge.router_since) + BUS_GRACE, began + ACCEPT_PATIENCE):
-            with suppress(BusClosed):
+            with suppress(BusError):
                 request = Cancel(header=self._bus.header("cancel", self._agent), id=identity)
-                async with aclosing(self._bus.query(key, request, ActionStatus, SILENCE)) as replies:
-                    async for reply in replies:
-                        if reply.record is not None:  # "busy" or "Timeout" is no answer
-                            return
+                await self._bus.ask_one(key, request, ActionStatus, SILENCE)
+                return
             await asyncio.sleep(RETRY)
         self.counters["cancels_unanswered"] += 1
         log.warning("cancel_unanswered id=%s", identity)

@@ -36,7 +36,8 @@ from threading import Thread
 from typing import Any
 
 from commd import refusals
-from commd.bus import LOOK_UP_PATIENCE, Bus, BusClosed
+from commd.bus import LOOK_UP_PATIENCE, Bus
+from commd.errors import BusClosed
 from commd.session import owner_of
 from schemas.endpoints import host_and_port
 from schemas.mission import DEFAULT_PORT, Mission

@@ -13,7 +13,7 @@ import os
 from collections import Counter, deque
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager, contextmanager, suppress
+from contextlib import aclosing, asynccontextmanager, contextmanager, suppress
 from functools import partial
 from threading import Thread
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 import zenoh
 
 from commd import denials
+from commd.errors import AccessDenied, AlreadyRunning, BusClosed, QueryFailed, QueryTimeout
 from commd.handover import Handover
 from commd.known_keys import KnownKeys
 from commd.raw import RawBus, matching
@@ -65,33 +66,27 @@ STOP_PATIENCE = 1.5
 """Wall seconds that it has when we are told to stop."""
 LOOK_UP_PATIENCE = 3.0
 """Seconds that the name service has to find the address of this board."""
+ZENOH_TIMEOUT = b"Timeout"
+"""The payload of Zenoh's own error reply to a query that was not answered in time."""
 ROUTER_LOST = "the router was lost before all had answered"
 """What the last reply to a query says whose replies came by a router that is gone."""
 CLAIM_PATIENCE = 3.0
 """Seconds to wait for the token of a dead predecessor to go (the lease of a hung one) before refusing to start."""
 
 
-class BusClosed(ConnectionError):
-    """The router could not be reached, or the bus was closed."""
-
-
-class Denied(BusClosed):
-    """The router denies what this daemon needs; says what, by whom, and what to do."""
-
-
-class AlreadyRunning(RuntimeError):
-    """Another live instance of this daemon's name is on the bus."""
-
-
 class Reply(Generic[R]):
     """One reply to a query: a record on its key, or what was wrong with it."""
 
-    __slots__ = ("error", "key", "other_version", "record")
+    __slots__ = ("error", "key", "other_version", "record", "timed_out")
 
-    def __init__(self, key: str, record: R | None, error: str = "", other_version: str = "") -> None:
+    def __init__(
+        self, key: str, record: R | None, error: str = "", other_version: str = "", *, timed_out: bool = False
+    ) -> None:
         self.key, self.record, self.error = key, record, error
         self.other_version = other_version
         """Another major version than ours, which whoever answered speaks."""
+        self.timed_out = timed_out
+        """Whether it stands for a reply that did not arrive in time."""
 
 
 class Query(Generic[R]):
@@ -399,6 +394,38 @@ class Bus:
             ours.reply_error(f"defect in {self.daemon}: {type(error).__name__}: {error}")
             raise
 
+    async def ask_one(self, key: str, ask: Record | None, answer: type[R], timeout: float) -> R:
+        """Query `key` and return the first record of a reply, within `timeout` wall seconds.
+
+        Raises QueryTimeout if there was no reply, QueryFailed if there were only errors, BusClosed if the query could
+        not be sent, BadRecord if `ask` cannot be encoded.
+        """
+        failed: QueryFailed = QueryTimeout(key, timeout, nobody=True)
+        async with aclosing(self.query(key, ask, answer, timeout)) as replies:
+            async for reply in replies:
+                if reply.record is not None:
+                    return reply.record
+                error = QueryFailed(reply.key, reply.error, reply.other_version)
+                failed = QueryTimeout(key, timeout) if reply.timed_out else error
+        raise failed
+
+    async def ask_all(
+        self, key: str, answer: type[R], timeout: float, handler: Callable[[str, R], object], *, limit: int = BACKLOG
+    ) -> dict[str, str]:
+        """Query all that serve `key`, without a payload, and call `handler(key, record)` for each record on arrival.
+
+        Lasts at most `timeout` wall seconds; at most `limit` replies wait, further ones are dropped and counted.
+        Returns the errors of replies without a record, by their keys. Raises BusClosed if the query could not be sent.
+        """
+        errors: dict[str, str] = {}
+        async with aclosing(self.query(key, None, answer, timeout, limit=limit)) as replies:
+            async for reply in replies:
+                if reply.record is not None:
+                    handler(reply.key, reply.record)
+                else:
+                    errors[reply.key] = reply.error
+        return errors
+
     async def query(
         self,
         key: str,
@@ -411,6 +438,7 @@ class Bus:
     ) -> AsyncGenerator[Reply[R], None]:
         """Ask all that serve `key` and yield each reply as it is made. No reply at all = nobody serves it.
 
+        For a stream of replies; `ask_one` and `ask_all` are for the rest. Close it (`aclosing`) if it is not exhausted.
         The key may have parameters, `key?a=b;c=d`, for those who serve it to read.
         Ends when all have answered, when the router is lost or back (the last reply says so: Zenoh may never end such a
         query), or after `timeout` wall seconds; a final reply that did not come is for the caller to notice. At most
@@ -454,20 +482,23 @@ class Bus:
                 match reply:
                     case float():
                         self.counters["queries_unended"] += 1
+                        yield _timed_out(key, timeout)
                         return
                     case str():
                         yield Reply(key.partition("?")[0], None, reply)
                         return
-                yield self._read_reply(key.partition("?")[0], reply, answer)
+                yield self._read_reply(key.partition("?")[0], reply, answer, timeout)
         finally:
             self._asked.discard(replies)
             late.cancel()
             self._loop.call_soon(token.cancel)  # who has what he wanted does not wait for that
 
-    def _read_reply(self, key: str, reply: zenoh.Reply, answer: type[R]) -> Reply[R]:
+    def _read_reply(self, key: str, reply: zenoh.Reply, answer: type[R], timeout: float) -> Reply[R]:
         if reply.ok is None:
-            error = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "no answer"
-            return Reply(key, None, error)
+            error = reply.err.payload.to_bytes() if reply.err else ZENOH_TIMEOUT
+            if error == ZENOH_TIMEOUT:
+                return _timed_out(key, timeout)
+            return Reply(key, None, error.decode(errors="replace"))
         sample = reply.ok
         name = str(sample.key_expr)
         try:
@@ -583,7 +614,7 @@ class Bus:
                 if self._loop.time() >= until:
                     what = [f"{denials.KINDS['token']} {self._own(name)}" for name in missing]
                     if self.router_up and self.guarded:
-                        raise Denied(await denials.in_words(self, what))
+                        raise AccessDenied(await denials.in_words(self, what))
                     raise BusClosed(f"the router does not show the token of `{missing[0]}` within {CLAIM_PATIENCE:g} s")
                 await asyncio.sleep(0.02)
                 there = await self._claimed(names)
@@ -602,9 +633,9 @@ class Bus:
         return str(self._session.info.zid())
 
     async def permitted(self, puts: Collection[str] = ()) -> None:
-        """Ask the router whether it lets through what was declared, and puts on these keys. Raises Denied."""
+        """Ask the router whether it lets through what was declared, and puts on these keys. Raises AccessDenied."""
         if self.guarded and (words := await denials.refused(self, puts)):
-            raise Denied(words)
+            raise AccessDenied(words)
 
     def _declare(self, kind: str, key: str) -> Callable[[], None]:
         self.declared[kind, key] += 1
@@ -732,6 +763,10 @@ class Bus:
             await asyncio.wait_for(closed.wait(), CLOSE_PATIENCE)
         except TimeoutError:
             log.warning("the router hangs: this session ends without a word to it")
+
+
+def _timed_out(key: str, timeout: float) -> Reply[Any]:
+    return Reply(key.partition("?")[0], None, f"no answer within {timeout:g} s", timed_out=True)
 
 
 def _leave(session: zenoh.Session) -> None:

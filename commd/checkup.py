@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 import os
 from collections.abc import Sequence
-from contextlib import aclosing
 from pathlib import Path
 
-from commd.bus import Bus, BusClosed, Query
+from commd.bus import Bus, Query
+from commd.errors import BusError, QueryTimeout
 from schemas import keys
 from schemas.records import BoardReport, Checkup, LinkReport
 
@@ -91,9 +91,9 @@ async def measure(bus: Bus, board: str) -> LinkReport:
     for _ in range(ROUND_TRIPS):
         try:
             trips.append(await _round_trip(bus, board, "", PATIENCE))
-        except NoAnswer as why:
-            problem = str(why)
-            if why.nobody:
+        except BusError as error:
+            problem = str(error)
+            if isinstance(error, QueryTimeout) and error.nobody:
                 break
     if not trips:
         return LinkReport(board=board, asked=ROUND_TRIPS, problem=problem)
@@ -103,8 +103,8 @@ async def measure(bus: Bus, board: str) -> LinkReport:
         with_filler, _ = await _round_trip(bus, board, "x" * FILLER, FILLER_PATIENCE)
         if with_filler > 1.5 * fastest + 0.002:  # else the difference is noise, and the link is fast
             rate = FILLER / (with_filler - fastest)
-    except NoAnswer as why:
-        problem = f"{FILLER} bytes: {why}"
+    except BusError as error:
+        problem = f"{FILLER} bytes: {error}"
     return LinkReport(
         board=board,
         asked=ROUND_TRIPS,
@@ -117,34 +117,11 @@ async def measure(bus: Bus, board: str) -> LinkReport:
     )
 
 
-class NoAnswer(Exception):
-    """A board has not answered; `nobody`: because there is nobody who could."""
-
-    def __init__(self, why: str, *, nobody: bool = False) -> None:
-        super().__init__(why)
-        self.nobody = nobody
-
-
-async def ask(bus: Bus, board: str, question: Checkup, timeout: float) -> BoardReport:
-    """Ask a board how it is. Raises NoAnswer."""
-    why = ""
-    try:
-        key = keys.checkup(bus.fleet, board)
-        async with aclosing(bus.query(key, question, BoardReport, timeout)) as replies:
-            async for reply in replies:
-                if reply.record is not None:
-                    return reply.record
-                why = f"no answer within {timeout:g} s" if reply.error == "Timeout" else reply.error
-    except BusClosed as closed:
-        raise NoAnswer(str(closed)) from None
-    raise NoAnswer(why or "its commd does not answer", nobody=not why)
-
-
 async def _round_trip(bus: Bus, board: str, filler: str, timeout: float) -> tuple[float, float]:
-    """Return how many wall seconds an answer took, and by how many its clock is ahead. Raises NoAnswer."""
+    """Return how many wall seconds an answer took, and by how many its clock is ahead. Raises BusError."""
     loop = asyncio.get_running_loop()
     began, sent = loop.time(), bus.stamp()
-    report = await ask(bus, board, Checkup(filler=filler), timeout)
+    report = await bus.ask_one(keys.checkup(bus.fleet, board), Checkup(filler=filler), BoardReport, timeout)
     took = loop.time() - began
     return took, (report.header.stamp - sent) / 1e9 - took / 2
 

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
-from contextlib import aclosing, asynccontextmanager
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 from commd.acting import Acting
-from commd.bus import AlreadyRunning, Bus, BusClosed, Denied, open_bus
+from commd.bus import Bus, open_bus
 from commd.clock import Clock
+from commd.errors import AccessDenied, AlreadyRunning, BusClosed, BusError
 from commd.inbox import QUESTION, Inbox, Messages, Seen
 from commd.local_runs import router_of
 from commd.percepts import Percepts
@@ -221,18 +222,15 @@ class Client:
             ServiceRequest(agent=self.name, do=do, service=service, stays=stays),
         )
         until = asyncio.get_running_loop().time() + self._patience
-        reason = f"no commd of fleet `{self._bus.fleet}` serves board `{self.board}`"
         while True:
             try:
-                async with aclosing(self._bus.query(key, request, BoardServices, self._patience)) as replies:
-                    async for reply in replies:
-                        if reply.record is not None and reply.record.problem:
-                            raise NotJoined(f"{do} {service or self.name}: {reply.record.problem}")
-                        if reply.record is not None:
-                            return reply.record
-                        reason = f"commd of board `{self.board}`: {reply.error}"
-            except BusClosed as closed:
-                reason = str(closed)
+                answer = await self._bus.ask_one(key, request, BoardServices, self._patience)
+            except BusError as error:
+                reason = f"commd of board `{self.board}`, fleet `{self._bus.fleet}`: {error}"
+            else:
+                if answer.problem:
+                    raise NotJoined(f"{do} {service or self.name}: {answer.problem}")
+                return answer
             if asyncio.get_running_loop().time() + RETRY >= until:
                 raise NotJoined(f"{do}: {reason} ({self._patience:g} s)")
             await asyncio.sleep(RETRY)
@@ -289,7 +287,7 @@ async def join(
     async with _bus(router, fleet, name, clock, wire, patience) as bus:
         try:
             await _claim(bus, name)
-        except Denied as denied:
+        except AccessDenied as denied:
             hint = "" if known else f"; who is not in its mission is called `{made_on(board)}...` there"
             raise NotJoined(f"{denied}{hint}") from None
         inject = declared is not None and declared.inject

@@ -48,7 +48,7 @@ async def refused(bus: Bus, puts: Collection[str] = ()) -> str:
 
 async def known_refused(bus: Bus, puts: Collection[str] = ()) -> str | None:
     """Return what `refused` does, or None if it cannot be known."""
-    from commd.bus import BusClosed
+    from commd.errors import BusClosed
 
     try:
         async with _second_session(bus) as other:

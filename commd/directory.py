@@ -10,7 +10,7 @@ import asyncio
 import logging
 from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Coroutine, Sequence
-from contextlib import aclosing, asynccontextmanager, suppress
+from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
 from sqlite3 import Connection
 from typing import Any, Protocol, TypeVar
@@ -18,8 +18,9 @@ from typing import Any, Protocol, TypeVar
 import msgspec
 
 from commd import facts, peers
-from commd.bus import Bus, BusClosed, Query
+from commd.bus import Bus, Query
 from commd.clock import Clock
+from commd.errors import BusClosed
 from commd.mail_clock import MailClock
 from commd.mail_witness import MailWitness
 from commd.services import Notice, Own, Problem, Services, checked
@@ -414,17 +415,15 @@ class Directory:
 
     async def _asked(self, board: str) -> bool:
         """Ask once. Returns whether there was an answer."""
-        answered = False
+        known: dict[str, BoardServices] = {}
         try:
             key = keys.services(self._bus.fleet, board)
-            async with aclosing(self._bus.query(key, None, BoardServices, ASK_TIMEOUT)) as replies:
-                async for reply in replies:
-                    if reply.record is not None and reply.record.board == board:
-                        answered = True
-                        await self._hear(reply.record)
+            await self._bus.ask_all(key, BoardServices, ASK_TIMEOUT, lambda _, told: known.update({told.board: told}))
         except BusClosed as closed:
             log.debug("not_asked board=%s why=%s", board, closed)
-        return answered
+        if board in known:
+            await self._hear(known[board])
+        return board in known
 
     def _agent_token(self, key: str, alive: bool) -> None:
         """An agent came or went; only those count that joined here."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
-from contextlib import aclosing
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusClosed, QueryFailed, QueryTimeout
 from commd.lanes import NoAnswer
 from commd.letters import Mail, Waiting, opened
 from commd.mail_clock import MailClock
@@ -132,20 +132,19 @@ class Peers:
 
     async def _ask(self, peer: str, key: str, mail: Mail, timeout: float) -> Receipt | NoAnswer:
         there, begun = peer in self._alive, self._clock.now()
-        answer: Receipt | NoAnswer | None = None
         try:
-            async with aclosing(self._bus.query(key, mail, Receipt, timeout)) as replies:
-                async for reply in replies:
-                    told = f"{peer} does not take it: {reply.error}"
-                    answer = reply.record or NoAnswer(told, certain=False, unreadable=TOO_DEEP in reply.error)
+            return await self._bus.ask_one(key, mail, Receipt, timeout)
         except BusClosed as closed:
             return NoAnswer(str(closed), certain=True)
         except BadRecord as bad:
             return NoAnswer(f"it cannot be written: {bad}", certain=True, unreadable=True)
-        if answer is not None:
-            return answer
-        if there or peer in self._alive:
-            # A router that denies a query ends it at once, as it does when nobody serves the key.
-            denied = ": or does its router deny it?" if self._clock.now() - begun < timeout / 2 else ""
-            return NoAnswer(f"{peer} does not answer{denied}", certain=False)
-        return NoAnswer(f"{peer} is away", certain=True, away=True)
+        except QueryTimeout as silent:
+            if not silent.nobody:
+                return NoAnswer(f"{peer}: {silent}", certain=False)
+            if there or peer in self._alive:
+                # A router that denies a query ends it at once, as it does when nobody serves the key.
+                denied = ": or does its router deny it?" if self._clock.now() - begun < timeout / 2 else ""
+                return NoAnswer(f"{peer} does not answer{denied}", certain=False)
+            return NoAnswer(f"{peer} is away", certain=True, away=True)
+        except QueryFailed as failed:
+            return NoAnswer(f"{peer} does not take it: {failed}", certain=False, unreadable=TOO_DEEP in str(failed))

@@ -12,9 +12,9 @@ import asyncio
 import logging
 from collections import Counter
 from collections.abc import Callable, Iterable
-from contextlib import aclosing
 
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusClosed
 from commd.hand_percepts import HandPercepts
 from schemas import keys
 from schemas.percepts import PerceptSet, differences, tells_of_none
@@ -103,17 +103,16 @@ class Perceiving:
         asked_at = self.percepts.seq
         everything = keys.percept(self._bus.fleet, self._agent, "**")
         try:
-            async with aclosing(self._bus.query(everything, None, Perception, ASK_TIMEOUT)) as replies:
-                async for reply in replies:
-                    if reply.record is None and reply.key == everything:
-                        return False
-                    if reply.record is None:  # the others are perceived all the same
-                        self.counters["unreadable"] += 1
-                        log.warning("unreadable_percept key=%s %s", reply.key, reply.error)
-                        continue
-                    snapshot.append(reply.record)
+            errors = await self._bus.ask_all(
+                everything, Perception, ASK_TIMEOUT, lambda _, perception: snapshot.append(perception)
+            )
         except BusClosed:
             return False
+        if everything in errors:
+            return False
+        for key, error in errors.items():  # the others are perceived all the same
+            self.counters["unreadable"] += 1
+            log.warning("unreadable_percept key=%s %s", key, error)
         if not snapshot and len(self.percepts) and not tells_of_none(self._reported):
             return not self._bus.router_up  # nobody answered: the bridge is away, and its return raises doubt again
         life = self.percepts.boot

@@ -16,8 +16,9 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from commd.bus import AlreadyRunning, Bus, BusClosed
+from commd.bus import Bus
 from commd.clock import Clock
+from commd.errors import AlreadyRunning, BusClosed, OtherMajor
 from commd.hung import tell_when_aborted
 from commd.lag import loop_lag
 from commd.lives import end_lives
@@ -25,7 +26,6 @@ from commd.logs import begin_logging, handler_of_this_process, one_line
 from commd.output import flush, stderr
 from commd.session import sessions_under_way, still_there
 from commd.tls import Tls, tls_in
-from commd.versions import OtherMajor
 from schemas import keys
 from schemas.codec import BadRecord, Wire, codec
 from schemas.endpoints import check_endpoint

@@ -13,11 +13,12 @@ import math
 import random
 from collections import Counter
 from collections.abc import AsyncIterator, Mapping
-from contextlib import aclosing, asynccontextmanager
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusClosed
 from schemas import keys
 from schemas.mission import Mission, Radio
 from schemas.records import Health, Perception
@@ -116,10 +117,7 @@ class RadioAir:
         """Ask where the robots are now and then, for ever."""
         while True:
             try:
-                async with aclosing(self._bus.query(self._where, None, Perception, ASK_EVERY)) as replies:
-                    async for reply in replies:
-                        if reply.record is not None:
-                            self._heard(reply.key, reply.record)
+                await self._bus.ask_all(self._where, Perception, ASK_EVERY, self._heard)
             except BusClosed as closed:
                 log.debug("positions_unknown why=%s", closed)
             await asyncio.sleep(ASK_EVERY)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import asyncio
 from collections import defaultdict
-from contextlib import aclosing
 from math import inf
 
 from msgspec.structs import replace
 
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusError
 from commd.letters import LARGEST
 from schemas import keys
 from schemas.codec import BadRecord, codec
@@ -122,25 +122,19 @@ class Sending:
 
     async def _ask(self, message: Message, timeout: float) -> tuple[str, bool]:
         """Give a message to `commd` once. Returns why it was not taken yet, and whether that is for want of room."""
-        reason = "no commd serves this board"
         outbox = keys.outbox(self._bus.fleet, self._name)
         try:
-            async with aclosing(self._bus.query(outbox, Mail(messages=(message,)), Receipt, timeout)) as replies:
-                async for reply in replies:
-                    match reply.record:
-                        case None:
-                            reason = f"commd: {reply.error}"
-                        case Receipt(taken=1, refused=refused, later=later) if not refused and not later:
-                            return "", False
-                        case Receipt(taken=0, refused={0: why}, later=later) if not later:
-                            raise _for_good(message, why)
-                        case Receipt(taken=0, refused=refused, later={0: why}) if not refused:
-                            return why, True
-                        case _:
-                            reason = "commd: its receipt does not add up"
-        except BusClosed as closed:
-            reason = str(closed)
-        return reason, False
+            receipt = await self._bus.ask_one(outbox, Mail(messages=(message,)), Receipt, timeout)
+        except BusError as error:
+            return f"commd: {error}", False
+        match receipt:
+            case Receipt(taken=1, refused=refused, later=later) if not refused and not later:
+                return "", False
+            case Receipt(taken=0, refused={0: why}, later=later) if not later:
+                raise _for_good(message, why)
+            case Receipt(taken=0, refused=refused, later={0: why}) if not refused:
+                return why, True
+        return "commd: its receipt does not add up", False
 
 
 def _for_good(message: Message, why: str) -> NotSent:

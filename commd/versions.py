@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable
-from contextlib import aclosing
 from typing import TYPE_CHECKING
 
+from commd.errors import OtherMajor, QueryFailed
 from schemas import keys
 from schemas.records import VERSION, BoardServices
 
@@ -20,10 +20,6 @@ MOST = 20
 PATIENCE = 2.0
 """Wall seconds that a board's commd has to say which version it speaks."""
 log = logging.getLogger("versions")
-
-
-class OtherMajor(ConnectionError):
-    """This daemon cannot work with the board's commd: their records are of two major versions."""
 
 
 class Strangers:
@@ -68,10 +64,11 @@ async def greet(bus: Bus, boards: Iterable[str]) -> None:
     """
     for board in dict.fromkeys(boards):
         key = keys.services(bus.fleet, board)
-        async with aclosing(bus.query(key, None, BoardServices, PATIENCE)) as replies:
-            async for reply in replies:
-                if reply.other_version:
-                    raise OtherMajor(
-                        f"the commd of board `{board}` speaks version {reply.other_version} of the records,"
-                        f" this {bus.daemon} version {VERSION}: install the same release of Argosy for all of a board"
-                    )
+        try:
+            await bus.ask_one(key, None, BoardServices, PATIENCE)
+        except QueryFailed as failed:
+            if failed.other_version:
+                raise OtherMajor(
+                    f"the commd of board `{board}` speaks version {failed.other_version} of the records,"
+                    f" this {bus.daemon} version {VERSION}: install the same release of Argosy for all of a board"
+                ) from None

@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Iterable
-from contextlib import aclosing
 from functools import partial
 
 import msgspec
@@ -19,7 +18,8 @@ from argosy.recording.intake import Heard, Intake
 from argosy.recording.lives import in_words, stretches
 from argosy.recording.minds import Minds, Whose
 from argosy.recording.records import PREFIX, TokenSeen
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusClosed
 from commd.tasks import Tasks
 from schemas import keys
 from schemas.codec import BadRecord, codec
@@ -153,16 +153,18 @@ class Asker:
         if not self._wants(key.partition("?")[0]):
             return False
         made, answered = codec(answer), False
+
+        def told(key: str, record: Record) -> None:
+            nonlocal answered
+            heard = Heard(self._intake.now(), key, made.encode(record), made.encoding("json"), "query")
+            self._intake.put(heard)
+            answered = True
+
         async with self._room:
             try:
-                async with aclosing(self._bus.query(key, None, answer, PATIENCE, limit=REPLIES)) as replies:
-                    async for reply in replies:
-                        if reply.record is None:
-                            log.debug("no_answer key=%s why=%s", key, reply.error)
-                            continue
-                        payload = made.encode(reply.record)
-                        self._intake.put(Heard(self._intake.now(), reply.key, payload, made.encoding("json"), "query"))
-                        answered = True
+                errors = await self._bus.ask_all(key, answer, PATIENCE, told, limit=REPLIES)
+                for error in errors.values():
+                    log.debug("no_answer key=%s why=%s", key, error)
             except (BusClosed, BadRecord) as error:
                 log.debug("not_asked key=%s why=%s", key, error)
         return answered

@@ -19,7 +19,8 @@ from argosy.recording.hearing import wanted_keys
 from argosy.recording.mind_replay import add_mind_arguments, run_mind, without_a_mind
 from argosy.recording.player import LATE, Part, Player, foreign
 from argosy.recording.reader import BadRecording, Recording, open_recording
-from commd.bus import Bus, BusClosed, open_bus
+from commd.bus import Bus, open_bus
+from commd.errors import BusClosed
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas import keys
 from schemas.findings import Findings

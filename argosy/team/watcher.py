@@ -5,12 +5,13 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import Counter
-from contextlib import aclosing, suppress
+from contextlib import suppress
 
 from argosy.operator_bus import ANY
 from argosy.team.model import TeamModel
 from argosy.team.naming import named
-from commd.bus import Bus, BusClosed, Reply
+from commd.bus import Bus
+from commd.errors import BusClosed, BusError, QueryTimeout
 from schemas import keys
 from schemas.minds import MindDeeds, MindView
 from schemas.records import ActionStatus, BoardServices, Health, Mailboxes, Perception, RunningMission, RunState
@@ -126,17 +127,13 @@ class TeamWatcher:
 
     async def _look_at_mind(self, agent: str, detailed: bool) -> None:
         wanted = f"?plans=true;last={DECISIONS}" if detailed else "?last=0;beliefs=0"
-        answered, why = False, ""
-        with suppress(BusClosed):
-            key = keys.mind(self.model.fleet, agent) + wanted
-            async with aclosing(self.bus.query(key, None, MindView, ANSWER_TIMEOUT)) as replies:
-                async for reply in replies:
-                    if reply.record is not None:
-                        answered = True
-                        self.model.mind(agent, reply.record, detailed=detailed)
-                    why = reply.error
-        if not answered:
-            self.model.mind_unanswered(agent, why)
+        key = keys.mind(self.model.fleet, agent) + wanted
+        try:
+            view = await self.bus.ask_one(key, None, MindView, ANSWER_TIMEOUT)
+        except BusError as error:
+            self.model.mind_unanswered(agent, "" if isinstance(error, QueryTimeout) else str(error))
+        else:
+            self.model.mind(agent, view, detailed=detailed)
 
     async def _mail(self) -> None:
         while True:
@@ -146,18 +143,18 @@ class TeamWatcher:
 
     async def _look_at_mailboxes(self) -> None:
         heard: set[str] = set()
+
+        def told(key: str, mailboxes: Mailboxes | None, error: str = "") -> None:
+            self.model.mailboxes(key, mailboxes, error)
+            if (parsed := keys.parse(key)) is not None:
+                heard.add(parsed[1])
+
         with suppress(BusClosed):
             key = keys.mailboxes(self.model.fleet, "*")
-            async with aclosing(self.bus.query(key, None, Mailboxes, ANSWER_TIMEOUT)) as replies:
-                async for reply in replies:
-                    heard |= self._mailboxes(reply)
+            for other, error in (await self.bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, told)).items():
+                told(other, None, error)
         for board in self.model.boards.keys() - heard:
             self.model.mailboxes(keys.mailboxes(self.model.fleet, board), None, "its commd does not answer")
-
-    def _mailboxes(self, reply: Reply[Mailboxes]) -> set[str]:
-        self.model.mailboxes(reply.key, reply.record, reply.error)
-        parsed = keys.parse(reply.key)
-        return {parsed[1]} if parsed is not None else set()
 
     async def _repair(self) -> None:
         """Look at percepts, services and the mission again when a daemon came: what it told before was not heard."""
@@ -165,20 +162,8 @@ class TeamWatcher:
             await self._news.wait()
             await asyncio.sleep(2 * TICK)
             self._news.clear()
-            fleet = self.model.fleet
+            bus, model = self.bus, self.model
             with suppress(BusClosed):
-                everything = keys.percept(fleet, "*", "**")
-                async with aclosing(self.bus.query(everything, None, Perception, ANSWER_TIMEOUT)) as percepts:
-                    async for told in percepts:
-                        if told.record is not None:
-                            self.model.percept(told.key, told.record)
-                key = keys.services(fleet, "*")
-                async with aclosing(self.bus.query(key, None, BoardServices, ANSWER_TIMEOUT)) as boards:
-                    async for answer in boards:
-                        if answer.record is not None:
-                            self.model.services(answer.key, answer.record)
-                key = keys.mission(fleet, "*")
-                async with aclosing(self.bus.query(key, None, RunningMission, ANSWER_TIMEOUT)) as missions:
-                    async for running in missions:
-                        if running.record is not None:
-                            self.model.mission_told(running.key, running.record)
+                await bus.ask_all(keys.percept(model.fleet, "*", "**"), Perception, ANSWER_TIMEOUT, model.percept)
+                await bus.ask_all(keys.services(model.fleet, "*"), BoardServices, ANSWER_TIMEOUT, model.services)
+                await bus.ask_all(keys.mission(model.fleet, "*"), RunningMission, ANSWER_TIMEOUT, model.mission_told)

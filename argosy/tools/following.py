@@ -8,7 +8,8 @@ from contextlib import aclosing
 
 from msgspec.structs import replace
 
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusClosed, BusError
 from schemas import keys
 from schemas.records import Action, ActionStatus, Cancel
 
@@ -59,14 +60,7 @@ async def follow(bus: Bus, fleet: str, action: Action) -> AsyncGenerator[ActionS
 
 async def cancel(bus: Bus, fleet: str, agent: str, identity: str) -> ActionStatus | str:
     """End an action. Returns its final status, or why that is not known."""
-    said = "nobody has answered"
     try:
-        key = keys.cancel(fleet, agent)
-        async with aclosing(bus.query(key, Cancel(id=identity), ActionStatus, CANCEL_PATIENCE)) as replies:
-            async for reply in replies:
-                if reply.record is not None:
-                    return reply.record
-                said = reply.error
-    except BusClosed as closed:
-        said = str(closed)
-    return said
+        return await bus.ask_one(keys.cancel(fleet, agent), Cancel(id=identity), ActionStatus, CANCEL_PATIENCE)
+    except BusError as error:
+        return str(error)

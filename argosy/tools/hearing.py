@@ -9,7 +9,7 @@ import time
 from argparse import ArgumentParser, ArgumentTypeError
 from collections import deque
 from collections.abc import AsyncIterator, Sequence
-from contextlib import aclosing, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from threading import Lock
@@ -19,7 +19,8 @@ import zenoh
 from argosy.fleet_bus import FleetBus
 from argosy.operator_bus import ANY, Where, unreached
 from argosy.tools.output import note
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusClosed
 from schemas import keys
 from schemas.codec import codec
 from schemas.records import Perception
@@ -160,18 +161,19 @@ class Ears:
         wanted = [one for one in map(zenoh.KeyExpr, self._expressions) if one.intersects(every)]
         asked = {str(one if every.includes(one) else every) for one in wanted}
         by_several_boards: set[tuple[str, bytes]] = set()
+
+        def told(key: str, perception: Perception) -> None:
+            if not any(one.intersects(key) for one in wanted):
+                return
+            payload = encoder.encode(perception, bus.wire)
+            if (key, payload) not in by_several_boards:
+                by_several_boards.add((key, payload))
+                encoding = encoder.encoding(bus.wire)
+                self._queue(Heard(key, payload, encoding, time.time(), time.monotonic(), last_known=True))
+
         for key in asked if str(every) not in asked else {str(every)}:
             with suppress(BusClosed):
-                async with aclosing(bus.query(key, None, Perception, ANSWER_TIMEOUT, limit=ROOM)) as replies:
-                    async for reply in replies:
-                        if reply.record is None or not any(one.intersects(reply.key) for one in wanted):
-                            continue
-                        payload = encoder.encode(reply.record, bus.wire)
-                        if (reply.key, payload) not in by_several_boards:
-                            by_several_boards.add((reply.key, payload))
-                            encoding, at = encoder.encoding(bus.wire), time.time()
-                            heard = Heard(reply.key, payload, encoding, at, time.monotonic(), last_known=True)
-                            self._queue(heard)
+                await bus.ask_all(key, Perception, ANSWER_TIMEOUT, told, limit=ROOM)
 
 
 class Copies:

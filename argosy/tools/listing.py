@@ -6,7 +6,7 @@ import asyncio
 import re
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
-from contextlib import aclosing
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 from argosy.arguments import duration
@@ -15,7 +15,8 @@ from argosy.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus
 from argosy.tools.hearing import Ears, names_there, tell_unreached, what_is_told
 from argosy.tools.output import complain, note, put_out
 from argosy.tools.reading import candidates
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusClosed
 from commd.process import EXIT_DONE, EXIT_FAILED
 from schemas import keys
 from schemas.keys import ROOT, Channel
@@ -95,17 +96,18 @@ async def look_around(bus: Bus, fleet: str, seconds: float) -> tuple[dict[tuple[
     async def ask() -> None:
         for at, daemons in (await names_there(bus, fleet)).items():
             names.setdefault(at, Name()).daemons |= daemons
-        try:
-            async with aclosing(bus.query(keys.action(fleet, "*", "*"), None, ActionDescription, ASK)) as replies:
-                async for reply in replies:
-                    if reply.record is not None and (parsed := keys.parse(reply.key)) is not None:
-                        names.setdefault(parsed[:2], Name()).acts.add(reply.record.name)
-            async with aclosing(bus.query(keys.percept(fleet, "*", "**"), None, Perception, ASK)) as told:
-                async for percept in told:
-                    if percept.record is not None and (parsed := keys.parse(percept.key)) is not None:
-                        names.setdefault(parsed[:2], Name()).perceives = True
-        except BusClosed:  # what was heard is shown all the same
-            return
+
+        def acts(key: str, action: ActionDescription) -> None:
+            if (parsed := keys.parse(key)) is not None:
+                names.setdefault(parsed[:2], Name()).acts.add(action.name)
+
+        def perceives(key: str, _: Perception) -> None:
+            if (parsed := keys.parse(key)) is not None:
+                names.setdefault(parsed[:2], Name()).perceives = True
+
+        with suppress(BusClosed):  # what was heard is shown all the same
+            await bus.ask_all(keys.action(fleet, "*", "*"), ActionDescription, ASK, acts)
+            await bus.ask_all(keys.percept(fleet, "*", "**"), Perception, ASK, perceives)
 
     await asyncio.gather(listen(), ask())
     return names, left_out + ears.dropped

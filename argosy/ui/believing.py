@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import time
-from contextlib import aclosing, suppress
+from contextlib import suppress
 
 from argosy.team import TeamModel
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusError
 from schemas import keys
 from schemas.minds import BeliefView, MindView
 
@@ -43,8 +44,5 @@ class Believing:
             self.beliefs[name] = agent.detail.believed
             return
         key = keys.mind(model.fleet, name) + "?last=0"
-        with suppress(BusClosed):
-            async with aclosing(bus.query(key, None, MindView, ANSWER_TIMEOUT)) as replies:
-                async for reply in replies:
-                    if reply.record is not None:
-                        self.beliefs[name] = reply.record.believed
+        with suppress(BusError):
+            self.beliefs[name] = (await bus.ask_one(key, None, MindView, ANSWER_TIMEOUT)).believed

@@ -7,7 +7,8 @@ import msgspec
 from argosy.operator_bus import Unanswered
 from argosy.ui.orders import misnamed
 from argosy.why import Explanation, explain
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusClosed
 from schemas.findings import Findings
 
 NOBODY = "the router is not reached"

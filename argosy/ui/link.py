@@ -9,7 +9,8 @@ from contextlib import AbstractAsyncContextManager
 
 from argosy.operator_bus import ANY, Where, operator_bus, unreached
 from argosy.team import steady_clock
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusClosed
 from schemas import keys
 
 AGAIN = 2.0

@@ -8,7 +8,6 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Callable, Sequence
-from contextlib import aclosing
 from typing import Literal
 
 import msgspec
@@ -18,7 +17,8 @@ from argosy.operator_bus import bridges
 from argosy.stop import UNANSWERED, order_robot
 from argosy.team import steady_clock
 from argosy.ui.views import OrderedView
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusError, QueryTimeout
 from schemas import keys
 from schemas.minds import MindOrder
 from schemas.names import check_name
@@ -137,16 +137,13 @@ class Orders:
             return Outcome(ok=False, reason=f"{len(wish.text)} characters, expected at most {LONGEST}")
         if wish.do in ("goal", "belief") and not wish.text.strip():
             return Outcome(ok=False, reason=f"expected a {wish.do}, such as `go(3,4)`")
-        told = Outcome(ok=False, reason=f"`{wish.agent}` did not answer: is it there?")
         order = MindOrder(do=wish.do, text=wish.text.strip())
         try:
-            asking = bus.query(keys.control(fleet, wish.agent), order, Outcome, CONTROL_PATIENCE)
-            async with aclosing(asking) as replies:
-                async for reply in replies:
-                    told = reply.record or Outcome(ok=False, reason=reply.error)
-        except BusClosed as closed:
-            return Outcome(ok=False, reason=str(closed))
-        return told
+            return await bus.ask_one(keys.control(fleet, wish.agent), order, Outcome, CONTROL_PATIENCE)
+        except QueryTimeout:
+            return Outcome(ok=False, reason=f"`{wish.agent}` did not answer: is it there?")
+        except BusError as error:
+            return Outcome(ok=False, reason=str(error))
 
 
 def _state(view: OrderedView) -> Literal["looking", "waiting", "confirmed", "NOT confirmed", "NOT ordered"]:

@@ -7,7 +7,7 @@ from collections import Counter
 
 from argosy.operator_bus import ANY, Where, operator_bus
 from argosy.team import TeamModel, TeamWatcher, steady_clock
-from commd.bus import BusClosed
+from commd.errors import BusClosed
 from schemas.findings import Findings
 from schemas.mission import Mission
 

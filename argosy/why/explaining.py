@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Iterable
-from contextlib import aclosing
 from dataclasses import replace
 from typing import TypeVar
 
@@ -156,10 +155,8 @@ async def _mind(bus: Bus, fleet: str, agent: str) -> MindView | None:
 async def _all(bus: Bus, selector: str, kind: type[R], seconds: float) -> dict[str, R | str]:
     """All answers by their keys: a record, or in words why there is none."""
     found: dict[str, R | str] = {}
-    async with aclosing(bus.query(selector, None, kind, seconds)) as replies:
-        async for reply in replies:
-            found[reply.key] = reply.record if reply.record is not None else reply.error
-    return found
+    errors = await bus.ask_all(selector, kind, seconds, found.__setitem__)
+    return errors | found
 
 
 def _chunk(key: str, number: int) -> str:

@@ -14,8 +14,8 @@ from importlib import import_module
 from typing import Any
 
 from benchmarks.imperative.plan import PROGRAMS
-from commd.bus import AlreadyRunning
 from commd.client import NotJoined, join
+from commd.errors import AlreadyRunning
 from schemas.findings import Findings
 
 PATIENCE = 60.0

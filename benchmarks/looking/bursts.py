@@ -12,7 +12,7 @@ import random
 import statistics
 import time
 from collections.abc import Sequence
-from contextlib import AsyncExitStack, aclosing
+from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -21,6 +21,7 @@ from benchmarks.paired import Interval, interval
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.watched import Watched
 from commd.bus import Bus, open_bus
+from commd.errors import QueryFailed
 from schemas import keys
 from schemas.minds import MindView
 from schemas.records import Perception
@@ -142,10 +143,8 @@ class _Bursts:
         return False
 
     async def _look(self, selector: str) -> None:
-        async with aclosing(
-            self._bus.query(keys.mind(FLEET, AGENT) + selector, None, MindView, ANSWER_TIMEOUT)
-        ) as replies:
-            async for reply in replies:
-                if reply.record is None:
-                    raise BenchmarkFailed(f"a look was not answered: {reply.error}")
-                self.heard += 1
+        try:
+            await self._bus.ask_one(keys.mind(FLEET, AGENT) + selector, None, MindView, ANSWER_TIMEOUT)
+        except QueryFailed as failed:
+            raise BenchmarkFailed(f"a look was not answered: {failed}") from None
+        self.heard += 1

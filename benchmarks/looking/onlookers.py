@@ -6,12 +6,12 @@ import asyncio
 import time
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import aclosing
 from dataclasses import dataclass
 from typing import Any, Final
 
 from benchmarks.processes import BenchmarkFailed
 from commd.bus import Bus, open_bus
+from commd.errors import QueryFailed
 from schemas import keys
 from schemas.minds import MindDecisions, MindDeeds, MindInputs, MindView
 from schemas.records import Health
@@ -120,9 +120,9 @@ async def _look(bus: Bus, agent: str, onlooker: Onlooker, got: Counter[str]) -> 
     selector = keys.mind(FLEET, agent) + (onlooker.selector or "")
     while True:
         begun = time.monotonic()
-        async with aclosing(bus.query(selector, None, MindView, ANSWER_TIMEOUT)) as replies:
-            async for reply in replies:
-                if reply.record is None:
-                    raise BenchmarkFailed(f"a look at {agent} was not answered: {reply.error}")
-                got["looks"] += 1
+        try:
+            await bus.ask_one(selector, None, MindView, ANSWER_TIMEOUT)
+        except QueryFailed as failed:
+            raise BenchmarkFailed(f"a look at {agent} was not answered: {failed}") from None
+        got["looks"] += 1
         await asyncio.sleep(max(0.0, begun + 1.0 / onlooker.rate - time.monotonic()))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from contextlib import AsyncExitStack, aclosing
+from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -16,6 +16,7 @@ from benchmarks.mail.boards import FLEET, Boards, boards, member, until
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.watched import Watched, watched
 from commd.bus import Bus, open_bus
+from commd.errors import QueryFailed
 from schemas import keys
 from schemas.minds import MindView
 
@@ -112,9 +113,8 @@ async def _settled(bus: Bus) -> int:
 
 async def _online(bus: Bus) -> int:
     """How many the agent believes to be online: those that a look shows, and those that it counts."""
-    count = -1
-    async with aclosing(bus.query(f"{keys.mind(FLEET, 'a0')}?about=online", None, MindView, 5)) as replies:
-        async for reply in replies:
-            if reply.record is not None:
-                count = len(reply.record.beliefs) + reply.record.beliefs_left_out
-    return count
+    try:
+        view = await bus.ask_one(f"{keys.mind(FLEET, 'a0')}?about=online", None, MindView, 5)
+    except QueryFailed:
+        return -1
+    return len(view.beliefs) + view.beliefs_left_out

@@ -161,7 +161,7 @@ def run(args: argparse.Namespace) -> int:
 def _camera(args: argparse.Namespace, vehicle: "Vehicle") -> "Callable[[asyncio.Event], Coroutine[Any, Any, None]]":
     """Let the vehicle see the victims; returns what tells them on the bus."""
     from bridged.simulation.camera import Camera, tell_sightings
-    from commd.bus import BusClosed
+    from commd.errors import BusClosed
 
     camera = Camera(args.victims, args.camera)
     vehicle.on_step = lambda place: camera.look(place, vehicle.age, time.monotonic())

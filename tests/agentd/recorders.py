@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import aclosing
 
 from commd.bus import Bus
 from schemas import keys
@@ -40,15 +39,9 @@ class Recorder:
 
     async def catch_up(self) -> str:
         """Ask for what has been before; returns why there is none, empty if there is."""
-        said = ""
-        ask = self._bus.query(keys.trace(self._bus.fleet, self._agent, "inputs"), None, MindInputs, 10.0)
-        async with aclosing(ask) as replies:
-            async for reply in replies:
-                if reply.record is None:
-                    said = reply.error
-                else:
-                    self._take(reply.record)
-        return said
+        key = keys.trace(self._bus.fleet, self._agent, "inputs")
+        errors = await self._bus.ask_all(key, MindInputs, 10.0, lambda _, batch: self._take(batch))
+        return next(iter(errors.values()), "")
 
     async def until_cycle(self, cycle: int) -> None:
         """Wait until everything up to a cycle has been told."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import time
-from contextlib import aclosing
 from pathlib import Path
 from typing import Any
 
@@ -32,11 +31,7 @@ n(0).
 
 
 async def order(bus: Bus, agent: str, do: Any, text: str = "", fleet: str = "test") -> Outcome:
-    async with aclosing(bus.query(keys.control(fleet, agent), MindOrder(do=do, text=text), Outcome, 20.0)) as replies:
-        async for reply in replies:
-            assert reply.record is not None, reply.error
-            return reply.record
-    raise AssertionError("nobody takes orders")
+    return await bus.ask_one(keys.control(fleet, agent), MindOrder(do=do, text=text), Outcome, 20.0)
 
 
 def count(agent: Hosted) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import time
-from contextlib import aclosing
 from pathlib import Path
 
 from commd.bus import open_bus
@@ -27,14 +26,8 @@ battery(12).
 
 
 async def _mind(endpoint: str) -> MindView:
-    async with (
-        open_bus(endpoint, fleet="one", name="observer", daemon="test", stamp=time.time_ns) as bus,
-        aclosing(bus.query(keys.mind("one", "uav"), None, MindView, 10.0)) as replies,
-    ):
-        async for reply in replies:
-            assert reply.record is not None, reply.error
-            return reply.record
-    raise AssertionError("nobody serves the mind")
+    async with open_bus(endpoint, fleet="one", name="observer", daemon="test", stamp=time.time_ns) as bus:
+        return await bus.ask_one(keys.mind("one", "uav"), None, MindView, 10.0)
 
 
 def test_an_observer_reads_which_plan_was_chosen_and_why_not_another(tmp_path: Path, endpoint: str) -> None:

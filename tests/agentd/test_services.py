@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator
-from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
 from agentd.services import AT_ONCE, NotDone, Services
 from commd.bus import Bus
+from commd.errors import QueryTimeout
 from schemas.records import BoardServices, ServiceRequest
 
 
@@ -24,13 +23,13 @@ class Directories:
         self._takes = takes
         self.asked = 0
 
-    async def query(self, key: str, request: ServiceRequest, kind: Any, seconds: float) -> AsyncIterator[Any]:
+    async def ask_one(self, key: str, request: ServiceRequest, kind: Any, seconds: float) -> BoardServices:
         self.asked += 1
         if "/here/" in key:
             await asyncio.sleep(self._takes)
-            yield SimpleNamespace(record=BoardServices(board="here"), error="")
-        else:
-            await asyncio.sleep(seconds)
+            return BoardServices(board="here")
+        await asyncio.sleep(seconds)
+        raise QueryTimeout(key, seconds)
 
 
 def asking(directories: Directories) -> Services:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from contextlib import aclosing
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from agentd.mind.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, Percept
 from agentd.mind.keeping import Keeper
 from agentd.viewing import Beliefs, Plans, decisions_of, events_of, intentions_of, questions_of
 from commd.bus import Bus
+from commd.errors import QueryFailed
 from schemas import keys
 from schemas.minds import BeliefView, MindView
 from tests.agentd.hosts import host_on
@@ -238,10 +238,10 @@ def test_good_parameters_are_read() -> None:
 
 
 async def ask(bus: Bus, selector: str) -> tuple[MindView | None, str]:
-    async with aclosing(bus.query(selector, None, MindView, 10.0)) as replies:
-        async for reply in replies:
-            return reply.record, reply.error
-    raise AssertionError("nobody answers")
+    try:
+        return await bus.ask_one(selector, None, MindView, 10.0), ""
+    except QueryFailed as failed:
+        return None, str(failed)
 
 
 def test_an_observer_says_in_the_selector_what_it_wants_to_see(tmp_path: Path, endpoint: str) -> None:

@@ -21,7 +21,7 @@ import commd.daemon
 from argosy import board
 from argosy.board import Parts
 from commd import router_config
-from commd.bus import BusClosed
+from commd.errors import BusClosed
 from commd.notify import Member, Unit
 from commd.router_config import router_settings
 from schemas.findings import Finding, Findings

@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from argosy.fleet_bus import Boards, FleetBus
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusClosed
 from schemas.mission import read_mission
 from schemas.records import Header, Health, Mailboxes
 

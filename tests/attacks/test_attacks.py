@@ -11,8 +11,8 @@ import pytest
 from argosy.diagnosis import Said
 from argosy.doctor_access import findings
 from commd import denials
-from commd.bus import Denied
 from commd.client import Client, NotJoined, UnknownReceiver, join
+from commd.errors import AccessDenied
 from schemas import keys
 from schemas.minds import MindView
 from schemas.mission import read_mission
@@ -120,7 +120,7 @@ def test_what_is_denied_later_is_noted_and_forgotten_when_it_is_taken_back(
             bus.serve(keys.mind(NAME, "a"), MindView, _nothing)
             await bus.permitted(puts=[keys.health(NAME, "a", "agentd")])
             with pytest.raises(
-                Denied, match="denies agentd of `a`: to put on argosy/three/b/health/agentd: by its rules"
+                AccessDenied, match="denies agentd of `a`: to put on argosy/three/b/health/agentd: by its rules"
             ):
                 await bus.permitted(puts=[keys.health(NAME, "b", "agentd"), keys.health(NAME, "a", "agentd")])
             withdraw = bus.serve(keys.mind(NAME, "b"), MindView, _nothing)

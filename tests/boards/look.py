@@ -14,7 +14,8 @@ from typing import Any
 
 import msgspec
 
-from commd.bus import Bus, BusClosed, open_bus
+from commd.bus import Bus, open_bus
+from commd.errors import BusClosed
 from schemas import keys
 from schemas.minds import MindView
 from schemas.records import Mailboxes

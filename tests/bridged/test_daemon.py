@@ -18,8 +18,9 @@ from bridged.daemon import serve
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.mavlink.wire import Encoder
 from bridged.drivers.robot import Reading, Setup
-from commd.bus import AlreadyRunning, Bus
+from commd.bus import Bus
 from commd.clock import Clock
+from commd.errors import AlreadyRunning
 from commd.presence import Presence
 from schemas import keys
 from schemas.manifest import ActionDescription, load_manifest

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import AsyncIterator, Callable
-from contextlib import aclosing, asynccontextmanager
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 from commd.bus import Bus, Query
+from commd.errors import QueryFailed
 from commd.mail_clock import MailClock
 from commd.mailroom import Mailroom, open_mailroom
 from commd.peers import FixedDirectory
@@ -72,11 +73,10 @@ def message(number: int, sender: str = "a", receiver: str = "b", life: str = "li
 
 async def ask(bus: Bus, key: str, *messages: Message) -> Receipt | str:
     """Ask `key` with a batch. Returns the receipt, or in words why there is none."""
-    answer: Receipt | str = "no answer"
-    async with aclosing(bus.query(key, Mail(messages=messages), Receipt, 10)) as replies:
-        async for reply in replies:
-            answer = reply.record or reply.error
-    return answer
+    try:
+        return await bus.ask_one(key, Mail(messages=messages), Receipt, 10)
+    except QueryFailed as failed:
+        return str(failed)
 
 
 async def post(bus: Bus, *messages: Message) -> Receipt | str:
@@ -88,11 +88,7 @@ async def post(bus: Bus, *messages: Message) -> Receipt | str:
 
 async def listed(bus: Bus, name: str) -> Mailboxes:
     """Return what waits at a board, as an operator sees it."""
-    async with aclosing(bus.query(keys.mailboxes(FLEET, name), None, Mailboxes, 10)) as replies:
-        async for reply in replies:
-            assert reply.record is not None, reply.error
-            return reply.record
-    raise AssertionError(f"{name} does not list its mail")
+    return await bus.ask_one(keys.mailboxes(FLEET, name), None, Mailboxes, 10)
 
 
 class Receiver:

@@ -14,7 +14,8 @@ import pytest
 
 from commd import admission as module
 from commd.admission import ALLOWANCE, FORGED, Admission, open_admission
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusClosed
 from commd.reach import attempt
 from commd.session import owner_of, session_config, session_id
 from schemas.mission import read_mission

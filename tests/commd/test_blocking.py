@@ -64,7 +64,7 @@ def test_what_fails_in_the_block_or_on_the_way_in_is_raised(endpoint: str) -> No
             raise ZeroDivisionError
         assert [one.do for one in commd.asked] == ["join"]  # its mail waits for its return
         with (
-            pytest.raises(NotJoined, match="serves board `pi7`"),
+            pytest.raises(NotJoined, match="commd of board `pi7`"),
             blocking.join("planner", fleet=FLEET, router=endpoint, board="pi7", patience=0.3),
         ):
             pass

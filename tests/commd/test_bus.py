@@ -12,7 +12,8 @@ from unittest.mock import Mock
 import pytest
 import zenoh
 
-from commd.bus import ROUTER_LOST, AlreadyRunning, Bus, BusClosed, Denied, Query, open_bus
+from commd.bus import ROUTER_LOST, Bus, Query, open_bus
+from commd.errors import AccessDenied, AlreadyRunning, BusClosed, QueryFailed, QueryTimeout
 from schemas.records import Action, ActionStatus, Perception
 from tests.support.buses import Connect, on_a_bus, served, subscribed, until
 
@@ -143,6 +144,67 @@ def test_a_query_that_nobody_serves_ends_at_once_with_no_reply(endpoint: str) ->
         async with asyncio.timeout(10):
             replies = [reply async for reply in asker.query("argosy/test/uav/action/land", Action(), ActionStatus, 30)]
         assert replies == []
+
+    on_a_bus(endpoint, body)
+
+
+def test_ask_one_returns_the_first_record_or_raises_why_there_is_none(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        server, asker = await connect(), await connect()
+        key = "argosy/test/uav/action"
+
+        async def serve(query: Query[Action]) -> None:
+            match query.key.rpartition("/")[2]:
+                case "arm":
+                    query.reply(ActionStatus(id="1", state="running"))
+                    query.reply(ActionStatus(id="2", state="succeeded"))
+                case "land":
+                    query.reply_error("no such action")
+                case _:
+                    await asyncio.Event().wait()
+
+        server.serve(f"{key}/*", Action, serve)
+        await served(asker, f"{key}/land")
+        async with asyncio.timeout(20):
+            assert (await asker.ask_one(f"{key}/arm", Action(), ActionStatus, 10)).id == "1"
+            with pytest.raises(QueryFailed, match="no such action") as failed:
+                await asker.ask_one(f"{key}/land", Action(), ActionStatus, 10)
+            assert failed.value.key == f"{key}/land"
+            with pytest.raises(QueryTimeout, match=r"no answer within 0\.5 s") as late:
+                await asker.ask_one(f"{key}/hover", Action(), ActionStatus, 0.5)
+            assert (late.value.timeout, late.value.nobody) == (0.5, False)
+            with pytest.raises(QueryTimeout, match="nobody answers") as nobody:
+                await asker.ask_one("argosy/test/usv/action/arm", Action(), ActionStatus, 10)
+            assert nobody.value.nobody
+
+    on_a_bus(endpoint, body)
+
+
+def test_ask_all_hands_over_each_record_as_it_arrives_and_returns_the_errors(endpoint: str) -> None:
+    async def body(connect: Any) -> None:
+        asker, got, both = await connect("asker"), list[tuple[str, str]](), asyncio.Event()
+        for name in ("uav", "usv", "auv"):
+
+            async def serve(query: Query[Action], name: str = name) -> None:
+                key = f"argosy/test/{name}/action/arm"
+                if name == "auv":
+                    query.reply_error("under water")
+                else:
+                    query.reply(ActionStatus(id=name, state="running"), key)
+                    await both.wait()  # a record is handed over before its query has ended
+
+            (await connect(name)).serve(f"argosy/test/{name}/action/arm", Action, serve)
+            await served(asker, f"argosy/test/{name}/action/arm")
+
+        def take(key: str, status: ActionStatus) -> None:
+            got.append((key, status.id))
+            if len(got) == 2:
+                both.set()
+
+        async with asyncio.timeout(20):
+            errors = await asker.ask_all("argosy/test/*/action/arm", ActionStatus, 15, take)
+        assert sorted(got) == [(f"argosy/test/{name}/action/arm", name) for name in ("uav", "usv")]
+        assert list(errors.values()) == ["under water"]
 
     on_a_bus(endpoint, body)
 
@@ -401,7 +463,7 @@ def test_a_router_without_rules_that_shows_a_token_too_late_is_not_said_to_deny_
         monkeypatch.setattr("commd.bus.CLAIM_PATIENCE", 0.1)
         with pytest.raises(BusClosed, match=r"does not show the token of `uav` within 0\.1 s") as caught:
             await bus.claim("uav")
-        assert not isinstance(caught.value, Denied)
+        assert not isinstance(caught.value, AccessDenied)
 
     on_a_bus(endpoint, body)
 

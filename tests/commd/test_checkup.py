@@ -11,9 +11,10 @@ import pytest
 
 from commd import checkup
 from commd.bus import Bus
-from commd.checkup import FILLER, Checkups, NoAnswer, ask, measure, measure_all, room
+from commd.checkup import FILLER, Checkups, measure, measure_all, room
+from commd.errors import QueryFailed, QueryTimeout
 from schemas import keys
-from schemas.records import Checkup
+from schemas.records import BoardReport, Checkup
 from tests.support.buses import FLEET, Connect, on_a_bus, served, session
 from tests.support.ports import free_port
 
@@ -41,7 +42,7 @@ def test_a_board_measures_the_others_clocks_and_links_when_it_is_asked(tmp_path:
     async def body() -> None:
         async with asyncio.timeout(60), AsyncExitStack() as stack:
             one, _ = await pair(stack, tmp_path)
-            report = await ask(one, "pi2", Checkup(links=True), 20)
+            report = await one.ask_one(keys.checkup(FLEET, "pi2"), Checkup(links=True), BoardReport, 20)
             assert (report.board, report.state) == ("pi2", str(tmp_path))
             assert report.disk_size is not None
             assert report.disk_free is not None
@@ -52,7 +53,7 @@ def test_a_board_measures_the_others_clocks_and_links_when_it_is_asked(tmp_path:
             assert link.ahead is not None
             assert link.round_trip is not None
             assert abs(link.ahead + AHEAD) <= link.round_trip / 2 + 0.05
-            simple = await ask(one, "pi2", Checkup(), 20)
+            simple = await one.ask_one(keys.checkup(FLEET, "pi2"), Checkup(), BoardReport, 20)
             assert (simple.links, simple.disk_free) == ((), None), "who only wants the clock loads nothing"
 
     asyncio.run(body())
@@ -74,7 +75,7 @@ def test_a_link_that_loses_some_round_trips_and_the_filler_says_so(monkeypatch: 
     async def lossy(bus: Bus, board: str, filler: str, timeout: float) -> tuple[float, float]:
         took = None if filler else next(tries)
         if took is None:
-            raise NoAnswer(f"no answer within {timeout:g} s")
+            raise QueryTimeout(board, timeout)
         return took, took / 10
 
     monkeypatch.setattr(checkup, "_round_trip", lossy)
@@ -89,7 +90,7 @@ def test_a_board_that_nobody_speaks_for_is_told_at_once_and_none_is_waited_for_b
 ) -> None:
     async def body(connect: Connect) -> None:
         (report,) = await measure_all(await connect(), ["nobody"])
-        assert (report.answered, report.problem) == (0, "its commd does not answer")
+        assert (report.answered, report.problem) == (0, "nobody answers")
 
         async def never(*_: object) -> tuple[float, float]:
             await asyncio.Event().wait()
@@ -107,8 +108,8 @@ def test_a_question_that_does_not_decode_or_is_too_large_is_refused_in_words(end
         Checkups(await connect("pi1", "commd"), "pi1", ["pi1"], tmp_path)
         asker = await connect("asker")
         await served(asker, keys.checkup(FLEET, "pi1"))
-        with pytest.raises(NoAnswer, match="expected at most 65536"):
-            await ask(asker, "pi1", Checkup(filler="x" * 100_000), 10)
+        with pytest.raises(QueryFailed, match="expected at most 65536"):
+            await asker.ask_one(keys.checkup(FLEET, "pi1"), Checkup(filler="x" * 100_000), BoardReport, 10)
 
     on_a_bus(endpoint, body)
 

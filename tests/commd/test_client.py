@@ -12,7 +12,7 @@ import pytest
 from msgspec.structs import replace
 
 from commd import inbox
-from commd.bus import AlreadyRunning, Bus
+from commd.bus import Bus
 from commd.client import (
     Client,
     MailboxFull,
@@ -25,6 +25,7 @@ from commd.client import (
     parse,
     write,
 )
+from commd.errors import AlreadyRunning
 from schemas import keys
 from schemas.mission import read_mission
 from schemas.records import BoardServices, Header, Message, Receipt
@@ -176,7 +177,7 @@ def test_without_an_answer_a_message_goes_again_under_its_own_number(endpoint: s
         with pytest.raises(NoAnswer) as raised:
             await me.send("scout", "tell", 2, patience=0.5)
         assert isinstance(raised.value, TimeoutError)
-        assert str(raised.value) == "tell to scout: no commd serves this board (0.5 s)"
+        assert str(raised.value) == "tell to scout: commd: nobody answers (0.5 s)"
         commd.answers = []
         await me.send_again(raised.value)
         assert {(one.content, one.header.seq) for one in commd.taken} == {(2, 2)}
@@ -389,7 +390,7 @@ def test_a_program_that_is_not_let_in_is_told_why(endpoint: str) -> None:
 
 def test_without_commd_or_router_a_program_does_not_wait_for_ever(endpoint: str) -> None:
     async def everything(connect: Connect) -> None:
-        with pytest.raises(NotJoined, match=r"join: no commd of fleet `test` serves board `local` \(0.5 s\)"):
+        with pytest.raises(NotJoined, match=r"join: commd of board `local`, fleet `test`: nobody answers \(0.5 s\)"):
             async with join("planner", fleet=FLEET, router=endpoint, patience=0.5):
                 pass
 

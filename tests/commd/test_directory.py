@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
-from contextlib import AsyncExitStack, aclosing, asynccontextmanager
+from contextlib import AsyncExitStack, aclosing, asynccontextmanager, suppress
 from pathlib import Path
 from sqlite3 import Connection
 
@@ -15,6 +15,7 @@ from commd.bus import Bus, Query
 from commd.client import join
 from commd.clock import Clock
 from commd.directory import Directory, open_directory
+from commd.errors import QueryTimeout
 from commd.mailroom import Mailroom, open_mailroom
 from commd.peers import FixedDirectory
 from commd.store import Store, StoreFailed
@@ -86,10 +87,8 @@ class Agent:
         async with asyncio.timeout(20):
             while True:
                 key = keys.service_requests(FLEET, self.board, request.agent)
-                async with aclosing(self.bus.query(key, request, BoardServices, 10)) as replies:
-                    async for reply in replies:
-                        assert reply.record is not None, reply.error
-                        return reply.record
+                with suppress(QueryTimeout):
+                    return await self.bus.ask_one(key, request, BoardServices, 10)
                 await asyncio.sleep(0.02)
 
     @property
@@ -214,8 +213,9 @@ def test_a_program_beside_us_asks_once_and_hears_of_all_boards_also_of_those_awa
             async with fleet.board("pi2"), fleet.agent("kid", "pi2") as kid:
                 await kid.ask("join")
                 await until(lambda: pi1.board_of("kid") == "pi2", "pi1 knows kid")
-            async with aclosing(a.bus.query(keys.services(FLEET, "pi1"), None, BoardServices, 10)) as replies:
-                said = {reply.record.board: reply.record.agents async for reply in replies if reply.record}
+            said: dict[str, object] = {}
+            key = keys.services(FLEET, "pi1")
+            await a.bus.ask_all(key, BoardServices, 10, lambda _, told: said.update({told.board: told.agents}))
             assert said == {"pi1": {"a": (), "c": ()}, "pi2": {"b": (), "kid": ()}}
 
     run(body())
@@ -226,8 +226,9 @@ def test_whoever_asks_all_boards_at_once_hears_each_of_itself(fleet: Fleet) -> N
         async with fleet.board("pi1") as pi1, fleet.board("pi2"), fleet.agent("a", "pi1") as a:
             await until(lambda: "pi2" in pi1.services.others, "the boards see each other")
             everybody = keys.services(FLEET, "*")
-            async with aclosing(a.bus.query(everybody, None, BoardServices, 10)) as replies:
-                assert sorted([reply.record.board async for reply in replies if reply.record]) == ["pi1", "pi2"]
+            boards: list[str] = []
+            await a.bus.ask_all(everybody, BoardServices, 10, lambda _, told: boards.append(told.board))
+            assert sorted(boards) == ["pi1", "pi2"]
             request = ServiceRequest(agent="a", do="register", service="cook")
             async with aclosing(a.bus.query(everybody, request, BoardServices, 10)) as replies:
                 assert {reply.error async for reply in replies} == {

@@ -21,7 +21,8 @@ import pytest
 import zenoh
 
 from commd import reach
-from commd.bus import Bus, BusClosed, open_bus
+from commd.bus import Bus, open_bus
+from commd.errors import BusClosed
 from commd.links import Links, dates
 from commd.reach import attempt, why_not
 from commd.session import session_config

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from commd.bus import Bus, BusClosed
+from commd.bus import Bus
+from commd.errors import BusClosed
 from commd.routers import addresses_to_come, router_of
 from schemas import keys
 from schemas.mission import read_mission

@@ -9,7 +9,8 @@ import asyncio
 import sys
 import time
 
-from commd.bus import BusClosed, open_bus
+from commd.bus import open_bus
+from commd.errors import BusClosed
 from schemas import keys
 from schemas.minds import MindView
 
