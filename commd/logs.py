@@ -1,7 +1,7 @@
 """What a daemon logs: one line for each record, with its level, for people, the journal and `argosy run`; no flood.
 
-Of each kind of message (its text before the values are filled in, and whose it is) `BURST` lines pass at once and
-`PER_SECOND` from then on. What does not pass is counted, and the count is told every `TOLD_EVERY` seconds.
+Of each kind of message (its text before the values are filled in, and whose it is) `BURST` lines pass in each `WINDOW`.
+The rest is counted, and the count is logged at the end of the window.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import re
 import threading
 import time
 import traceback
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -21,13 +21,11 @@ from commd.output import Output, stderr
 from schemas.terminal import escape_line
 
 BURST = 50
-"""Lines of one kind that pass at once."""
-PER_SECOND = 1.0
-"""Lines of one kind that pass each wall second from then on."""
-TOLD_EVERY = 10.0
-"""Wall seconds between two counts of what did not pass."""
+"""Lines of one kind that pass in one window."""
+WINDOW = 10.0
+"""Wall seconds of a window, which begins with its first line."""
 KINDS = 500
-"""Kinds of messages that are told apart; all further ones together are one more kind."""
+"""Kinds of messages of one window that are told apart; all further ones together are one more kind."""
 SUBJECTS = 500
 """Agents, robots and boards whose last error is kept."""
 LONGEST = 4_000
@@ -37,48 +35,27 @@ PRIORITIES = {"DEBUG": 7, "INFO": 6, "WARNING": 4, "ERROR": 3, "CRITICAL": 2}
 _SUBJECT = re.compile(r"(?:agent|robot|board)=%s")
 
 
-@dataclass
-class _Kind:
-    left: float = BURST
-    since: float = 0.0
-    suppressed: int = 0
-    last: logging.LogRecord | None = None
-    """The newest that did not pass."""
-
-
 class Flood:
-    """Lets so many lines of each kind pass, and counts the rest. Pure: wall seconds go in."""
+    """Counts the records of each kind in one window: `BURST` of each pass, the rest is suppressed."""
 
     def __init__(self) -> None:
-        self._kinds: dict[object, _Kind] = {}
+        self._counts: Counter[object] = Counter()
+        self._last: dict[object, logging.LogRecord] = {}
+        """The newest record of each kind that did not pass."""
 
-    def passes(self, kind: object, record: logging.LogRecord, now: float) -> bool:
-        """Whether a record may be written; if not, it is counted."""
-        found = self._kinds.get(kind) or self._begin(kind, now)
-        found.left = min(BURST, found.left + (now - found.since) * PER_SECOND)
-        found.since = now
-        if found.left < 1:
-            found.suppressed += 1
-            found.last = record
-            return False
-        found.left -= 1
-        return True
+    def passes(self, kind: object, record: logging.LogRecord) -> bool:
+        """Return whether a record may be written."""
+        if kind not in self._counts and len(self._counts) >= KINDS:
+            kind = None
+        self._counts[kind] += 1
+        if self._counts[kind] <= BURST:
+            return True
+        self._last[kind] = record
+        return False
 
-    def untold(self) -> list[tuple[int, logging.LogRecord]]:
-        """Return how many of each kind did not pass since this was asked last, and the newest of each."""
-        told = [(kind.suppressed, kind.last) for kind in self._kinds.values() if kind.last is not None]
-        for kind in self._kinds.values():
-            kind.suppressed, kind.last = 0, None
-        return told
-
-    def _begin(self, kind: object, now: float) -> _Kind:
-        if len(self._kinds) >= KINDS:
-            for key, one in list(self._kinds.items()):
-                if one.last is None and now - one.since > BURST / PER_SECOND:
-                    del self._kinds[key]
-            if len(self._kinds) >= KINDS:
-                kind = None
-        return self._kinds.setdefault(kind, _Kind(since=now))
+    def suppressed(self) -> list[tuple[int, logging.LogRecord]]:
+        """Return how many records of each kind did not pass, and the newest of each."""
+        return [(self._counts[kind] - BURST, record) for kind, record in self._last.items()]
 
 
 @dataclass(frozen=True)
@@ -97,6 +74,7 @@ class LogHandler(logging.Handler):
         super().__init__()
         self._output, self._now = output, now
         self._flood = Flood()
+        self._window_end = 0.0
         self._timer: threading.Timer | None = None
         self._errors: OrderedDict[str, LastError] = OrderedDict()
         self.errors = 0
@@ -115,21 +93,25 @@ class LogHandler(logging.Handler):
         subject = subject_of(record)
         if record.levelno >= logging.ERROR:
             self._remember(subject, record)
-        if self._flood.passes((record.name, record.levelno, record.msg, subject), record, self._now()):
+        if self._now() >= self._window_end:
+            self.end_window()
+            self._window_end = self._now() + WINDOW
+        if self._flood.passes((record.name, record.levelno, record.msg, subject), record):
             self._write(record)
         elif self._timer is None:
-            self._timer = threading.Timer(TOLD_EVERY, self.tell_suppressed)
+            self._timer = threading.Timer(self._window_end - self._now(), self.end_window)
             self._timer.daemon = True
             self._timer.start()
 
-    def tell_suppressed(self) -> None:
-        """Tell how many of each kind did not pass since this was told last."""
+    def end_window(self) -> None:
+        """Write how many records of each kind did not pass in this window; the next record begins another one."""
         self.acquire()
         try:
             if self._timer is not None:
                 self._timer.cancel()
             self._timer = None
-            for count, last in self._flood.untold():
+            flood, self._flood, self._window_end = self._flood, Flood(), 0.0
+            for count, last in flood.suppressed():
                 text = f"suppressed={count} the last: {_said(last)}"
                 self._write(logging.LogRecord(last.name, last.levelno, "", 0, text, None, None))
         finally:

@@ -118,7 +118,7 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
         return EXIT_FAILED
     finally:
         end_lives(one_line(words))
-        logs.tell_suppressed()
+        logs.end_window()
         flush()
 
 

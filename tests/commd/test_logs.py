@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from commd.logs import BURST, KINDS, LONGEST, LineFormatter, LogHandler, one_line
+from commd.logs import BURST, KINDS, LONGEST, WINDOW, LineFormatter, LogHandler, one_line
 from commd.output import Output
 from tests.support.processes import ROOT
 
@@ -118,9 +118,9 @@ def test_of_one_kind_so_many_pass_and_the_rest_is_counted_and_told(desk: Desk) -
         desk.log.warning("bad_input key=%s", number)
     assert len(desk.said) == BURST
     assert desk.said[-1] == f"WARNING commd mail bad_input key={BURST - 1}"
-    desk.handler.tell_suppressed()
+    desk.handler.end_window()
     assert desk.output.lines[-1] == (4, f"WARNING commd mail suppressed=1000 the last: bad_input key={BURST + 999}")
-    desk.handler.tell_suppressed()
+    desk.handler.end_window()
     assert len(desk.said) == BURST + 1, "it is told once"
 
 
@@ -135,10 +135,10 @@ def test_a_flood_of_one_kind_keeps_no_other_and_no_other_subject_from_being_told
         "ERROR commd mail agent=a it fails",
         "WARNING commd mail disk full",
     ]
-    desk.handler.tell_suppressed()
+    desk.handler.end_window()
 
 
-def test_after_a_flood_a_line_a_second_passes_and_after_a_pause_as_many_as_at_first(desk: Desk) -> None:
+def test_in_each_window_as_many_lines_pass_and_its_count_precedes_the_next(desk: Desk) -> None:
     def pour(count: int) -> int:
         before = len(desk.said)
         for _ in range(count):
@@ -146,16 +146,15 @@ def test_after_a_flood_a_line_a_second_passes_and_after_a_pause_as_many_as_at_fi
         return len(desk.said) - before
 
     assert pour(1000) == BURST
-    desk.time += 1
-    assert pour(1000) == 1
-    desk.time += 10
-    assert pour(1000) == 10
-    desk.time += 10_000
-    assert pour(1000) == BURST
-    desk.handler.tell_suppressed()
+    desk.time += WINDOW - 0.1
+    assert pour(1000) == 0
+    desk.time += 0.1
+    assert pour(1000) == 1 + BURST
+    assert desk.said[BURST] == f"INFO commd mail suppressed={2000 - BURST} the last: x"
+    desk.handler.end_window()
 
 
-def test_kinds_without_end_are_one_kind_and_those_of_long_ago_are_forgotten(desk: Desk) -> None:
+def test_kinds_without_end_are_one_kind_and_those_of_the_window_before_are_forgotten(desk: Desk) -> None:
     def pour(word: str) -> int:
         before = len(desk.said)
         for number in range(2 * KINDS):
@@ -163,12 +162,10 @@ def test_kinds_without_end_are_one_kind_and_those_of_long_ago_are_forgotten(desk
         return len(desk.said) - before
 
     assert pour("one") == KINDS + BURST
-    desk.time += 1
-    assert pour("two") == 1
-    desk.handler.tell_suppressed()
-    desk.time += 1000
-    assert pour("three") >= KINDS
-    desk.handler.tell_suppressed()
+    assert pour("two") == 0
+    desk.time += WINDOW
+    assert pour("three") == 1 + KINDS + BURST, "the count of the window before, and lines"
+    desk.handler.end_window()
 
 
 def test_the_last_error_is_that_of_the_agent_or_of_nobody_in_particular(desk: Desk) -> None:
@@ -193,7 +190,7 @@ def test_an_error_that_does_not_pass_is_still_the_last_one(desk: Desk) -> None:
     assert found is not None
     assert found.text == f"try {BURST + 6}"
     assert desk.handler.errors == BURST + 7
-    desk.handler.tell_suppressed()
+    desk.handler.end_window()
 
 
 @pytest.mark.parametrize(
@@ -213,14 +210,14 @@ def test_whoever_logs_what_is_no_line_is_not_stopped_by_it_and_floods_nobody(
         desk.log.error(message, *args)
     assert desk.said == [f"ERROR commd mail {line}"] * BURST
     assert desk.handler.errors == BURST + 10
-    desk.handler.tell_suppressed()
+    desk.handler.end_window()
 
 
 def test_exceptions_are_no_kinds_of_their_own(desk: Desk) -> None:
     for number in range(BURST + 10):
         desk.log.warning(ValueError(f"{number}"))
     assert len(desk.said) == BURST
-    desk.handler.tell_suppressed()
+    desk.handler.end_window()
 
 
 def test_a_line_is_unicode_whatever_a_file_is_called() -> None:
