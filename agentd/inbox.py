@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from commd.bus import Bus, Query
 from schemas import keys
-from schemas.records import Mail, Message, Receipt
+from schemas.records import Mail, Message, Receipt, Refusal
 
 PATIENCE = 5.0
 """Wall seconds for which an answer to commd waits for the mind and the disk; then the rest is to be sent again."""
@@ -24,7 +24,11 @@ NUMBERINGS = 1_000
 
 
 class Refused(ValueError):
-    """A message that can never be taken; says why."""
+    """A message that can never be taken."""
+
+    def __init__(self, reason: Refusal) -> None:
+        super().__init__(str(reason))
+        self.reason = reason
 
 
 class Numbered(NamedTuple):
@@ -41,11 +45,11 @@ class Inbox:
         self,
         bus: Bus,
         agent: str,
-        room: Callable[[], str],
+        room: Callable[[], bool],
         read: Callable[[Message], Callable[[], None]],
         missing: Callable[[str, int], None],
     ) -> None:
-        """`room` says why the mind can take no message now (empty: it can).
+        """`room` says whether the mind can take a message now.
 
         `read` returns what feeds a message to the mind, and raises Refused. `missing(sender, count)` hears of messages
         that did not come: given up on the way, which their sender knows, or lost with a file.
@@ -124,10 +128,10 @@ class Inbox:
             query.reply_error(query.error or "expected a Mail record on a concrete key")
             return
         messages = query.record.messages
-        refused: dict[int, str] = {}
-        later: dict[int, str] = {}
+        refused: dict[int, Refusal] = {}
+        later: dict[int, Refusal] = {}
         waits: dict[int, tuple[Numbered, int]] = {}
-        full = ""
+        full = False
         held: set[Numbered] = set()
         """Of whom a message is refused as too late: were a later one taken, it would pass for taken when it comes again
         because this answer was lost."""
@@ -136,7 +140,7 @@ class Inbox:
             try:
                 feed = self._read(message)
             except Refused as bad:
-                refused[place] = str(bad)
+                refused[place] = bad.reason
                 self._note(whose, seq)
                 continue
             if seq and seq <= self._fed.get(whose, 0):
@@ -144,16 +148,16 @@ class Inbox:
                 self._fed.move_to_end(whose)
                 continue
             if message.ttl is not None and message.ttl <= 0:
-                refused[place] = "expired"
+                refused[place] = Refusal(code="expired")
                 held.add(whose)
                 self._note(whose, seq)
                 continue
             if whose in held:
-                later[place] = "it comes after one that is too late"
+                later[place] = Refusal(code="out_of_order", text="it follows one that is expired")
                 continue
-            full = full or self._room()
+            full = full or not self._room()
             if full:
-                later[place] = full
+                later[place] = Refusal(code="mailbox_full", text="the mailbox of the mind is full")
                 continue
             self._note(whose, seq)
             feed()
@@ -166,7 +170,7 @@ class Inbox:
                 self._fed.move_to_end(whose)
                 waits[place] = whose, seq
         await self._wait_for(waits)
-        later |= dict.fromkeys(waits, "it is not absorbed yet")
+        later |= dict.fromkeys(waits, Refusal(code="not_absorbed", text="the mind has not absorbed it"))
         self.counters["refused"] += len(refused)
         self.counters["later"] += len(later)
         taken = len(messages) - len(refused) - len(later)

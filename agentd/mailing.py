@@ -18,8 +18,9 @@ from agentd.mind.messages import is_answer, told_annots
 from agentd.outbox import Outbox, Unsendable
 from agentd.wire import BadTerm, from_wire, to_wire
 from commd.bus import Bus, boot_id
+from commd.letters import undelivered
 from schemas.mail_rights import NOT_ACCEPTED
-from schemas.records import Message
+from schemas.records import Message, Refusal
 
 log = logging.getLogger("mail")
 
@@ -99,8 +100,8 @@ class Mailing:
         self.outbox.saved(self.outbox.take_unsaved())
         self.outbox.take_gone()
 
-    def _room(self) -> str:
-        return "the mailbox of the mind is full" if len(self._mind.mailbox) >= INPUTS else ""
+    def _room(self) -> bool:
+        return len(self._mind.mailbox) < INPUTS
 
     def _read(self, message: Message) -> Callable[[], None]:
         # The answer to a question of a former life keeps its whole id: nobody waits for it.
@@ -112,10 +113,11 @@ class Mailing:
         except BadTerm as bad:
             self._bad["bad"] += 1
             log.warning("agent=%s bad_mail sender=%s why=%s", self._agent, message.sender, bad)
-            raise Refused(f"it cannot be read: {bad}") from None
+            raise Refused(Refusal(code="unreadable", text=f"it cannot be read: {bad}")) from None
         number = message.sender, message.header.boot, message.header.seq
         if self.is_set_aside(number, lambda: event_of(self._mind, message, content)):
-            raise Refused("set aside: the receiver's process has died at it several times")
+            text = "set aside: the receiver's process has died at it several times"
+            raise Refused(Refusal(code="set_aside", text=text))
         mail = Mail(message.sender, message.performative, content, message.id, answered)
         return lambda: self._feed(mail)
 
@@ -135,17 +137,12 @@ class Mailing:
         if count <= TOLD or count % TOLD_AGAIN == 0:
             told = self._agent, count, message.sender, message.performative[:64]
             log.warning("agent=%s mail_not_accepted count=%d sender=%r performative=%r", *told)
-        raise Refused(NOT_ACCEPTED)
+        raise Refused(Refusal(code=NOT_ACCEPTED))
 
-    def _undelivered(self, message: Message, why: str) -> None:
+    def _undelivered(self, message: Message, why: Refusal) -> None:
         """Tell the mind of a message that commd has refused for good."""
-        try:
-            content = from_wire(message.content)
-        except BadTerm:
-            content = str(message.content)
-        told = (atom(message.receiver), atom(message.performative), content, why)
-        identity = f"undelivered.{message.id}"
-        self.tell(Mail(OFFICE, "signal", Literal(signature("undelivered", 4), told), identity))
+        notice = undelivered(message, why)
+        self.tell(Mail(OFFICE, "signal", from_wire(notice.content), notice.id))
 
 
 def event_of(mind: Mind, message: Message, content: object) -> str:

@@ -22,7 +22,7 @@ from commd.letters import LARGEST, adds_up
 from commd.tasks import wait_at_most
 from schemas import keys
 from schemas.codec import BadRecord, Wire, codec
-from schemas.records import Header, Mail, Message, Receipt
+from schemas.records import Header, Mail, Message, Receipt, Refusal
 from schemas.terms import Term
 
 log = logging.getLogger("mail")
@@ -66,7 +66,7 @@ class Waiting(NamedTuple):
 class Outbox:
     """What one agent has sent and commd has not taken yet."""
 
-    def __init__(self, bus: Bus, agent: str, on_refused: Callable[[Message, str], None]) -> None:
+    def __init__(self, bus: Bus, agent: str, on_refused: Callable[[Message, Refusal], None]) -> None:
         """`on_refused` hears of each message that commd refuses for good, and why."""
         self.numbering = boot_id() + boot_id()
         """Each life has another one: a checkpoint that has gone back in time (a power cut, a backup) would give numbers
@@ -252,7 +252,7 @@ class Outbox:
     def _settle(self, batch: list[Waiting], receipt: Receipt) -> None:
         """Forget what commd has taken or refused for good; what it has no room for waits."""
         now = asyncio.get_running_loop().time()
-        later: dict[str, str] = {}
+        later: dict[str, Refusal] = {}
         for place, one in enumerate(batch):
             message, receiver = one.message, one.message.receiver
             if reason := later.get(receiver) or receipt.later.get(place):

@@ -13,7 +13,7 @@ import msgspec
 from commd.letters import Letter, Waiting, letter, undelivered
 from schemas.codec import codec
 from schemas.mission import RESERVED
-from schemas.records import Message
+from schemas.records import Message, Refusal
 
 BATCH, BATCH_BYTES = 500, 256 * 1024
 """A batch has at most so many messages, and not more bytes than that if it has more than one."""
@@ -26,10 +26,8 @@ MAILBOX_BYTES = 256 * 1024 * 1024
 """Bytes that may wait for one receiver."""
 DEAD, DEAD_BYTES = 10_000, 64 * 1024 * 1024
 """Dead letters that are kept, and their bytes; the oldest go first."""
-TAKEN, AGAIN, FULL = "", "again", "mailbox full"
+TAKEN, AGAIN, FULL = "taken", "again", "mailbox_full"
 """What becomes of a message that comes in: written, known already, to be sent again."""
-EXPIRED = "expired"
-"""Why a message is given up whose time is over."""
 
 
 class Tally:
@@ -214,7 +212,9 @@ def remove(db: Connection, tally: Tally, places: Sequence[int]) -> list[tuple[in
     return sorted((place, sender, message) for place, _, sender, _, _, _, message in rows)
 
 
-def bury(db: Connection, tally: Tally, reasons: Mapping[int, str], lines: Mapping[str, str], now: float) -> list[str]:
+def bury(
+    db: Connection, tally: Tally, reasons: Mapping[int, Refusal], lines: Mapping[str, str], now: float
+) -> list[str]:
     """Give messages up: keep them as dead letters and write the notices to their senders.
 
     `reasons` by place; `lines` says where notices to each sender wait, whoever has none gets none. Returns the lines
@@ -224,8 +224,8 @@ def bury(db: Connection, tally: Tally, reasons: Mapping[int, str], lines: Mappin
     for place, sender, message in remove(db, tally, list(reasons)):
         reason = reasons[place]
         db.execute(
-            "INSERT INTO dead(reason, stamp, size, message) VALUES(?, ?, ?, ?)",
-            (reason, time.time_ns(), len(message), message),
+            "INSERT INTO dead(code, text, stamp, size, message) VALUES(?, ?, ?, ?, ?)",
+            (reason.code, reason.text, time.time_ns(), len(message), message),
         )
         tally.dead += 1
         tally.dead_bytes += len(message)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import re
 import socket
 import time
 from collections import Counter
@@ -19,13 +18,13 @@ from typing import Protocol
 from msgspec.structs import replace
 
 from commd.comm_node import RATE, Allowance, Node
+from commd.letters import undelivered
 from commd.store import StoreFailed
 from schemas import mission
 from schemas.datagram import BadDatagram, read_message, write_message
 from schemas.endpoints import host_and_port
 from schemas.findings import Findings
-from schemas.records import Health, Message, Receipt
-from schemas.terms import Atom, Structure, Term
+from schemas.records import Health, Message, Receipt, Refusal
 
 log = logging.getLogger("gateway")
 
@@ -182,7 +181,8 @@ class Gateway(asyncio.DatagramProtocol):
                 log.debug("not_taken messages=%d why=%s", len(batch), failed)
             except Exception as error:  # one batch's defect must not end what all others live by
                 log.exception("defect in argosy: %d messages of nodes are lost", len(batch))
-                return Receipt(refused=dict.fromkeys(range(len(batch)), f"{type(error).__name__}: {error}"))
+                defect = Refusal(code="defect", text=f"{type(error).__name__}: {error}")
+                return Receipt(refused=dict.fromkeys(range(len(batch)), defect))
             await asyncio.sleep(DISK_RETRY)
 
     async def deliver(self, batch: tuple[Message, ...]) -> Receipt | None:
@@ -190,10 +190,10 @@ class Gateway(asyncio.DatagramProtocol):
         node = self.nodes[batch[0].receiver]
         if node.at is None or self._transport is None or self._transport.is_closing():
             return None
-        refused: dict[int, str] = {}
+        refused: dict[int, Refusal] = {}
         for place, message in enumerate(batch):
             if why := self._send(node, message):
-                refused[place] = why
+                refused[place] = Refusal(code="not_sendable", text=why)
             await asyncio.sleep(PACE)
         return Receipt(taken=len(batch) - len(refused), refused=refused)
 
@@ -213,20 +213,12 @@ class Gateway(asyncio.DatagramProtocol):
         self._count("unsendable", f"id={message.id} sender={message.sender} receiver={node.name}: {why}")
         return why
 
-    def _tell_undelivered(self, message: Message, reason: str) -> None:
+    def _tell_undelivered(self, message: Message, reason: Refusal) -> None:
         """Tell a node, as agents are told, that its message will not arrive."""
         node = self.nodes[message.sender]
-        what = (_name(message.receiver), _name(message.performative), message.content, reason)
-        notice = Message(
-            id=f"undelivered.{message.id}",
-            sender="mail",
-            performative="signal",
-            receiver=node.name,
-            content=Structure("undelivered", what),
-        )
         log.warning("mail_refused id=%s sender=%s receiver=%s why=%s", message.id, node.name, message.receiver, reason)
         if node.at is not None and self._transport is not None:
-            self._send(node, notice)
+            self._send(node, undelivered(message, reason))
 
     def _refuse(self, source: str, why: str) -> None:
         """Count what does not come from a node of the mission, and tell once of each source."""
@@ -266,11 +258,6 @@ def _addressed(message: Message, names: Iterable[str]) -> list[Message]:
     if message.receiver != EVERYBODY:
         return [message]
     return [replace(message, receiver=name) for name in names if name != message.sender]
-
-
-def _name(text: str) -> Term:
-    """A name as an atom, if it can be one."""
-    return Atom(text) if re.fullmatch(r"[a-z]\w*", text, re.ASCII) else text
 
 
 def _shown(text: str) -> str:

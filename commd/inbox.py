@@ -14,11 +14,12 @@ from collections import OrderedDict, deque
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Final
 
 from commd.bus import Bus, Query
 from commd.state import make_private_file
 from schemas import keys
-from schemas.records import Mail, Message, Receipt
+from schemas.records import Mail, Message, Receipt, Refusal
 
 log = logging.getLogger("inbox")
 
@@ -34,6 +35,8 @@ QUESTION = "sync:"
 """What the ids of a program's questions begin with: an agent answers `false` to who waits (`sync`); no name has `:`."""
 LEAVE = 1.0
 """Wall seconds for the last answers."""
+
+NOT_DONE: Final = Refusal(code="not_absorbed", text="the program is not done with it")
 
 
 class Seen:
@@ -183,15 +186,16 @@ class Inbox:
             return
         self._answering += 1
         try:
-            batch, refused = query.record.messages, dict[int, str]()
+            batch, refused = query.record.messages, dict[int, Refusal]()
             held: set[tuple[str, str]] = set()
             """Of whom a message is refused as too late: were a later one done, it would pass for done when it comes
             again because this answer was lost."""
             for place, message in enumerate(batch):
                 if not message.header.seq or message.receiver != self._name:
-                    refused[place] = f"expected a numbered message to {self._name}, as commd hands it over"
+                    expected = f"expected a numbered message to {self._name}, as commd hands it over"
+                    refused[place] = Refusal(code="wrong_address", text=expected)
                 elif self._too_late(message):
-                    refused[place] = "expired"
+                    refused[place] = Refusal(code="expired")
                     held.add((message.sender, message.header.boot))
                 elif (message.sender, message.header.boot) not in held:
                     self._queue(message)
@@ -205,7 +209,7 @@ class Inbox:
                             await self._changed.wait()
                     finally:
                         self._held.discard(held_until)
-            later = dict.fromkeys(self._not_done(batch, refused), "the program is not done with it")
+            later = dict.fromkeys(self._not_done(batch, refused), NOT_DONE)
             query.reply(Receipt(taken=len(batch) - len(refused) - len(later), refused=refused, later=later))
         finally:
             self._answering -= 1
@@ -228,7 +232,7 @@ class Inbox:
         over = message.ttl is not None and message.ttl <= 0
         return over and number not in self._known and not self._seen.has(message)
 
-    def _not_done(self, batch: tuple[Message, ...], refused: dict[int, str]) -> list[int]:
+    def _not_done(self, batch: tuple[Message, ...], refused: dict[int, Refusal]) -> list[int]:
         """The places in a batch of what the program is not done with."""
         return [
             place

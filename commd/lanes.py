@@ -19,7 +19,7 @@ from commd.boxes import Tally
 from commd.letters import Waiting, adds_up
 from commd.mail_clock import MailClock
 from commd.store import Store, StoreFailed
-from schemas.records import Receipt
+from schemas.records import Receipt, Refusal
 
 log = logging.getLogger("mail")
 
@@ -122,7 +122,7 @@ class Lanes:
         tally: Tally,
         clock: MailClock,
         carry: Callable[[str, Sequence[Waiting]], Awaitable[Receipt | NoAnswer]],
-        give_up: Callable[[dict[int, str], set[str]], Awaitable[list[str]]],
+        give_up: Callable[[dict[int, Refusal], set[str]], Awaitable[list[str]]],
         peer_of: Callable[[str], str],
         group_of: Callable[[str], str],
     ) -> None:
@@ -244,7 +244,8 @@ class Lanes:
         going = [one for one in batch if one.expires is None or one.expires > now or one.place <= doubtful]
         answer = await self._carry(lane.line, going) if going else Receipt()
         if isinstance(answer, NoAnswer) and answer.unreadable and len(going) == 1:
-            answer = Receipt(refused={0: answer.why[:200]})  # it would stand in the way of all behind it for ever
+            # It would stand in the way of all behind it for ever.
+            answer = Receipt(refused={0: Refusal(code="unreadable", text=answer.why[:200])})
         if isinstance(answer, Receipt) and not adds_up(answer, len(going)):
             self.counters["bad_receipts"] += 1
             answer = NoAnswer(f"its receipt does not add up to {len(going)}: {answer}"[:200], certain=False)
@@ -258,7 +259,7 @@ class Lanes:
         if going:
             self._back(self._peer_of(lane.line))
         if answer.later:
-            lane.after, lane.hung, lane.state = 0, False, next(iter(answer.later.values()))
+            lane.after, lane.hung, lane.state = 0, False, str(next(iter(answer.later.values())))
             if answer.taken or (last > known and ">" not in lane.line):  # it was offered something new
                 lane.pause = RETRY_FIRST
             self._pause(lane, LATER_MOST)

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from schemas.codec import codec
-from schemas.records import Header, Receipt, Record
+from schemas.records import Header, Receipt, Record, Refusal
 from schemas.records import Mail as ReadMail
 from schemas.records import Message as ReadMessage
 from schemas.terms import Atom, Map, OpenList, Queue, Set, Structure, Term, Variable
@@ -150,15 +150,16 @@ def shown(message: ReadMessage) -> ReadMessage:
     return message
 
 
-def undelivered(message: ReadMessage, reason: str) -> ReadMessage:
+def undelivered(message: ReadMessage, reason: Refusal) -> ReadMessage:
     """Return the notice that tells a sender what became of its message."""
-    told = (_name(message.receiver), _name(message.performative), shown(message).content, reason)
+    what = (_name(message.receiver), _name(message.performative), shown(message).content, reason.code)
+    detail = (Structure("detail", (reason.text,)),) if reason.text else ()
     return ReadMessage(
         id=f"undelivered.{message.id}",
         sender=OFFICE,
         performative="signal",
         receiver=message.sender,
-        content=Structure("undelivered", told),
+        content=Structure("undelivered", what, detail),
     )
 
 

@@ -7,7 +7,7 @@ from sqlite3 import Connection
 
 from commd.letters import shown
 from schemas.codec import codec
-from schemas.records import DeadLetter, Mailboxes, Message, Queue
+from schemas.records import DeadLetter, Mailboxes, Message, Queue, Refusal
 
 QUEUES = 1_000
 """Queues that are listed, those with the most messages."""
@@ -41,11 +41,12 @@ def _newest_dead(db: Connection) -> list[DeadLetter]:
     read, encoding = codec(Message).decode, codec(Message).encoding("msgpack")
     found: list[DeadLetter] = []
     left = DEAD_BYTES
-    rows = db.execute("SELECT reason, stamp, size, message FROM dead ORDER BY place DESC LIMIT ?", (DEAD,))
-    for reason, stamp, size, message in rows:
+    rows = db.execute("SELECT code, text, stamp, size, message FROM dead ORDER BY place DESC LIMIT ?", (DEAD,))
+    for code, text, stamp, size, message in rows:
         left -= size
         if found and left < 0:
             break
+        reason = Refusal(code=code, text=text)
         found.append(DeadLetter(message=shown(read(message, encoding)), reason=reason, stamp=stamp))
     rows.close()
     return found[::-1]

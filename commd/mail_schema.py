@@ -36,7 +36,8 @@ MIGRATIONS = (
     -- Messages that were given up, the newest last.
     CREATE TABLE dead(
         place INTEGER PRIMARY KEY,
-        reason TEXT NOT NULL,
+        code TEXT NOT NULL,
+        text TEXT NOT NULL,
         stamp INTEGER NOT NULL,
         size INTEGER NOT NULL,
         message BLOB NOT NULL

@@ -32,14 +32,12 @@ from schemas import keys
 from schemas.codec import codec
 from schemas.mission import RESERVED, MailRules
 from schemas.names import check_name
-from schemas.records import Health, Mail, Mailboxes, Message, Receipt
+from schemas.records import Health, Mail, Mailboxes, Message, Receipt, Refusal
 
 if TYPE_CHECKING:
     from commd.radio import Air
 
 log = logging.getLogger("mail")
-
-NOT_FOUND, TOO_LARGE = "receiver_not_found", "message_too_large"
 
 
 class Mailroom:
@@ -123,15 +121,15 @@ class Mailroom:
             if self._tally.messages[name]:
                 self._moving = asyncio.create_task(self._lines_moved())
 
-    async def unhost(self, name: str, reason: str = "receiver_left") -> None:
+    async def unhost(self, name: str) -> None:
         """Serve somebody no more who has left for good: what waits for it is given up."""
         for withdraw in self._hosted.pop(name, ()):
             withdraw()
-        await self.gone(name, reason)
+        await self.gone(name)
 
-    async def gone(self, name: str, reason: str = "receiver_left") -> None:
+    async def gone(self, name: str) -> None:
         """Give up what waits here for somebody who has left for good."""
-        await self._undelivered.give_up_all(name, reason, self._lanes)
+        await self._undelivered.give_up_all(name, Refusal(code="receiver_left"), self._lanes)
 
     def attach(self, name: str, deliver: Deliver) -> Callable[[], None]:
         """Hand the mail of a receiver in this process to `deliver(batch)`, batch by batch. Returns what ends it."""
@@ -193,7 +191,7 @@ class Mailroom:
         letters = [
             self._kept(one, self._line(sender, one.receiver), now, self._rules.ttl)
             if one.sender == sender
-            else f"its sender is not {sender}"
+            else Refusal(code="wrong_address", text=f"its sender is not {sender}")
             for one in query.record.messages
         ]
         await self._answer(query, letters, now)
@@ -221,29 +219,31 @@ class Mailroom:
         letters = [
             self._kept(one, receiver, now, None, SLACK)
             if (one.sender, one.receiver) == (sender, receiver)
-            else f"it came as mail from {sender} to {receiver}"
+            else Refusal(code="wrong_address", text=f"it came as mail from {sender} to {receiver}")
             for one in query.record.messages
         ]
         await self._answer(query, letters, now)
 
-    async def _answer(self, query: Query[Mail], letters: Sequence[Letter | str], now: float) -> None:
+    async def _answer(self, query: Query[Mail], letters: Sequence[Letter | Refusal], now: float) -> None:
         try:
             query.reply(await self._write(letters, now, self._rules.mailbox))
         except StoreFailed as failed:  # nothing is taken: it will come again
             query.reply_error(str(failed))
 
-    def _kept(self, message: Message, line: str | None, now: float, ttl: float | None, slack: int = 0) -> Letter | str:
+    def _kept(
+        self, message: Message, line: str | None, now: float, ttl: float | None, slack: int = 0
+    ) -> Letter | Refusal:
         """Return a message as it is kept, or why it is refused for good. `ttl` is for one that brings none."""
         if line is None:
-            return NOT_FOUND
+            return Refusal(code="receiver_not_found")
         ttl = message.ttl if message.ttl is not None else ttl
         try:
             check_name(message.sender)
             kept = letter(message, line, None if ttl is None else now + ttl)
         except ValueError as bad:
-            return str(bad)
+            return Refusal(code="not_sendable", text=str(bad))
         if len(kept.message) > LARGEST + slack and self._travels_as(message) > LARGEST + slack:
-            return TOO_LARGE
+            return Refusal(code="message_too_large")
         return kept
 
     def _travels_as(self, message: Message) -> int:
@@ -252,7 +252,7 @@ class Mailroom:
 
     async def _write(
         self,
-        letters: Sequence[Letter | str],
+        letters: Sequence[Letter | Refusal],
         now: float,
         bound: int | None,
         also: Callable[[Connection], None] | None = None,
@@ -266,17 +266,15 @@ class Mailroom:
             return boxes.put(db, self._tally, good, now, bound)
 
         outcomes = iter(await self.store.write(write) if good or also is not None else ())
-        refused: dict[int, str] = {}
-        later: dict[int, str] = {}
+        refused: dict[int, Refusal] = {}
+        later: dict[int, Refusal] = {}
         for place, one in enumerate(letters):
-            outcome = next(outcomes) if isinstance(one, Letter) else one
-            match outcome:
-                case boxes.TAKEN | boxes.AGAIN:
-                    self.counters["taken" if outcome == boxes.TAKEN else "duplicates"] += 1
-                case boxes.FULL:
-                    later[place] = outcome
-                case _:
-                    refused[place] = outcome
+            if isinstance(one, Refusal):
+                refused[place] = one
+            elif (outcome := next(outcomes)) == boxes.FULL:
+                later[place] = Refusal(code=boxes.FULL)
+            else:
+                self.counters["taken" if outcome == boxes.TAKEN else "duplicates"] += 1
         for line in {one.line for one in good}:
             self._lanes.more(line)
         self.counters["turned_away"] += len(refused)

@@ -13,7 +13,7 @@ from commd.errors import BusError
 from commd.letters import LARGEST
 from schemas import keys
 from schemas.codec import BadRecord, codec
-from schemas.records import Mail, Message, Receipt
+from schemas.records import Mail, Message, Receipt, Refusal
 from schemas.terms import Term
 
 ANSWER_TIMEOUT = 8.0
@@ -133,14 +133,16 @@ class Sending:
             case Receipt(taken=0, refused={0: why}, later=later) if not later:
                 raise _for_good(message, why)
             case Receipt(taken=0, refused=refused, later={0: why}) if not refused:
-                return why, True
+                return str(why), why.code == "mailbox_full"
         return "commd: its receipt does not add up", False
 
 
-def _for_good(message: Message, why: str) -> NotSent:
-    """The error for a reason that stands."""
-    if why.startswith("receiver_not_found"):
-        return UnknownReceiver(message, f"nobody knows an agent `{message.receiver}`")
-    if why.startswith("message_too_large"):
-        return TooLarge(message, why)
-    return MailboxFull(message, why) if why.replace("_", " ").startswith("mailbox full") else NotSent(message, why)
+def _for_good(message: Message, why: Refusal) -> NotSent:
+    """Return the error for a message that is refused for good."""
+    match why.code:
+        case "receiver_not_found":
+            return UnknownReceiver(message, f"nobody knows an agent `{message.receiver}`")
+        case "message_too_large":
+            return TooLarge(message, str(why))
+        case _:
+            return NotSent(message, str(why))

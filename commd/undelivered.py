@@ -14,11 +14,10 @@ from commd.lanes import Lanes
 from commd.letters import OFFICE
 from commd.mail_clock import SAVE_EVERY, MailClock
 from commd.store import Store, StoreFailed
+from schemas.records import Refusal
 
 log = logging.getLogger("mail")
 
-UNKNOWN = "unknown"
-"""Why a message is given up that may have arrived: its time is over, and its receiver's side does not say."""
 SWEEP_EVERY = 0.25
 """Wall seconds between two looks for messages whose time is over."""
 LOOK_EVERY = 20
@@ -43,18 +42,18 @@ class Undelivered:
         self._strangers: dict[str, float] = {}
         """Receivers of mail whom nobody knows: since when, on the event loop's clock."""
 
-    async def give_up(self, reasons: Mapping[int, str], senders: Iterable[str]) -> list[str]:
+    async def give_up(self, reasons: Mapping[int, Refusal], senders: Iterable[str]) -> list[str]:
         """Give up messages, with the reasons by place. Returns the lines in which notices wait now."""
         senders = sorted(set(senders))
         lines = {one: line for one in senders if (line := self._line_of(OFFICE, one)) is not None}
         now = self._clock.now()
         noticed = await self._store.write(lambda db: boxes.bury(db, self._tally, reasons, lines, now))
         self.counters["given_up"] += len(reasons)
-        told = _several(senders), _several(sorted(set(reasons.values())))
+        told = _several(senders), _several(sorted({str(one) for one in reasons.values()}))
         log.warning("mail_given_up count=%d senders=%s why=%s", len(reasons), *told)
         return noticed
 
-    async def give_up_all(self, receiver: str, reason: str, lanes: Lanes) -> None:
+    async def give_up_all(self, receiver: str, reason: Refusal, lanes: Lanes) -> None:
         """Give up all that waits for a receiver."""
         while self._tally.messages[receiver] and (
             found := await self._store.read(partial(boxes.places_for, receiver=receiver, most=SWEEP))
@@ -92,19 +91,19 @@ class Undelivered:
         self._strangers = {one: self._strangers.get(one, now) for one in unknown}
         for one, since in self._strangers.items():
             if now - since >= STRANGER:
-                await self.give_up_all(one, "receiver_left", lanes)
+                await self.give_up_all(one, Refusal(code="receiver_left"), lanes)
 
     async def _give_up_late(self, lanes: Lanes) -> None:
         late = await self._store.read(partial(boxes.expired, now=self._clock.now(), most=LATE))
         now = self._clock.now()
-        reasons: dict[int, str] = {}
+        reasons: dict[int, Refusal] = {}
         senders: set[str] = set()
         for place, line, sender, end in late:
             # What may have arrived is sent again without time left: only its receiver's side knows.
             doubtful = lanes.may_be_taken(line, place)
             if doubtful and now < end + DOUBT:
                 continue
-            reasons[place] = UNKNOWN if doubtful else boxes.EXPIRED
+            reasons[place] = Refusal(code="unknown" if doubtful else "expired")
             senders.add(sender)
             if len(reasons) == SWEEP:
                 break

@@ -120,16 +120,32 @@ class Mail(Record, frozen=True, kw_only=True):
     to say how much it has taken, and the present one, which is left out."""
 
 
+class Refusal(Record, frozen=True, kw_only=True):
+    """Why a message was not taken or not delivered."""
+
+    code: str
+    """What programs act on. For good: `receiver_not_found`, `receiver_left`, `message_too_large` (above 1 MB),
+    `not_sendable` (it cannot be kept, or not be written as a datagram), `unreadable` (by its receiver), `wrong_address`
+    (not its key's sender or receiver), `not_accepted` (`accepts` of the receiver), `set_aside` (the receiver died at
+    it), `expired`, `unknown` (expired, and perhaps delivered), `defect`. To be sent again: `mailbox_full`,
+    `not_absorbed`, `out_of_order` (it follows one that is expired)."""
+    text: str = ""
+    """For people, if there is more to say than the code does."""
+
+    def __str__(self) -> str:
+        return self.text or self.code
+
+
 class Receipt(Record, frozen=True, kw_only=True):
     """The answer to a batch, sent when what was taken is on disk. The three counts together are the batch's length."""
 
     taken: int = 0
     """Messages that are taken, now or before."""
-    refused: dict[int, str] = {}
-    """Place in the batch to the reason why that message is refused for good: `receiver_not_found`."""
-    later: dict[int, str] = {}
-    """Place in the batch to the reason why that message is to be sent again (`mailbox full`). Of a pair, all that
-    follow one of these are among them, so that order is kept."""
+    refused: dict[int, Refusal] = {}
+    """Place in the batch to the reason why that message is refused for good."""
+    later: dict[int, Refusal] = {}
+    """Place in the batch to the reason why that message is to be sent again. Of a pair, all that follow one of these
+    are among them, so that order is kept."""
     numbers: dict[str, int] = {}
     """Receiver to how many messages the board has taken, of the numberings that were asked about."""
 
@@ -196,7 +212,7 @@ class DeadLetter(Record, frozen=True, kw_only=True):
     """A message that will not be delivered, and why."""
 
     message: Message
-    reason: str
+    reason: Refusal
     stamp: int
     """Unix time in nanoseconds when it was given up."""
 

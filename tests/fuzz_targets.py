@@ -436,7 +436,10 @@ def _mail_file(message: bytes, text: str) -> Path:
             " VALUES(?,?,?,?,?,?,?,?)",
             (text, text, "b", "n", 1, 0.0, len(message), message),
         )
-        db.execute("INSERT INTO dead(reason, stamp, size, message) VALUES(?,?,?,?)", (text, 1, len(message), message))
+        db.execute(
+            "INSERT INTO dead(code, text, stamp, size, message) VALUES(?,?,?,?,?)",
+            (text, text, 1, len(message), message),
+        )
     return path
 
 

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
+from agentd.language.signatures import signature
 from agentd.language.terms import Literal
 from agentd.mind.effects import Effect, Log, PerformAction, Print, SendMail, StopTeam
 from agentd.mind.holding import short_text
@@ -26,6 +27,8 @@ LONGEST: Final = 2_000
 OFFICE: Final = "mail"
 """Who tells of mail that was not delivered."""
 UNDELIVERED: Final = "undelivered"
+_DETAIL: Final = signature("detail", 1)
+"""The annotation of a notice that says more than its code."""
 
 
 class Deeds:
@@ -116,7 +119,8 @@ class Deeds:
         told = mail.content
         if mail.sender != OFFICE or type(told) is not Literal or told.sig.functor != UNDELIVERED or len(told.args) < 4:
             return None
-        receiver, performative, content, why = map(short_text, told.args[:4])
+        receiver, performative, content = map(short_text, told.args[:3])
+        details = (one.args[0] for one in told.annots if type(one) is Literal and one.sig == _DETAIL)
         return Deed(
             cycle=cycle,
             time=self._now(),
@@ -125,7 +129,7 @@ class Deeds:
             id=mail.msg_id.removeprefix(f"{UNDELIVERED}."),
             other=receiver,
             performative=performative,
-            reason=why.strip('"'),
+            reason=str(next(details, told.args[3])),
         )
 
     def _action(self, deed: Deed) -> None:

@@ -76,16 +76,16 @@ def _given_up(identity: str, boards: Iterable[Mailboxes]) -> str:
     for board in boards:
         for letter in board.dead:
             if letter.message.id == identity or letter.message.id.startswith(f"{identity}."):
-                return letter.reason
+                return str(letter.reason)
     return ""
 
 
-def _queues(sender: str, receiver: str, boards: Iterable[Mailboxes]) -> Iterator[str]:
+def _queues(sender: str, receiver: str, boards: Iterable[Mailboxes], what: str = "The message") -> Iterator[str]:
     for board in boards:
         for queue in board.queues:
             if (queue.sender, queue.receiver) != (sender, receiver):
                 continue
-            it = "The message waits" if queue.messages == 1 else f"It is one of {queue.messages} messages that wait"
+            it = f"{what} waits" if queue.messages == 1 else f"It is one of {queue.messages} messages that wait"
             whose = (
                 f"the outbox of {board.board}" if queue.box == "outbox" else f"{receiver}'s mailbox at {board.board}"
             )
@@ -105,9 +105,9 @@ def _with_receiver(agent: str, question: QuestionView, mind: MindView, facts: Ma
     if made is not None:
         yield from _decided(receiver, made, mind)
         return
-    back = list(_queues(receiver, agent, facts.boards))
+    back = list(_queues(receiver, agent, facts.boards, "Its answer"))
     if back:
-        yield f"{receiver} has answered. {back[0].replace('The message waits', 'Its answer waits')}", ""
+        yield f"{receiver} has answered. {back[0]}", ""
         return
     if mind.plans and not any(plan.trigger.startswith(f"+?{name}") for plan in mind.plans):
         yield f"{receiver} has no plan for +?{name}: it answers at once, from what it believes.", ""

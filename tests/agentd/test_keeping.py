@@ -17,7 +17,7 @@ from agentd.memory import open_memory
 from agentd.mind.inputs import Mail as Told
 from commd.bus import Bus, Query
 from schemas import keys
-from schemas.records import Action, Mail, Message, Receipt
+from schemas.records import Action, Mail, Message, Receipt, Refusal
 from schemas.terms import Structure
 from tests.agentd.hosts import host_on
 from tests.agentd.test_mailing import a_desk, numbered
@@ -273,7 +273,9 @@ def test_what_commd_refuses_for_good_is_an_event_once_for_the_one_who_sent_it(en
 
     async def body(connect: Connect) -> None:
         desk = await a_desk(connect)
-        desk.answer = lambda messages: Receipt(refused=dict.fromkeys(range(len(messages)), "receiver_not_found"))
+        desk.answer = lambda messages: Receipt(
+            refused=dict.fromkeys(range(len(messages)), Refusal(code="receiver_not_found"))
+        )
         bus = await connect("a")
         agent = await host_on(bus, "a", program, tmp_path, others=("c",))
         await until(lambda: agent.prints == ["c tell at(1,[2]) receiver_not_found mail"], "the agent hears of it")

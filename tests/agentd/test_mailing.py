@@ -13,7 +13,7 @@ from agentd.outbox import LARGEST, Outbox, Unsendable
 from commd.bus import Bus, Query
 from commd.letters import adds_up
 from schemas import keys
-from schemas.records import Header, Mail, Message, Receipt
+from schemas.records import Header, Mail, Message, Receipt, Refusal
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
 
 
@@ -118,7 +118,7 @@ def test_a_receipt_that_does_not_add_up_counts_as_none_and_the_batch_is_sent_aga
     async def body(connect: Connect) -> None:
         desk = await a_desk(connect)
         outbox, _ = an_outbox(await connect("a"))
-        wrong = [Receipt(), Receipt(taken=3), Receipt(taken=1, later={7: "full"}), None]
+        wrong = [Receipt(), Receipt(taken=3), Receipt(taken=1, later={7: Refusal(code="full")}), None]
         desk.answer = lambda messages: wrong.pop() if wrong else Receipt(taken=len(messages))
         send(outbox, 1)
         send(outbox, 2)
@@ -137,7 +137,11 @@ def test_a_full_mailbox_holds_up_its_own_pair_only(endpoint: str) -> None:
         full = True
 
         def answer(messages: tuple[Message, ...]) -> Receipt:
-            later = {place: "mailbox full" for place, one in enumerate(messages) if full and one.receiver == "b"}
+            later = {
+                place: Refusal(code="mailbox_full")
+                for place, one in enumerate(messages)
+                if full and one.receiver == "b"
+            }
             return Receipt(taken=len(messages) - len(later), later=later)
 
         desk.answer = answer
@@ -182,7 +186,7 @@ def test_a_defect_in_telling_of_a_refusal_is_counted_and_does_not_end_the_mail(
         desk = await a_desk(connect)
         outbox = Outbox(await connect("a"), "a", breaks)
         desk.answer = lambda messages: (
-            Receipt(refused={0: "no"}, taken=len(messages) - 1)
+            Receipt(refused={0: Refusal(code="no")}, taken=len(messages) - 1)
             if messages[0].header.seq == 1
             else Receipt(taken=len(messages))
         )
@@ -199,12 +203,12 @@ def test_what_commd_refuses_for_good_is_told_with_its_content(endpoint: str) -> 
     async def body(connect: Connect) -> None:
         desk = await a_desk(connect)
         outbox, refused = an_outbox(await connect("a"))
-        desk.answer = lambda messages: Receipt(taken=len(messages) - 1, refused={1: "receiver_not_found"})
+        desk.answer = lambda messages: Receipt(taken=len(messages) - 1, refused={1: Refusal(code="receiver_not_found")})
         for number in range(3):
             send(outbox, number)
         keep(outbox)
         await until(lambda: len(refused) == 1, "the agent hears of it")
-        assert (refused[0][0].content, refused[0][1]) == (1, "receiver_not_found")
+        assert (refused[0][0].content, refused[0][1]) == (1, Refusal(code="receiver_not_found"))
         assert desk.told("b") == [0, 2]
         assert len(outbox) == 0
 
@@ -276,11 +280,11 @@ def test_a_new_life_hands_over_the_rest_under_its_old_numbers_and_counts_anew(en
     ("receipt", "right"),
     [
         (Receipt(taken=3), True),
-        (Receipt(taken=1, refused={0: "x"}, later={2: "y"}), True),
+        (Receipt(taken=1, refused={0: Refusal(code="x")}, later={2: Refusal(code="y")}), True),
         (Receipt(taken=2), False),
-        (Receipt(taken=1, refused={1: "x"}, later={1: "y"}), False),
-        (Receipt(taken=2, later={3: "y"}), False),
-        (Receipt(taken=2, later={-1: "y"}), False),
+        (Receipt(taken=1, refused={1: Refusal(code="x")}, later={1: Refusal(code="y")}), False),
+        (Receipt(taken=2, later={3: Refusal(code="y")}), False),
+        (Receipt(taken=2, later={-1: Refusal(code="y")}), False),
     ],
 )
 def test_a_receipt_says_what_became_of_each_message(receipt: Receipt, right: bool) -> None:
@@ -292,14 +296,14 @@ class Reader:
 
     def __init__(self, bus: Bus, asker: Bus) -> None:
         self.fed: list[object] = []
-        self.full = ""
+        self.full = False
         self.missing: list[tuple[str, int]] = []
-        self.inbox = Inbox(bus, "b", lambda: self.full, self.read, lambda *what: self.missing.append(what))
+        self.inbox = Inbox(bus, "b", lambda: not self.full, self.read, lambda *what: self.missing.append(what))
         self._asker = asker
 
     def read(self, message: Message) -> Callable[[], None]:
         if message.content == "bad":
-            raise Refused("it cannot be read")
+            raise Refused(Refusal(code="unreadable"))
         return lambda: self.fed.append(message.content)
 
     async def hand_over(self, *messages: Message) -> Receipt:
@@ -401,12 +405,13 @@ def test_numbers_that_did_not_come_are_told(endpoint: str) -> None:
 def test_what_cannot_be_taken_now_or_ever_is_said_message_by_message(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
         reader = await a_reader(connect)
-        reader.full = "the mailbox of the mind is full"
+        reader.full = True
         late = Message(
             header=Header(seq=9, boot="n"), id="m", sender="d", performative="tell", receiver="b", content=1, ttl=0
         )
         told = await reader.hand_over(numbered(1), numbered(2, "bad"), numbered(3), late)
-        assert told == Receipt(refused={1: "it cannot be read", 3: "expired"}, later={0: reader.full, 2: reader.full})
+        assert {place: why.code for place, why in told.refused.items()} == {1: "unreadable", 3: "expired"}
+        assert {place: why.code for place, why in told.later.items()} == {0: "mailbox_full", 2: "mailbox_full"}
         assert reader.fed == []
 
     on_a_bus(endpoint, body)
@@ -420,7 +425,7 @@ def test_a_message_behind_one_that_is_too_late_waits_so_that_the_refusal_is_hear
         batch = (replace(numbered(1), ttl=0.0), numbered(2))
         for _ in range(2):  # the first answer is lost
             told = await reader.hand_over(*batch)
-            assert (told.taken, told.refused, list(told.later)) == (0, {0: "expired"}, [1])
+            assert (told.taken, told.refused, list(told.later)) == (0, {0: Refusal(code="expired")}, [1])
         answer = asyncio.create_task(reader.hand_over(numbered(2)))
         await until(lambda: reader.fed == [2], "commd knows, and goes on behind it")
         reader.absorb()

@@ -139,7 +139,12 @@ def test_deeds_tell_what_an_agent_does_and_what_is_done_to_it(endpoint: str, tmp
         agent.tell(hello(7))
         agent.tell(Mail("ann", "achieve", term("fly(5)"), "mid8.ann.1"))
         agent.tell(
-            Mail("mail", "signal", term('undelivered(bob, tell, here(1), "too late")'), "undelivered.mid3.uav.9")
+            Mail(
+                "mail",
+                "signal",
+                term('undelivered(bob, tell, here(1), "not_sendable")[detail("too long")]'),
+                "undelivered.mid3.uav.9",
+            )
         )
         agent.tell(Mail("ann", "achieve", term("nothing(1)"), "mid9.ann.1"))
         agent.host._ordered("goal !fly(3)")
@@ -155,7 +160,7 @@ def test_deeds_tell_what_an_agent_does_and_what_is_done_to_it(endpoint: str, tmp
         assert found["outcome"].id == found["action"].id
         assert (found["outcome"].state, found["outcome"].reason) == ("refused", "agent uav has no robot to do takeoff")
         told = found["undelivered"]
-        assert (told.id, told.other, told.text, told.reason) == ("mid3.uav.9", "bob", "here(1)", "too late")
+        assert (told.id, told.other, told.text, told.reason) == ("mid3.uav.9", "bob", "here(1)", "too long")
         assert found["operator"].text == "goal !fly(3)"
         prints = [one.text for one in deeds.deeds if one.kind == "print"]
         assert prints == ["ann says 7", "not flown: agent uav has no robot to do takeoff"]

@@ -18,7 +18,18 @@ from argosy.doctor_fleet import clocks, daemons, disks, links, mail, versions
 from argosy.doctor_robots import failsafes, percepts, vehicles
 from argosy.roll import Row
 from schemas.mission import load_mission
-from schemas.records import BoardReport, DeadLetter, Header, Health, LinkReport, Mailboxes, Message, Note, Queue
+from schemas.records import (
+    BoardReport,
+    DeadLetter,
+    Header,
+    Health,
+    LinkReport,
+    Mailboxes,
+    Message,
+    Note,
+    Queue,
+    Refusal,
+)
 from schemas.release import RELEASE
 from tests.support.ports import free_port
 from tests.support.processes import ROOT, Daemon
@@ -261,7 +272,9 @@ def test_mail_that_waits_long_or_was_given_up_is_told(facts: Facts) -> None:
     waiting = only(mail(replace(facts, mail={"pi1": Mailboxes(board="pi1", queues=(queue,))})), "warning")
     assert waiting.text == "pi1: 3 messages a > b wait, the oldest for 90.0 s: pi2 is away"
     letter = DeadLetter(
-        message=Message(id="1", sender="a", performative="tell", receiver="b", content=1), reason="", stamp=0
+        message=Message(id="1", sender="a", performative="tell", receiver="b", content=1),
+        reason=Refusal(code="expired"),
+        stamp=0,
     )
     dead = only(mail(replace(facts, mail={"pi1": Mailboxes(board="pi1", dead=(letter,), dead_count=4)})), "warning")
     assert dead.text.startswith("pi1: 4 messages could not be delivered")

@@ -13,7 +13,7 @@ import pytest
 from argosy.__main__ import main
 from argosy.mail import _age, _size, board_lines
 from schemas import keys
-from schemas.records import DeadLetter, Header, Mailboxes, Message, Queue, Receipt
+from schemas.records import DeadLetter, Header, Mailboxes, Message, Queue, Receipt, Refusal
 from schemas.terms import Atom, Structure
 from tests.commd.offices import Receiver, board, message, post
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
@@ -85,7 +85,7 @@ def test_dead_letters_are_counted_listed_and_told_as_json(
     endpoint: str, tmp_path: Path, mission: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def refuse(_: Any) -> Receipt:
-        return Receipt(refused={0: "not today"})
+        return Receipt(refused={0: Refusal(code="not_today", text="not today")})
 
     async def body(connect: Connect) -> None:
         async with board(connect, "pi1", tmp_path), board(connect, "pi2", tmp_path) as second:
@@ -104,7 +104,7 @@ def test_dead_letters_are_counted_listed_and_told_as_json(
     assert dead.endswith("UTC  a > b  tell victim(north,3): not today")
     told = json.loads("{\n" + out.partition("{\n")[2])
     assert [one["board"] for one in told["boards"]] == ["pi1", "pi2"]
-    assert told["boards"][1]["dead"][0]["reason"] == "not today"
+    assert told["boards"][1]["dead"][0]["reason"] == {"code": "not_today", "text": "not today"}
     assert told["silent"] == []
 
 
@@ -175,7 +175,7 @@ def test_what_came_from_others_is_shown_without_what_a_terminal_would_obey() -> 
             Queue(box="outbox", sender="a\x1b", receiver="b", messages=1, bytes=90, oldest=5, state="pi2 is\naway"),
             Queue(box="inbox", sender="longer", receiver="c", messages=12, bytes=1_234_567, oldest=3700),
         ),
-        dead=(DeadLetter(message=letter, reason="expired\x07", stamp=0),),
+        dead=(DeadLetter(message=letter, reason=Refusal(code="expired\x07"), stamp=0),),
         dead_count=3,
     )
     lines = board_lines(boxes, dead=True)

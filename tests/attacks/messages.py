@@ -19,6 +19,7 @@ from schemas.records import (
     Outcome,
     Perception,
     Receipt,
+    Refusal,
     ServiceRequest,
     StopOrder,
 )
@@ -335,8 +336,8 @@ def _problem(text: str) -> str:
         return text
 
 
-def _refused(answers: list[Receipt | str], why: str) -> bool:
-    return len(answers) == 1 and isinstance(answers[0], Receipt) and answers[0].refused == {0: why}
+def _refused(answers: list[Receipt | str], code: str) -> bool:
+    return len(answers) == 1 and isinstance(answers[0], Receipt) and answers[0].refused == {0: Refusal(code=code)}
 
 
 def _states(statuses: list[ActionStatus | str]) -> list[str]:

@@ -7,7 +7,7 @@ import socket
 from collections.abc import Callable, Sequence
 
 from commd.gateway import Deliver
-from schemas.records import Message, Receipt
+from schemas.records import Message, Receipt, Refusal
 
 
 class OldCommNode:
@@ -54,9 +54,9 @@ class PostOffice:
         refused, later = dict[int, str](), dict[int, str]()
         for place, message in enumerate(messages):
             if message.receiver not in self.names:
-                refused[place] = "receiver_not_found"
+                refused[place] = Refusal(code="receiver_not_found")
             elif message.receiver in self.full:
-                later[place] = "mailbox full"
+                later[place] = Refusal(code="mailbox_full")
             else:
                 self.taken.append(message)
         return Receipt(taken=len(messages) - len(refused) - len(later), refused=refused, later=later)

@@ -11,7 +11,7 @@ import pytest
 from benchmarks.watched import watched
 from commd import inbox
 from commd.client import Client, NoAnswer, NotSent, Unanswered, join, parse, write
-from commd.inbox import Seen
+from commd.inbox import NOT_DONE, Seen
 from schemas.records import Receipt
 from schemas.terms import Structure
 from tests.commd.scripted_commd import ScriptedCommd
@@ -58,7 +58,7 @@ def test_nobody_answers(endpoint: str) -> None:
         with pytest.raises(Unanswered, match=r"victims\(east,N\) to scout: no answer within 0.3 s"):
             await me.ask("scout", QUESTION, patience=0.3)
         receipt = await commd.offer(mail(1, in_reply_to=asked(commd)), mail(2))
-        assert receipt == Receipt(taken=1, later={1: "the program is not done with it"}), "the late answer is dropped"
+        assert receipt == Receipt(taken=1, later={1: NOT_DONE}), "the late answer is dropped"
         commd.answers = ["the disk is full"] * 100
         with pytest.raises(NoAnswer):
             await me.ask("scout", QUESTION, patience=0.3)
@@ -77,10 +77,9 @@ def test_who_asks_with_a_message_in_hand_has_the_answer_that_stands_behind_it(
         assert (await anext(reading)).content == 1
         assert not held.done()
         asking = asyncio.create_task(me.ask("scout", QUESTION, patience=20))
-        later = "the program is not done with it"
-        assert await asyncio.wait_for(held, 15) == Receipt(later={0: later}), "its commd may offer what is behind"
+        assert await asyncio.wait_for(held, 15) == Receipt(later={0: NOT_DONE}), "its commd may offer what is behind"
         offer = commd.offer(mail(1), mail(2, in_reply_to=asked(commd)))
-        assert await asyncio.wait_for(offer, 15) == Receipt(later={0: later, 1: later})
+        assert await asyncio.wait_for(offer, 15) == Receipt(later={0: NOT_DONE, 1: NOT_DONE})
         assert await asking == 2
 
     as_planner(endpoint, body)
@@ -153,9 +152,7 @@ def test_an_answer_to_a_former_life_is_nobodys(endpoint: str) -> None:
         former = mail(1, in_reply_to="sync:1.planner.before")
         assert await commd.offer(former) == Receipt(taken=1)
         messages = me.messages()
-        assert await commd.offer(mail(2), former, patience=10) == Receipt(
-            taken=1, later={0: "the program is not done with it"}
-        )
+        assert await commd.offer(mail(2), former, patience=10) == Receipt(taken=1, later={0: NOT_DONE})
         assert (await anext(messages)).content == 2
 
     as_planner(endpoint, body)

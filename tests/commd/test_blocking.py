@@ -13,7 +13,7 @@ from commd import blocking
 from commd.client import NotJoined, UnknownReceiver
 from schemas import keys
 from schemas.mission import load_mission, read_mission
-from schemas.records import Receipt
+from schemas.records import Receipt, Refusal
 from tests.bridged.studio import Studio, in_the_studio
 from tests.commd.scripted_commd import ScriptedCommd
 from tests.commd.test_client import mail
@@ -39,7 +39,7 @@ def test_a_program_without_a_loop_sends_and_receives(endpoint: str) -> None:
 
         with blocking.join("planner", fleet=FLEET, router=endpoint) as me:
             me.send("scout", "tell", [1, "x"])
-            commd.answers = [Receipt(refused={0: "receiver_not_found"})]
+            commd.answers = [Receipt(refused={0: Refusal(code="receiver_not_found")})]
             with pytest.raises(UnknownReceiver):
                 me.send("nobody", "tell", 1)
             me.register("plan")

@@ -13,7 +13,7 @@ from commd.mail_listing import list_mailboxes
 from commd.mail_schema import migrate
 from commd.store_file import connect
 from schemas.codec import codec
-from schemas.records import Mail, Mailboxes, Message
+from schemas.records import Mail, Mailboxes, Message, Refusal
 from schemas.terms import Structure, Term
 from tests.commd.offices import message
 
@@ -69,7 +69,7 @@ def test_the_deepest_content_that_is_taken_can_be_wrapped_listed_and_sent_on() -
         letter(message(1, content=nested(DEEPEST + 1)), "a>b", None)
     deepest = letter(message(1, content=nested(DEEPEST)), "a>b", None)
     boxes.put(db, tally, [deepest], 0.0, None)
-    assert boxes.bury(db, tally, {1: "expired"}, {"a": "a"}, 0.0) == ["a"]
+    assert boxes.bury(db, tally, {1: Refusal(code="expired")}, {"a": "a"}, 0.0) == ["a"]
     (notice,), _ = boxes.front(db, "a", 0)
     assert isinstance(notice.read().content, Structure)
     told = codec(Mailboxes).decode(codec(Mailboxes).encode(list_mailboxes(db, 0.0, lambda _: "")))
@@ -79,9 +79,9 @@ def test_the_deepest_content_that_is_taken_can_be_wrapped_listed_and_sent_on() -
 def test_what_is_too_deep_in_an_older_file_is_told_of_without_its_content() -> None:
     deep = message(1, content=nested(DEEPEST + 50))
     db, tally = memory()
-    db.execute("INSERT INTO dead VALUES(1, 'expired', 0, 1, ?)", (codec(Message).encode(deep, "msgpack"),))
+    db.execute("INSERT INTO dead VALUES(1, 'expired', '', 0, 1, ?)", (codec(Message).encode(deep, "msgpack"),))
     assert list_mailboxes(db, 0.0, lambda _: "").dead[0].message.content == "(nested too deeply to be shown)"
-    assert "nested too deeply" in str(undelivered(deep, "expired").content)
+    assert "nested too deeply" in str(undelivered(deep, Refusal(code="expired")).content)
     assert tally.dead == 0
 
 

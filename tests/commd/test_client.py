@@ -26,9 +26,10 @@ from commd.client import (
     write,
 )
 from commd.errors import AlreadyRunning
+from commd.inbox import NOT_DONE
 from schemas import keys
 from schemas.mission import read_mission
-from schemas.records import BoardServices, Header, Message, Receipt
+from schemas.records import BoardServices, Header, Message, Receipt, Refusal
 from schemas.terms import Atom, Map, Number, Structure
 from tests.commd.scripted_commd import ScriptedCommd
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
@@ -124,10 +125,9 @@ def test_python_values_are_terms(endpoint: str) -> None:
 @pytest.mark.parametrize(
     ("answer", "error", "text"),
     [
-        (Receipt(refused={0: "receiver_not_found"}), UnknownReceiver, "nobody knows an agent `scout`"),
-        (Receipt(refused={0: "message_too_large"}), TooLarge, "message_too_large"),
-        (Receipt(refused={0: "mailbox_full"}), MailboxFull, "mailbox_full"),
-        (Receipt(refused={0: "no such thing"}), NotSent, "no such thing"),
+        (Receipt(refused={0: Refusal(code="receiver_not_found")}), UnknownReceiver, "nobody knows an agent `scout`"),
+        (Receipt(refused={0: Refusal(code="message_too_large")}), TooLarge, "message_too_large"),
+        (Receipt(refused={0: Refusal(code="no such thing")}), NotSent, "no such thing"),
     ],
 )
 def test_what_is_refused_for_good_raises_the_reason(
@@ -156,11 +156,11 @@ def test_a_message_that_is_too_large_or_too_deep_raises_before_it_leaves(endpoin
 
 def test_a_full_mailbox_is_waited_for_and_then_said(endpoint: str) -> None:
     async def body(me: Client, commd: ScriptedCommd) -> None:
-        full = Receipt(later={0: "mailbox full"})
+        full = Receipt(later={0: Refusal(code="mailbox_full")})
         commd.answers = [full, full]
         await me.send("scout", "tell", 1)
         commd.answers = [full] * 100
-        with pytest.raises(MailboxFull, match="tell to scout: mailbox full"):
+        with pytest.raises(MailboxFull, match="tell to scout: mailbox_full"):
             await me.send("scout", "tell", 2, patience=0.5)
         assert [one.content for one in commd.taken] == [1]
 
@@ -220,7 +220,7 @@ def test_commd_hears_how_far_a_slow_program_has_come_and_offers_the_rest_again(
 
     async def body(me: Client, commd: ScriptedCommd) -> None:
         reading = me.messages()
-        later = {1: "the program is not done with it", 2: "the program is not done with it"}
+        later = {1: NOT_DONE, 2: NOT_DONE}
         asking = asyncio.create_task(commd.offer(mail(1), mail(2), mail(3)))
         assert (await anext(reading)).content == 1
         assert (await anext(reading)).content == 2
@@ -269,15 +269,15 @@ def test_what_expires_while_it_waits_is_not_handed_out(endpoint: str, monkeypatc
 
     async def body(me: Client, commd: ScriptedCommd) -> None:
         late = mail(1, ttl=0.001)
-        assert await commd.offer(late, mail(2)) == Receipt(
-            later=dict.fromkeys((0, 1), "the program is not done with it")
-        )
+        assert await commd.offer(late, mail(2)) == Receipt(later=dict.fromkeys((0, 1), NOT_DONE))
         messages = me.messages()
         message = await anext(messages)
         assert message.content == 2
         me.done(message)
         for _ in range(2):  # the first answer is lost
-            assert await commd.offer(replace(late, ttl=0.0), mail(2)) == Receipt(taken=1, refused={0: "expired"})
+            assert await commd.offer(replace(late, ttl=0.0), mail(2)) == Receipt(
+                taken=1, refused={0: Refusal(code="expired")}
+            )
 
     as_planner(endpoint, body)
 
@@ -290,12 +290,12 @@ def test_what_comes_behind_a_message_that_is_too_late_waits_until_that_is_known(
     async def body(me: Client, commd: ScriptedCommd) -> None:
         for _ in range(2):  # the first answer is lost
             told = await commd.offer(mail(1, ttl=0.0), mail(2))
-            assert told == Receipt(refused={0: "expired"}, later={1: "the program is not done with it"})
+            assert told == Receipt(refused={0: Refusal(code="expired")}, later={1: NOT_DONE})
         offered = asyncio.create_task(commd.offer(mail(2)))
         message = await anext(me.messages())
         assert message.content == 2
         me.done(message)
-        assert await offered in (Receipt(taken=1), Receipt(later={0: "the program is not done with it"}))
+        assert await offered in (Receipt(taken=1), Receipt(later={0: NOT_DONE}))
 
     as_planner(endpoint, body)
 
@@ -304,7 +304,7 @@ def test_a_message_without_number_or_for_somebody_else_is_refused(endpoint: str)
     async def body(me: Client, commd: ScriptedCommd) -> None:
         receipt = await commd.offer(Message(id="x", sender="a", performative="tell", receiver="planner", content=1))
         why = "expected a numbered message to planner, as commd hands it over"
-        assert receipt == Receipt(refused={0: why})
+        assert receipt == Receipt(refused={0: Refusal(code="wrong_address", text=why)})
 
     as_planner(endpoint, body)
 
@@ -317,7 +317,7 @@ def test_the_end_of_a_program_tells_commd_what_was_done(endpoint: str) -> None:
             await served(bus, keys.inbox(FLEET, "planner"))
             asking = asyncio.create_task(commd.offer(mail(1), mail(2)))
             me.done(await anext(me.messages()))
-        assert await asking == Receipt(taken=1, later={1: "the program is not done with it"})
+        assert await asking == Receipt(taken=1, later={1: NOT_DONE})
 
     on_a_bus(endpoint, everything)
 

@@ -21,7 +21,7 @@ from commd.peers import FixedDirectory
 from commd.store import Store, StoreFailed
 from schemas import keys
 from schemas.mission import read_mission
-from schemas.records import BoardServices, Mail, Message, Receipt, ServiceRequest
+from schemas.records import BoardServices, Mail, Message, Receipt, Refusal, ServiceRequest
 from schemas.terms import Atom, Structure
 from tests.commd.offices import message, post
 from tests.support.buses import FLEET, session, subscribed, until
@@ -371,7 +371,9 @@ def test_mail_for_who_has_just_joined_another_board_is_not_refused_though_this_b
             assert pi2.board_of("kid") == "pi2"
             assert pi1.board_of("kid") is None
             assert await post(a.bus, message(1, "a", "kid")) == Receipt(taken=1)
-            assert await post(a.bus, message(1, "a", "nobody")) == Receipt(refused={0: "receiver_not_found"})
+            assert await post(a.bus, message(1, "a", "nobody")) == Receipt(
+                refused={0: Refusal(code="receiver_not_found")}
+            )
             await until(lambda: [one.content for one in kid.mail] == [1], "it arrives")
 
     run(body())

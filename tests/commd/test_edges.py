@@ -192,7 +192,7 @@ def test_an_old_node_and_a_program_talk_across_commd(
 AGENT = """
 +?battery(B)[source(Who)] <- B = 80.
 +victim(X)[source(Who)] <- .send(Who, tell, [thanks, X]); .send(Who, tell, "%s").
-+undelivered(Who, _, _, Why)[source(mail)] <- .print("undelivered to ", Who, ": ", Why).
++undelivered(Who, _, _, Why)[source(mail), detail(More)] <- .print("undelivered to ", Who, ": ", Why, ", ", More).
 """ % ("x" * 1100)
 
 
@@ -209,7 +209,7 @@ def test_an_old_node_and_an_agent_talk(endpoint: str, tmp_path: Path, free_port:
                 node.send("<mid1,old1,tell,uav,victim(3)>", listen)
                 await until(lambda: len(node.heard) == 1, "the agent answers", 30)
                 assert node.heard[0].endswith(",uav,tell,old1,[thanks,3]>")
-                await asyncio.to_thread(agentd.says, "undelivered to old1: a datagram of 11")
+                await asyncio.to_thread(agentd.says, "undelivered to old1: not_sendable, a datagram of 11")
                 node.send("<mid2,old1,askOne,uav,battery(B)>", listen)
                 await until(lambda: len(node.heard) == 2, "the agent answers a question", 30)
                 assert node.heard[1].split(",", 4)[4].startswith("battery(80)")

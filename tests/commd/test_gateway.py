@@ -20,7 +20,7 @@ from commd.gateway import Gateway, open_gateway
 from commd.store import StoreFailed
 from schemas.findings import Findings
 from schemas.mission import Mission, read_mission
-from schemas.records import Message
+from schemas.records import Message, Refusal
 from schemas.terms import Atom, Structure, Term
 from tests.commd.old_comm import OldCommNode, PostOffice
 from tests.support.buses import until
@@ -133,7 +133,9 @@ def test_what_would_not_fit_into_what_an_old_node_reads_is_refused_whole(free_po
         batch = (message("x" * room), message("é" * room, identity="m2"), message("last", identity="m3"))
         receipt = await field.post.deliver["old1"](batch)
         assert receipt is not None
-        assert receipt.refused == {1: f"a datagram of {1024 + room} bytes: Comm nodes read 1024"}
+        assert receipt.refused == {
+            1: Refusal(code="not_sendable", text=f"a datagram of {1024 + room} bytes: Comm nodes read 1024")
+        }
         assert receipt.taken == 2
         await until(lambda: len(field.one.heard) == 2, "the others arrive")
         assert [len(text) for text in field.one.heard] == [1024, len('<m3,uav,tell,old1,"last">')]
@@ -145,7 +147,9 @@ def test_a_message_that_no_datagram_can_carry_is_refused_with_the_reason(free_po
     async def body(field: Field) -> None:
         receipt = await field.post.deliver["old1"]((message(1, identity="a b"),))
         assert receipt is not None
-        assert receipt.refused[0].startswith("cannot be written as a datagram: id: expected a text without blanks")
+        refusal = receipt.refused[0]
+        assert refusal.code == "not_sendable"
+        assert refusal.text.startswith("cannot be written as a datagram: id: expected a text without blanks")
 
     in_the_field(free_port(), body)
 
@@ -158,7 +162,7 @@ def test_a_node_hears_that_its_message_will_not_arrive(free_port: Callable[[], i
         await until(lambda: len(field.one.heard) == 2, "the node is told")
         assert field.one.heard == [
             '<undelivered.mid1,mail,signal,old1,undelivered("Nobody",tell,ready(1),"receiver_not_found")>',
-            '<undelivered.mid2,mail,signal,old1,undelivered(ugv,tell,ready(2),"mailbox full")>',
+            '<undelivered.mid2,mail,signal,old1,undelivered(ugv,tell,ready(2),"mailbox_full")>',
         ]
         assert field.gateway.counters["gateway_refused"] == 2
 
@@ -320,7 +324,7 @@ def test_a_mail_that_fails_is_told_to_the_node_and_ends_nothing(
         monkeypatch.setattr(field.post, "take", fails_once)
         field.say("<mid1,old1,tell,uav,a>")
         await until(lambda: len(field.one.heard) == 1, "the node is told")
-        assert field.one.heard[0].endswith('undelivered(uav,tell,a,"RuntimeError: closed")>')
+        assert field.one.heard[0].endswith('undelivered(uav,tell,a,"defect")[detail("RuntimeError: closed")]>')
         field.say("<mid2,old1,tell,uav,b>")
         await until(lambda: len(field.post.taken) == 1, "the next one is taken")
 

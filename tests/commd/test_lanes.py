@@ -11,11 +11,12 @@ from pathlib import Path
 import pytest
 
 from commd import boxes
+from commd.inbox import NOT_DONE
 from commd.lanes import OF_ONE, RETRY_FIRST, Lanes, NoAnswer
 from commd.letters import Waiting, letter
 from commd.mail_clock import MailClock
 from commd.store import open_store
-from schemas.records import Receipt
+from schemas.records import Receipt, Refusal
 from tests.commd.offices import message
 from tests.support.buses import until
 
@@ -25,11 +26,11 @@ Carry = Callable[[str, Sequence[Waiting]], Awaitable[Receipt | NoAnswer]]
 @asynccontextmanager
 async def lanes_of(
     folder: Path, lines: Sequence[str], carry: Carry, each: int = 1
-) -> AsyncIterator[tuple[Lanes, boxes.Tally, dict[int, str]]]:
+) -> AsyncIterator[tuple[Lanes, boxes.Tally, dict[int, Refusal]]]:
     """Lines with so many messages each; a line belongs to the peer, and hangs with the group, that its name ends on."""
-    tally, refused = boxes.Tally(), dict[int, str]()
+    tally, refused = boxes.Tally(), dict[int, Refusal]()
 
-    async def give_up(reasons: dict[int, str], senders: set[str]) -> list[str]:
+    async def give_up(reasons: dict[int, Refusal], senders: set[str]) -> list[str]:
         refused.update(reasons)
         await store.write(lambda db: boxes.remove(db, tally, list(reasons)))
         return []
@@ -61,7 +62,7 @@ def test_lines_of_a_full_peer_do_not_wake_one_another_while_a_third_board_is_awa
         tries[line] += 1
         if line.endswith("z"):
             return NoAnswer("z is away", certain=True, away=True)
-        return Receipt(later=dict.fromkeys(range(len(batch)), "mailbox full"))
+        return Receipt(later=dict.fromkeys(range(len(batch)), Refusal(code="mailbox_full")))
 
     async def body() -> None:
         async with lanes_of(tmp_path, ["a>b", "c>b", "a>z"], carry):
@@ -77,7 +78,7 @@ def test_a_program_that_is_busy_with_one_message_is_soon_offered_more_after_what
     async def body() -> None:
         async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
             pauses[len(batch)].append(lanes._lanes[line].pause)
-            return Receipt(later=dict.fromkeys(range(len(batch)), "the program is not done with it"))
+            return Receipt(later=dict.fromkeys(range(len(batch)), NOT_DONE))
 
         async with lanes_of(tmp_path, ["b"], carry) as (lanes, tally, _):
             await until(lambda: len(pauses[1]) == 4, "it is offered again, with pauses that double")
@@ -161,12 +162,14 @@ def test_what_a_peer_will_never_read_is_refused_alone_and_the_others_arrive(tmp_
         async with lanes_of(tmp_path, ["b"], carry, each=4) as (_, tally, refused):
             await until(lambda: not tally.lines, "the line is empty")
             assert taken == [1, 3, 4]
-            assert refused == {2: "Mail: nested too deeply"}
+            assert refused == {2: Refusal(code="unreadable", text="Mail: nested too deeply")}
 
     asyncio.run(body())
 
 
-@pytest.mark.parametrize("wrong", [Receipt(taken=1, refused={9: "x"}), Receipt(taken=1, later={-1: "x"})])
+@pytest.mark.parametrize(
+    "wrong", [Receipt(taken=1, refused={9: Refusal(code="x")}), Receipt(taken=1, later={-1: Refusal(code="x")})]
+)
 def test_a_receipt_for_messages_that_were_not_in_the_batch_is_no_answer(tmp_path: Path, wrong: Receipt) -> None:
     answers = [wrong]
 

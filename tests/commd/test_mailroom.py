@@ -18,7 +18,7 @@ from commd.mailroom import Mailroom
 from commd.store import StoreFailed
 from schemas import keys
 from schemas.mission import MailRules
-from schemas.records import Header, Mail, Message, Receipt
+from schemas.records import Header, Mail, Message, Receipt, Refusal
 from schemas.terms import Atom, Structure
 from tests.commd.offices import Receiver, Time, ask, board, listed, message, post
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
@@ -317,7 +317,7 @@ def test_receivers_that_hang_keep_no_other_waiting(
 def test_a_receiver_that_is_attached_in_the_process_is_handed_its_mail(endpoint: str, tmp_path: Path) -> None:
     async def body(connect: Connect) -> None:
         got: list[Message] = []
-        answers = [None, Receipt(later={0: "not yet"}), Receipt(taken=1)]
+        answers = [None, Receipt(later={0: Refusal(code="not yet")}), Receipt(taken=1)]
 
         async def deliver(batch: tuple[Message, ...]) -> Receipt | None:
             answer = answers.pop(0)
@@ -426,9 +426,11 @@ def test_what_is_no_mail_is_answered_in_words_and_has_no_effect(endpoint: str, t
             assert await _ask_raw(a, outbox, b"") == "expected a Mail record on a concrete key"
             everywhere = await _ask_raw(a, outbox.replace("/a/", "/*/"), b'{"messages": []}')
             assert everywhere == " ".join(["expected a Mail record on a concrete key"] * 2)
-            assert await ask(a, outbox, message(1, "c")) == Receipt(refused={0: "its sender is not a"})
+            assert await ask(a, outbox, message(1, "c")) == Receipt(
+                refused={0: Refusal(code="wrong_address", text="its sender is not a")}
+            )
             assert await ask(b, between, message(1, "c", "a"), message(1, "b", "a")) == Receipt(
-                taken=1, refused={0: "it came as mail from b to a"}
+                taken=1, refused={0: Refusal(code="wrong_address", text="it came as mail from b to a")}
             )
             assert mailroom.waiting == 1
 

@@ -16,7 +16,7 @@ from commd.letters import LARGEST, letter
 from commd.mail_schema import migrate
 from schemas import keys
 from schemas.mission import MailRules
-from schemas.records import Mail, Message, Receipt
+from schemas.records import Mail, Message, Receipt, Refusal
 from schemas.terms import Atom, Structure
 from tests.commd.offices import Receiver, Time, ask, board, listed, message, post
 from tests.commd.test_mailroom import Losing
@@ -26,8 +26,9 @@ from tests.support.processes import running
 ONE_BOARD = {"a": "pi1", "b": "pi1"}
 
 
-def notice(receiver: str, content: object, reason: str) -> Structure:
-    return Structure("undelivered", (Atom(receiver), Atom("tell"), content, reason))  # type: ignore[arg-type]
+def notice(receiver: str, content: object, code: str, detail: str = "") -> Structure:
+    annotations = (Structure("detail", (detail,)),) if detail else ()
+    return Structure("undelivered", (Atom(receiver), Atom("tell"), content, code), annotations)  # type: ignore[arg-type]
 
 
 def test_a_receiver_that_nobody_knows_is_refused_at_once(endpoint: str, tmp_path: Path) -> None:
@@ -36,7 +37,7 @@ def test_a_receiver_that_nobody_knows_is_refused_at_once(endpoint: str, tmp_path
             sender, receiver = await connect("a"), Receiver(await connect("b"), "b")
             batch = (message(1, receiver="nobody"), message(1), message(2, receiver="nobody"))
             assert await post(sender, *batch) == Receipt(
-                taken=1, refused={0: "receiver_not_found", 2: "receiver_not_found"}
+                taken=1, refused={0: Refusal(code="receiver_not_found"), 2: Refusal(code="receiver_not_found")}
             )
             await until(lambda: receiver.contents == [1], "the other one arrives")
             assert mailroom.waiting == 0
@@ -53,7 +54,9 @@ def test_a_message_of_more_than_a_megabyte_is_refused_and_one_of_a_megabyte_arri
             sender, receiver = await connect("a"), Receiver(await connect("b"), "b")
             fits = message(1, content="x" * (LARGEST - 200))
             too_large = message(2, content="x" * LARGEST)
-            assert await post(sender, fits, too_large, message(3)) == Receipt(taken=2, refused={1: "message_too_large"})
+            assert await post(sender, fits, too_large, message(3)) == Receipt(
+                taken=2, refused={1: Refusal(code="message_too_large")}
+            )
             numbers = message(4, content=[1.5] * 200_000)  # 800 kB of JSON, 1.8 MB of MessagePack
             assert await post(sender, numbers) == Receipt(taken=1)
             await until(lambda: len(receiver.got) == 3, "the others arrive")
@@ -69,7 +72,7 @@ def test_a_full_mailbox_takes_the_newest_later_and_keeps_the_order(endpoint: str
         homes = {"a": "pi1", "b": "pi1", "c": "pi1"}
         async with board(connect, "pi1", tmp_path, homes=homes, rules=MailRules(mailbox=5)):
             a, c, bus = await connect("a"), await connect("c"), await connect("b")
-            full = "mailbox full"
+            full = Refusal(code="mailbox_full")
             assert await post(a, *map(message, range(1, 8))) == Receipt(taken=5, later={5: full, 6: full})
             assert await post(c, message(1, "c")) == Receipt(later={0: full})
             assert await post(c, message(1, "c", "a")) == Receipt(taken=1), "another mailbox has room"
@@ -93,7 +96,7 @@ def test_mail_for_a_full_mailbox_of_another_board_waits_at_its_own(endpoint: str
             sender, bus = await connect("a"), await connect("b")
             assert await post(sender, *map(message, range(1, 9))) == Receipt(taken=8)
             await until(lambda: second.waiting == 3, "the other mailbox is full")
-            await until(lambda: "mailbox full" in first.state_of("a", "b"), "and its board says so")
+            await until(lambda: "mailbox_full" in first.state_of("a", "b"), "and its board says so")
             receiver = Receiver(bus, "b")
             await until(lambda: receiver.contents == list(range(1, 9)), "all arrive in order", 40)
 
@@ -113,7 +116,7 @@ def test_a_message_whose_time_is_over_is_given_up_and_its_sender_told_once(endpo
             assert [one.content for one in told.got] == [notice("b", 1, "expired"), notice("b", 4, "expired")]
             assert {(one.sender, one.performative) for one in told.got} == {("mail", "signal")}
             boxes_ = await listed(sender, "pi1")
-            assert [(one.message.content, one.reason) for one in boxes_.dead] == [(1, "expired"), (4, "expired")]
+            assert [(one.message.content, one.reason.code) for one in boxes_.dead] == [(1, "expired"), (4, "expired")]
             assert boxes_.dead_count == 2
             receiver = Receiver(await connect("b"), "b")
             async with board(connect, "pi2", tmp_path, now=now):
@@ -188,7 +191,7 @@ def test_what_comes_too_late_is_given_up_once_by_the_receivers_board_whatever_be
             assert await ask(bus, between, *late) == Receipt(taken=2), "its answer was lost, it comes again"
             await until(lambda: mailroom.counters_now["given_up"] == 1, "it is given up")
             told = await listed(bus, "pi2")
-            assert [(one.message.content, one.reason) for one in told.dead] == [(1, "expired")]
+            assert [(one.message.content, one.reason.code) for one in told.dead] == [(1, "expired")]
             assert {(queue.sender, queue.receiver) for queue in told.queues} == {("a", "b"), ("mail", "a")}
 
     on_a_bus(endpoint, body)
@@ -220,15 +223,15 @@ def test_what_a_receiver_refuses_becomes_a_dead_letter_and_the_sender_is_told(en
         async with board(connect, "pi1", tmp_path), board(connect, "pi2", tmp_path) as second:
             sender, bus = await connect("a"), await connect("b")
             told = Receiver(sender, "a")
-            answers = [Receipt(taken=2, refused={1: "it cannot be read"})]
+            answers = [Receipt(taken=2, refused={1: Refusal(code="unreadable", text="it cannot be read")})]
             Receiver(bus, "b", lambda mail: answers.pop() if answers else Receipt(taken=len(mail.messages)))
             await post(sender, message(1), message(2), message(3))
             await until(lambda: len(told.got) == 1, "the sender is told")
-            assert told.got[0].content == notice("b", 2, "it cannot be read")
+            assert told.got[0].content == notice("b", 2, "unreadable", "it cannot be read")
             await until(lambda: second.waiting == 0, "nothing is left")
             dead = (await listed(sender, "pi2")).dead
             assert [(one.message, one.reason) for one in dead] == [
-                (message_as(2, dead[0].message), "it cannot be read")
+                (message_as(2, dead[0].message), Refusal(code="unreadable", text="it cannot be read"))
             ]
 
     on_a_bus(endpoint, body)
@@ -251,11 +254,15 @@ def test_a_notice_that_cannot_be_delivered_makes_no_further_notice(endpoint: str
     async def body(connect: Connect) -> None:
         async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mailroom:
             a, b = await connect("a"), await connect("b")
-            Receiver(b, "b", lambda mail: Receipt(refused=dict.fromkeys(range(len(mail.messages)), "no")))
-            Receiver(a, "a", lambda mail: Receipt(refused=dict.fromkeys(range(len(mail.messages)), "no notices")))
+            Receiver(b, "b", lambda mail: Receipt(refused=dict.fromkeys(range(len(mail.messages)), Refusal(code="no"))))
+            Receiver(
+                a,
+                "a",
+                lambda mail: Receipt(refused=dict.fromkeys(range(len(mail.messages)), Refusal(code="no_notices"))),
+            )
             await post(a, message(1))
             await until(lambda: mailroom.counters_now["given_up"] == 2, "the message and its notice are given up")
-            assert [one.reason for one in (await listed(a, "pi1")).dead] == ["no", "no notices"]
+            assert [one.reason.code for one in (await listed(a, "pi1")).dead] == ["no", "no_notices"]
             await asyncio.sleep(0.2)
             assert mailroom.counters_now["given_up"] == 2
             assert mailroom.waiting == 0
@@ -283,7 +290,9 @@ def test_who_joins_is_served_from_then_on_and_what_waits_when_they_leave_is_give
             sender = await connect("a")
             told = Receiver(sender, "a")
             mailroom.directory = directory = Open()
-            assert await post(sender, message(1, receiver="guest")) == Receipt(refused={0: "receiver_not_found"})
+            assert await post(sender, message(1, receiver="guest")) == Receipt(
+                refused={0: Refusal(code="receiver_not_found")}
+            )
             directory.homes["guest"] = "pi1"
             mailroom.host("guest")
             mailroom.host("guest")
@@ -355,12 +364,12 @@ def test_dead_letters_are_kept_up_to_a_bound_the_newest_ones(monkeypatch: pytest
     db, tally = memory()
     letters = [letter(message(number), "a>b", None) for number in range(1, 6)]
     assert boxes.put(db, tally, letters, 0.0, None) == [boxes.TAKEN] * 5
-    noticed = boxes.bury(db, tally, dict.fromkeys(range(1, 6), "gone"), {"a": "a"}, 0.0)
+    noticed = boxes.bury(db, tally, dict.fromkeys(range(1, 6), Refusal(code="unknown")), {"a": "a"}, 0.0)
     assert noticed == ["a"]
     assert db.execute("SELECT count(*), min(place) FROM dead").fetchone() == (3, 3)
     assert (tally.dead, dict(tally.lines)) == (3, {"a": 5})
     monkeypatch.setattr(boxes, "DEAD_BYTES", 200)
-    boxes.bury(db, tally, {6: "gone"}, {}, 0.0)
+    boxes.bury(db, tally, {6: Refusal(code="unknown")}, {}, 0.0)
     assert tally.dead_bytes <= 200
     counted = boxes.Tally()
     counted.count(db)
@@ -493,7 +502,7 @@ def test_notices_of_the_board_itself_find_room_in_a_full_mailbox(endpoint: str, 
             await post(await connect("a"), message(1))
             told = Message(id="df.1", sender="df", performative="tell", receiver="b", content="provider")
             assert await mailroom.take([told]) == Receipt(taken=1)
-            assert await mailroom.take([message(2)]) == Receipt(later={0: "mailbox full"})
+            assert await mailroom.take([message(2)]) == Receipt(later={0: Refusal(code="mailbox_full")})
 
     on_a_bus(endpoint, body)
 
@@ -508,7 +517,11 @@ def test_a_message_that_a_program_has_in_hand_when_its_time_ends_is_not_told_to_
 
             def answer(batch: Mail) -> Receipt:
                 taken = len(batch.messages)
-                return Receipt(taken=taken) if done.is_set() else Receipt(later=dict.fromkeys(range(taken), "in hand"))
+                return (
+                    Receipt(taken=taken)
+                    if done.is_set()
+                    else Receipt(later=dict.fromkeys(range(taken), Refusal(code="in hand")))
+                )
 
             program, told = Receiver(bus, "b", answer), Receiver(sender, "a")
             await post(sender, message(1, ttl=10.0))

@@ -48,6 +48,7 @@ from schemas.records import (
     Queue,
     Receipt,
     Record,
+    Refusal,
     RunningMission,
     RunState,
     ServiceRequest,
@@ -96,7 +97,11 @@ RECORDS: list[tuple[str, Record, str]] = [
         Mail(messages=(Message(id="1", sender="a", performative="tell", receiver="b", content=[1, Atom("x")]),)),
         "a > b tell [1,x]",
     ),
-    ("b/inbox", Receipt(taken=2, refused={1: "mailbox full"}), "taken 2, refused or later: 1: mailbox full"),
+    (
+        "b/inbox",
+        Receipt(taken=2, refused={1: Refusal(code="mailbox_full")}),
+        "taken 2, refused or later: 1: mailbox_full",
+    ),
     (
         "pi1/services",
         BoardServices(header=HEADER, board="pi1", agents={"a": ("scan", "fly"), "b": ()}, found=("c",)),

@@ -34,6 +34,7 @@ from schemas.records import (
     Message,
     Perception,
     Queue,
+    Refusal,
     RunningMission,
     RunState,
 )
@@ -108,7 +109,7 @@ async def _mind(query: Query[MindView]) -> None:
 async def _mailboxes(query: Query[Mailboxes]) -> None:
     queue = Queue(box="inbox", sender=BAD, receiver=AGENT, messages=2, oldest=3.0, state=BAD)
     message = Message(id=BAD, sender=AGENT, performative=BAD, receiver=BAD, content=BAD)
-    dead = (DeadLetter(message=message, reason=BAD, stamp=1),)
+    dead = (DeadLetter(message=message, reason=Refusal(code=BAD, text=BAD), stamp=1),)
     boxes = Mailboxes(board="pi1", store=BAD, queues=(queue,), dead=dead, dead_count=1)
     query.reply(boxes, keys.mailboxes(FLEET, "pi1"))
 

@@ -9,7 +9,7 @@ from argosy.why import Explanation, Line, MailFacts, Paragraph, plain, tell
 from argosy.why.subject import subject_of, taken_apart
 from argosy.why.words import span, without_annotations
 from schemas.minds import DecisionView, DropView, FailureView, IntentionView, MindView, PlanView, QuestionView
-from schemas.records import DeadLetter, Mailboxes, Message, Queue
+from schemas.records import DeadLetter, Mailboxes, Message, Queue, Refusal
 
 ASKING = MindView(
     agent="uav",
@@ -67,7 +67,9 @@ FAILED = FailureView(
     ("facts", "said"),
     [
         (
-            MailFacts(boards=[board("pi1", dead=(DeadLetter(message=LETTER, reason="expired", stamp=1),))]),
+            MailFacts(
+                boards=[board("pi1", dead=(DeadLetter(message=LETTER, reason=Refusal(code="expired"), stamp=1),))]
+            ),
             ["The message was given up as a dead letter: expired."],
         ),
         (
