@@ -77,12 +77,21 @@ CLAIM_PATIENCE = 3.0
 class Reply(Generic[R]):
     """One reply to a query: a record on its key, or what was wrong with it."""
 
-    __slots__ = ("error", "key", "other_version", "record", "timed_out")
+    __slots__ = ("code", "error", "key", "other_version", "record", "timed_out")
 
     def __init__(
-        self, key: str, record: R | None, error: str = "", other_version: str = "", *, timed_out: bool = False
+        self,
+        key: str,
+        record: R | None,
+        error: str = "",
+        other_version: str = "",
+        *,
+        code: str = "",
+        timed_out: bool = False,
     ) -> None:
         self.key, self.record, self.error = key, record, error
+        self.code = code
+        """What programs know the error by, if the replying program gives it one; `error` is for people."""
         self.other_version = other_version
         """Another major version than ours, which whoever answered speaks."""
         self.timed_out = timed_out
@@ -92,8 +101,9 @@ class Reply(Generic[R]):
 class Query(Generic[R]):
     """A query that we serve. `record` is its payload, None if it has none or a bad one (then `error` says why)."""
 
-    def __init__(self, bus: Bus, query: zenoh.Query, record: R | None, error: str) -> None:
-        self._bus, self._query = bus, query
+    def __init__(self, bus: Bus, query: zenoh.Query, record: R | None, error: str, code: str = "") -> None:
+        """`code`: of `BadRecord`, for a bad payload."""
+        self._bus, self._query, self._code = bus, query, code
         self.key = str(query.key_expr)
         self.record, self.error = record, error
         self.aside = False
@@ -124,9 +134,10 @@ class Query(Generic[R]):
         await self._bus.aside(partial(self._bus._reply, self._query, key or self.key, record))
 
     def reply_error(self, text: str) -> None:
-        """Tell the asker in words what was wrong with the query."""
+        """Send an error for people to read; for programs its Encoding carries the code of a bad payload."""
+        encoding = zenoh.Encoding.TEXT_PLAIN
         try:
-            self._query.reply_err(text.encode(), encoding=zenoh.Encoding.TEXT_PLAIN)
+            self._query.reply_err(text.encode(), encoding=encoding.with_schema(self._code) if self._code else encoding)
         except zenoh.ZError as error:
             self._bus.counters["replies_lost"] += 1
             log.debug("reply_lost key=%s why=%s", self.key, error)
@@ -375,13 +386,13 @@ class Bus:
             await rest
 
     def _read_query(self, query: zenoh.Query, record: type[R]) -> Query[R]:
-        found, error = None, ""
+        found, error, code = None, "", ""
         if query.payload is not None and len(query.payload):
             try:
                 found = self._decode(record, str(query.key_expr), query.payload.to_bytes(), str(query.encoding or ""))
             except BadRecord as bad:
-                error = str(bad)
-        return Query(self, query, found, error)
+                error, code = str(bad), bad.code
+        return Query(self, query, found, error, code)
 
     @contextmanager
     def _told(self, ours: Query[Any]) -> Iterator[None]:
@@ -405,7 +416,7 @@ class Bus:
             async for reply in replies:
                 if reply.record is not None:
                     return reply.record
-                error = QueryFailed(reply.key, reply.error, reply.other_version)
+                error = QueryFailed(reply.key, reply.error, reply.other_version, code=reply.code)
                 failed = QueryTimeout(key, timeout) if reply.timed_out else error
         raise failed
 
@@ -498,7 +509,8 @@ class Bus:
             error = reply.err.payload.to_bytes() if reply.err else ZENOH_TIMEOUT
             if error == ZENOH_TIMEOUT:
                 return _timed_out(key, timeout)
-            return Reply(key, None, error.decode(errors="replace"))
+            code = str(reply.err.encoding).partition(";")[2] if reply.err else ""
+            return Reply(key, None, error.decode(errors="replace"), code=code)
         sample = reply.ok
         name = str(sample.key_expr)
         try:

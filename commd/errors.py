@@ -35,12 +35,13 @@ class OtherMajor(BusError, ConnectionError):
 class QueryFailed(BusError):
     """A query on `key` was answered with errors alone; the text is the last one.
 
-    `other_version`: the major version of the replying program's records, if it is not ours.
+    `other_version`: the major version of the replying program's records, if it is not ours. `code`: what is wrong with
+    the query's payload (`schemas.codec.BadRecord.code`), if that is why.
     """
 
-    def __init__(self, key: str, error: str, other_version: str = "") -> None:
+    def __init__(self, key: str, error: str, other_version: str = "", *, code: str = "") -> None:
         super().__init__(error)
-        self.key, self.other_version = key, other_version
+        self.key, self.other_version, self.code = key, other_version, code
 
 
 class QueryTimeout(QueryFailed, TimeoutError):

@@ -12,7 +12,7 @@ from commd.lanes import NoAnswer
 from commd.letters import Mail, Waiting, opened
 from commd.mail_clock import MailClock
 from schemas import keys
-from schemas.codec import BadRecord
+from schemas.codec import BadRecord, TooDeep
 from schemas.records import Message, Receipt
 
 if TYPE_CHECKING:
@@ -23,8 +23,6 @@ ANSWER_TIMEOUT, SLOWEST = 5.0, 10_000
 so much longer as it and those before it need on the way."""
 ABSORB_TIMEOUT = 10.0
 """Wall seconds that a receiver has to take a batch in."""
-TOO_DEEP = "nested too deeply"
-"""What is said of a record that no time will make readable (`schemas.codec`)."""
 RECEIPT_SIZE = 64
 """Bytes of a receipt on the air."""
 
@@ -147,4 +145,4 @@ class Peers:
                 return NoAnswer(f"{peer} does not answer{denied}", certain=False)
             return NoAnswer(f"{peer} is away", certain=True, away=True)
         except QueryFailed as failed:
-            return NoAnswer(f"{peer} does not take it: {failed}", certain=False, unreadable=TOO_DEEP in str(failed))
+            return NoAnswer(f"{peer} does not take it: {failed}", certain=False, unreadable=failed.code == TooDeep.code)

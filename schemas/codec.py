@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 import msgspec
 
@@ -21,9 +21,20 @@ MAX_BYTES = 4 * 1024 * 1024
 class BadRecord(ValueError):
     """Bytes that are not the record that was expected. Says what, where and what was expected."""
 
+    code: ClassVar[str] = "bad_record"
+    """What programs act on; the error reply to a query with such a payload carries it."""
+
+
+class TooDeep(BadRecord):
+    """A record that no decoder follows to its end, now or later."""
+
+    code = "too_deep"
+
 
 class OtherVersion(BadRecord):
     """A record of another major version: whoever sent it and this daemon do not understand one another."""
+
+    code = "other_version"
 
     def __init__(self, record: str, said: str) -> None:
         super().__init__(f"{record}: version {said or '?'} of the record, this daemon speaks version {VERSION}")
@@ -51,7 +62,7 @@ class Codec(Generic[R]):
         try:
             return _JSON.encode(record) if wire == "json" else _MSGPACK.encode(record)
         except RecursionError:
-            raise BadRecord(f"{self.record.__name__}: nested too deeply to send") from None
+            raise TooDeep(f"{self.record.__name__}: nested too deeply to send") from None
         except (UnicodeEncodeError, OverflowError, TypeError) as error:
             raise BadRecord(f"{self.record.__name__}: {error}") from None
 
@@ -70,7 +81,7 @@ class Codec(Generic[R]):
         except msgspec.MsgspecError as error:
             raise BadRecord(f"{name}: {error}") from None
         except RecursionError:
-            raise BadRecord(f"{name}: nested too deeply") from None
+            raise TooDeep(f"{name}: nested too deeply") from None
         except UnicodeDecodeError:
             raise BadRecord(f"{name}: a string is not valid UTF-8") from None
 

@@ -115,7 +115,9 @@ class Receiver:
         self._bus.withdraw(self._token)
 
     async def _take(self, query: Query[Mail]) -> None:
-        assert query.record is not None, query.error
+        if query.record is None:
+            query.reply_error(query.error)
+            return
         batch = query.record.messages
         self.batches.append(batch)
         receipt = Receipt(taken=len(batch)) if self._answer is None else self._answer(query.record)

@@ -14,6 +14,7 @@ import zenoh
 
 from commd.bus import ROUTER_LOST, Bus, Query, open_bus
 from commd.errors import AccessDenied, AlreadyRunning, BusClosed, QueryFailed, QueryTimeout
+from schemas.codec import codec
 from schemas.records import Action, ActionStatus, Perception
 from tests.support.buses import Connect, on_a_bus, served, subscribed, until
 
@@ -263,6 +264,29 @@ def test_bad_payloads_of_queries_are_told_to_the_server_and_its_errors_to_the_as
         channel = asker._session.get("argosy/test/uav/action/a", payload=b'{"parameters": 5}', timeout=10)
         errors = await asyncio.to_thread(lambda: [reply.err.payload.to_string() for reply in channel])
         assert errors == ["Action: Expected `array`, got `int` - at `$.parameters`"]
+
+    on_a_bus(endpoint, body)
+
+
+@pytest.mark.parametrize(
+    ("payload", "code"),
+    [(b'{"parameters": 5}', "bad_record"), (b'{"parameters": ' + b"[" * 100_000, "too_deep")],
+)
+def test_an_asker_knows_by_a_code_what_is_wrong_with_its_payload(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch, payload: bytes, code: str
+) -> None:
+    async def body(connect: Any) -> None:
+        server, asker = await connect(), await connect()
+
+        async def serve(query: Query[Action]) -> None:
+            query.reply_error(query.error)
+
+        server.serve("argosy/test/uav/action/*", Action, serve)
+        await served(asker, "argosy/test/uav/action/a")
+        monkeypatch.setattr(codec(Action), "encode", lambda *_: payload)
+        with pytest.raises(QueryFailed) as failed:
+            await asker.ask_one("argosy/test/uav/action/a", Action(), ActionStatus, 10)
+        assert failed.value.code == code
 
     on_a_bus(endpoint, body)
 

@@ -7,6 +7,7 @@ import sqlite3
 from contextlib import ExitStack
 from copy import deepcopy
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,6 +16,7 @@ from commd.bus import Bus, Query, open_bus
 from commd.letters import LARGEST, letter
 from commd.mail_schema import migrate
 from schemas import keys
+from schemas.codec import TooDeep
 from schemas.mission import MailRules
 from schemas.records import Mail, Message, Receipt, Refusal
 from schemas.terms import Atom, Structure
@@ -233,6 +235,31 @@ def test_what_a_receiver_refuses_becomes_a_dead_letter_and_the_sender_is_told(en
             assert [(one.message, one.reason) for one in dead] == [
                 (message_as(2, dead[0].message), Refusal(code="unreadable", text="it cannot be read"))
             ]
+
+    on_a_bus(endpoint, body)
+
+
+def test_what_a_receiver_will_never_read_is_given_up_and_what_stands_behind_it_arrives(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def body(connect: Connect) -> None:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD):
+            sender, bus = await connect("a"), await connect("b")
+            told, decode = Receiver(sender, "a"), bus._decode
+
+            def cannot(*what: Any) -> Any:
+                found = decode(*what)
+                if isinstance(found, Mail) and any(one.content == 2 for one in found.messages):
+                    raise TooDeep("Mail: nested too deeply")
+                return found
+
+            monkeypatch.setattr(bus, "_decode", cannot)
+            receiver = Receiver(bus, "b")
+            await post(sender, message(1), message(2), message(3))
+            await until(lambda: receiver.contents == [1, 3], "the others arrive")
+            await until(lambda: len(told.got) == 1, "the sender is told")
+            (dead,) = (await listed(sender, "pi1")).dead
+            assert (dead.message.content, dead.reason.code) == (2, "unreadable")
 
     on_a_bus(endpoint, body)
 
