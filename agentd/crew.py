@@ -20,7 +20,7 @@ from agentd.language.compile import CompiledProgram, DirectiveError, compile_pro
 from agentd.language.errors import SyntaxErrors
 from agentd.language.terms import EMPTY, atom, make_list
 from agentd.memory import FILE, Memory, open_memory
-from agentd.mind.effects import StopTeam, TeamRequest
+from agentd.mind.effects import StopTeam, TeamRequest, TeamRequestRefused
 from agentd.mind.inputs import TeamReply
 from agentd.roster import Roster
 from agentd.services import Do, NotDone, Services
@@ -49,14 +49,6 @@ ENDING = 5.0
 MOST_TRIES = 100
 """So many names are tried for an agent whose own is taken."""
 log = logging.getLogger("crew")
-
-
-class Refused(Exception):
-    """A request that is not fulfilled: the error that the plan's handler sees, and why in words."""
-
-    def __init__(self, error: str, message: str) -> None:
-        super().__init__(message)
-        self.error = error
 
 
 class Crew:
@@ -244,12 +236,12 @@ class Crew:
         try:
             handler = handlers.get(request.what)
             if handler is None:
-                raise Refused("action_failed", f"agentd serve does not do what '{request.what}' asks for")
+                raise TeamRequestRefused("action_failed", f"agentd serve does not do what '{request.what}' asks for")
             reply = TeamReply(request.id, await handler(host, *request.arguments))
             if isinstance(reply.value, Included):
                 reply.value = host.included(request.id, reply.value)
             return reply
-        except Refused as refused:
+        except TeamRequestRefused as refused:
             return TeamReply(request.id, None, refused.error, str(refused))
         except NotDone as why:
             return TeamReply(request.id, None, "action_failed", str(why))
@@ -285,11 +277,13 @@ class Crew:
         try:
             check_name(wanted)
         except ValueError as error:
-            raise Refused("unknown", str(error)) from None
+            raise TeamRequestRefused("unknown", str(error)) from None
         taken = {*self._mission.robots, *self._mission.boards, *RESERVED}
         for number in range(MOST_TRIES):
             if len(self._made) >= MOST_MADE:
-                raise Refused("unknown", f"{MOST_MADE} agents made at run time are all that this daemon takes")
+                raise TeamRequestRefused(
+                    "unknown", f"{MOST_MADE} agents made at run time are all that this daemon takes"
+                )
             name = wanted if number == 0 else f"{wanted}_{number}"
             if name in self.roster.names or name in taken or name in self._made:
                 continue
@@ -301,7 +295,7 @@ class Crew:
                 del self._made[name]
                 raise
             del self._made[name]
-        raise Refused("unknown", f"{MOST_TRIES} agents are called {wanted} or {wanted}_N already")
+        raise TeamRequestRefused("unknown", f"{MOST_TRIES} agents are called {wanted} or {wanted}_N already")
 
     async def _welcome(self, name: str, program: CompiledProgram, sources: Sources, board: str) -> Host | None:
         """Let an agent made here join a board; None if its name is taken somewhere. Raises NotDone, BusClosed."""
@@ -318,15 +312,15 @@ class Crew:
 
     async def _kill(self, host: Host, name: str, delay: float) -> Any:
         if name not in self.roster.names:
-            raise Refused("ia_failed", f"there is no agent '{name}'")
+            raise TeamRequestRefused("ia_failed", f"there is no agent '{name}'")
         if name in self._mission.agents:
             message = (
                 f"'{name}' is an agent of the mission: only those made at run time can be killed; .stopMAS ends all"
             )
-            raise Refused("action_failed", message)
+            raise TeamRequestRefused("action_failed", message)
         if name not in self._ends:
             why = "is still being made" if name in self._made else "lives in another daemon, which alone can end it"
-            raise Refused("action_failed", f"'{name}' {why}")
+            raise TeamRequestRefused("action_failed", f"'{name}' {why}")
         end = self._ends[name]
         if delay > 0:
             asyncio.get_running_loop().call_later(self._clock.to_wall(delay), end.set)

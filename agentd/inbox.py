@@ -23,7 +23,7 @@ NUMBERINGS = 1_000
 500 that a batch of commd's can bring: the whole batch may come again."""
 
 
-class Refused(ValueError):
+class MessageRefused(ValueError):
     """A message that can never be taken."""
 
     def __init__(self, reason: Refusal) -> None:
@@ -51,8 +51,8 @@ class Inbox:
     ) -> None:
         """`room` says whether the mind can take a message now.
 
-        `read` returns what feeds a message to the mind, and raises Refused. `missing(sender, count)` hears of messages
-        that did not come: given up on the way, which their sender knows, or lost with a file.
+        `read` returns what feeds a message to the mind, and raises MessageRefused. `missing(sender, count)` hears of
+        messages that did not come: given up on the way, which their sender knows, or lost with a file.
         """
         self.counters: Counter[str] = Counter()
         self._room, self._read, self._missing = room, read, missing
@@ -139,7 +139,7 @@ class Inbox:
             whose, seq = Numbered(message.sender, message.header.boot), message.header.seq
             try:
                 feed = self._read(message)
-            except Refused as bad:
+            except MessageRefused as bad:
                 refused[place] = bad.reason
                 self._note(whose, seq)
                 continue

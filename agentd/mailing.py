@@ -6,7 +6,7 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Iterable
 
-from agentd.inbox import Inbox, Refused
+from agentd.inbox import Inbox, MessageRefused
 from agentd.language.signatures import signature
 from agentd.language.term_text import text
 from agentd.language.terms import Literal, atom
@@ -113,11 +113,11 @@ class Mailing:
         except BadTerm as bad:
             self._bad["bad"] += 1
             log.warning("agent=%s bad_mail sender=%s why=%s", self._agent, message.sender, bad)
-            raise Refused(Refusal(code="unreadable", text=f"it cannot be read: {bad}")) from None
+            raise MessageRefused(Refusal(code="unreadable", text=f"it cannot be read: {bad}")) from None
         number = message.sender, message.header.boot, message.header.seq
         if self.is_set_aside(number, lambda: event_of(self._mind, message, content)):
             text = "set aside: the receiver's process has died at it several times"
-            raise Refused(Refusal(code="set_aside", text=text))
+            raise MessageRefused(Refusal(code="set_aside", text=text))
         mail = Mail(message.sender, message.performative, content, message.id, answered)
         return lambda: self._feed(mail)
 
@@ -131,13 +131,13 @@ class Mailing:
         self.tell(Mail(OFFICE, "signal", Literal(signature(functor, len(args)), args), f"{functor}.{boot_id()}"))
 
     def _not_accepted(self, message: Message) -> None:
-        """Refuse a message that its sender may not send to this agent. Raises Refused."""
+        """Refuse a message that its sender may not send to this agent. Raises MessageRefused."""
         self._bad[NOT_ACCEPTED] += 1
         count = self._bad[NOT_ACCEPTED]
         if count <= TOLD or count % TOLD_AGAIN == 0:
             told = self._agent, count, message.sender, message.performative[:64]
             log.warning("agent=%s mail_not_accepted count=%d sender=%r performative=%r", *told)
-        raise Refused(Refusal(code=NOT_ACCEPTED))
+        raise MessageRefused(Refusal(code=NOT_ACCEPTED))
 
     def _undelivered(self, message: Message, why: Refusal) -> None:
         """Tell the mind of a message that commd has refused for good."""

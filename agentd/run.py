@@ -115,7 +115,7 @@ def _team(args: argparse.Namespace) -> Team | None:
     """The agents, ready to run; None if they cannot be, which is told."""
     try:
         setup = _set_up(args, read_folders(args.include_path))
-    except (Refused, ValueError) as refused:
+    except (ProgramsRefused, ValueError) as refused:
         print(refused, file=sys.stderr)
         return None
     try:
@@ -141,15 +141,15 @@ def _folders(args: argparse.Namespace, setup: Setup) -> list[Path]:
     return [setup.paths.project, *programs, *setup.paths.folders, *setup.paths.names.values(), *args.allow_folder]
 
 
-class Refused(Exception):
-    """A program that cannot be read, told."""
+class ProgramsRefused(Exception):
+    """The arguments name no agents that can run; the text is for the terminal."""
 
 
 def _set_up(args: argparse.Namespace, paths: SourcePaths) -> Setup:
-    """The agents that the arguments name. Raises Refused."""
+    """The agents that the arguments name. Raises ProgramsRefused."""
     if any(argument.endswith(".mas2j") for argument in args.agents):
         if len(args.agents) > 1:
-            raise Refused("a project file is run alone: it names its agents")
+            raise ProgramsRefused("a project file is run alone: it names its agents")
         return _project(args.agents[0], paths, args.env is not None)
     setup = Setup(paths=paths)
     taken: set[str] = set()
@@ -159,16 +159,16 @@ def _set_up(args: argparse.Namespace, paths: SourcePaths) -> Setup:
         if not equals:
             name, path = Path(argument).stem, argument
         if not name:
-            raise Refused(f"{argument}: the agent has no name; NAME=FILE.asl is expected")
+            raise ProgramsRefused(f"{argument}: the agent has no name; NAME=FILE.asl is expected")
         if name in taken:
-            raise Refused(f"two agents are called '{name}'; give them names: NAME=FILE.asl")
+            raise ProgramsRefused(f"two agents are called '{name}'; give them names: NAME=FILE.asl")
         taken.add(name)
         try:
             setup.programs.append((name, read_program(path, paths)))
-        except Refused as wrong:
+        except ProgramsRefused as wrong:
             refused.append(str(wrong))
     if refused:
-        raise Refused("\n".join(dict.fromkeys(refused)))
+        raise ProgramsRefused("\n".join(dict.fromkeys(refused)))
     return setup
 
 
@@ -178,19 +178,19 @@ def _project(file: str, paths: SourcePaths, has_environment: bool) -> Setup:
     try:
         setup = read_project(file, paths, has_environment)
     except OSError as error:
-        raise Refused(f"{file}: error: cannot read the project: {error.strerror or error}") from error
+        raise ProgramsRefused(f"{file}: error: cannot read the project: {error.strerror or error}") from error
     except (SyntaxErrors, Findings) as error:
-        raise Refused(str(error)) from error
+        raise ProgramsRefused(str(error)) from error
     for warning in sorted(setup.warnings):
         print(warning, file=sys.stderr)
     return setup
 
 
 def read_program(path: str, paths: SourcePaths) -> CompiledProgram:
-    """Read and compile a program. Raises Refused, with what is wrong in words."""
+    """Read and compile a program. Raises ProgramsRefused, with what is wrong in words."""
     try:
         return paths.compiled(path)
     except OSError as error:
-        raise Refused(f"{path}: error: cannot read the program: {error.strerror or error}") from error
+        raise ProgramsRefused(f"{path}: error: cannot read the program: {error.strerror or error}") from error
     except (SyntaxErrors, DirectiveError) as error:
-        raise Refused(str(error)) from error
+        raise ProgramsRefused(str(error)) from error

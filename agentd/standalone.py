@@ -27,6 +27,7 @@ from agentd.mind.effects import (
     SendMail,
     StopTeam,
     TeamRequest,
+    TeamRequestRefused,
 )
 from agentd.mind.inputs import ActionDone, Mail, SignalRaised, TeamReply
 from agentd.paths import SourcePaths
@@ -279,7 +280,7 @@ class Team:
         what, args = request.what, request.arguments
         try:
             return TeamReply(request.id, getattr(self, f"_do_{what}")(mind, *args))
-        except _No as no:
+        except TeamRequestRefused as no:
             return TeamReply(request.id, None, no.error, str(no))
         except (SyntaxErrors, DirectiveError) as error:
             return TeamReply(request.id, None, "unknown", str(error))
@@ -312,11 +313,11 @@ class Team:
             self._check(self._paths.find(path, mind.program.file))
             return self._paths.compiled(path, mind.program.file)
         except OSError as error:
-            raise _No("unknown", f"cannot read {path}: {error.strerror or error}") from error
+            raise TeamRequestRefused("unknown", f"cannot read {path}: {error.strerror or error}") from error
 
     def _do_kill(self, mind: Mind, name: str, delay: float) -> Any:
         if name not in self.minds:
-            raise _No("ia_failed", f"there is no agent '{name}'")
+            raise TeamRequestRefused("ia_failed", f"there is no agent '{name}'")
         if delay:
             self._kills.append((self.clock.now() + delay, name))
         else:
@@ -349,21 +350,21 @@ class Team:
         return EMPTY
 
     def _check(self, path: str) -> None:
-        """Raise _No for a file out of the folders that programs may name files in at run time."""
+        """Raise TeamRequestRefused for a file out of the folders that programs may name files in at run time."""
         try:
             if self._folders is not None and "\0" not in path:  # no file has such a name: who opens it says so
                 allowed(path, self._folders)
         except NotAllowed as error:
-            raise _No("unknown", f"{error}; allow it with --allow-folder FOLDER") from None
+            raise TeamRequestRefused("unknown", f"{error}; allow it with --allow-folder FOLDER") from None
 
     def _do_save(self, mind: Mind, path: str, text: str) -> Any:
         try:
             self._check(path)
             Path(path).write_text(text, encoding="utf-8")
         except OSError as error:
-            raise _No("unknown", f"cannot write {path}: {error.strerror or error}") from error
+            raise TeamRequestRefused("unknown", f"cannot write {path}: {error.strerror or error}") from error
         except ValueError as error:  # a name that no file can have, or a text that UTF-8 cannot write
-            raise _No("unknown", f"cannot write {path}: {error}") from error
+            raise TeamRequestRefused("unknown", f"cannot write {path}: {error}") from error
         return EMPTY
 
     def _do_list_files(self, mind: Mind, folder: str, pattern: str) -> Any:
@@ -373,7 +374,7 @@ class Team:
                 self._check(file)
             return make_list(files)
         except (OSError, ValueError) as error:
-            raise _No("unknown", f"cannot list the files of {folder}: {error}") from error
+            raise TeamRequestRefused("unknown", f"cannot list the files of {folder}: {error}") from error
 
     def _do_include(self, mind: Mind, path: str, namespace: str) -> CompiledProgram | None:
         try:
@@ -393,11 +394,3 @@ def _enter(environment: Environment, clock: WallClock, arguments: Sequence[str])
     world = World(environment, clock.now, lambda text: print(f"agentd: {text}", file=sys.stderr))
     world.init(list(arguments))
     return world
-
-
-class _No(Exception):
-    """A request that cannot be fulfilled."""
-
-    def __init__(self, error: str, message: str) -> None:
-        super().__init__(message)
-        self.error = error

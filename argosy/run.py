@@ -79,8 +79,8 @@ def _speed(text: str) -> float:
 _speed.__name__ = "speed (0 < X <= 100)"
 
 
-class Refused(Exception):
-    """The run cannot begin; says why, and how it ends."""
+class RunRefused(Exception):
+    """The run cannot begin; `code` is the exit code."""
 
     def __init__(self, message: str, code: int = EXIT_BAD_INPUT) -> None:
         super().__init__(message)
@@ -112,7 +112,7 @@ def run(args: Namespace) -> int:
             _consent(setup, args)
             if args.router is None:  # who names a router names it to the other commands, too
                 stack.enter_context(announced(mission.fleet, setup.router))
-        except Refused as refused:
+        except RunRefused as refused:
             print(f"error: {refused}", file=sys.stderr)
             return refused.code
         return _fly(setup, args, log, unrecorded, ports.close)
@@ -122,32 +122,32 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
     real, unknown = real_robots(mission, [name for names in args.real for name in names.split(",")])
     if unknown:
         known = ", ".join(mission.robots) or "none"
-        raise Refused(f"--real {unknown[0]}: there is no such robot; the mission has {known}")
+        raise RunRefused(f"--real {unknown[0]}: there is no such robot; the mission has {known}")
     if alone := {name: why for name, why in only_real(mission).items() if name not in real}:
         name, why = next(iter(alone.items()))
         where = f"{name} on {link}" if (link := mission.robots[name].link) else name
         together = ",".join(group_of(mission, name))
-        raise Refused(f"{where}: {why}; fly the real one with --real {together}")
+        raise RunRefused(f"{where}: {why}; fly the real one with --real {together}")
     mission, links = _linked(mission, real)
     speed = args.speed if args.speed is not None else 1.0 if real else mission.speed
     if real and mission.radio is not None:
         line = mission.positions.of(("radio",))[0]
         told = f"{', '.join(sorted(real))} is real, and `radio` is a model of the air between simulated robots"
-        raise Refused(f"{mission.path}:{line}: {told}: take it out to fly real ones")
+        raise RunRefused(f"{mission.path}:{line}: {told}: take it out to fly real ones")
     if real and speed != 1:
-        raise Refused(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")
+        raise RunRefused(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")
     try:
         router = args.router or _router(mission)
         routers = places(mission, router, ports_of(mission))
     except NoPort as error:
-        raise Refused(str(error), EXIT_FAILED) from None
+        raise RunRefused(str(error), EXIT_FAILED) from None
     restart = args.restart or mission.restart == "on-failure"
     setup = Setup(mission, router, speed, real, state, _telling(mission), routers, restart, args.report, links=links)
     if mixed := setup.mixed():
         real_ones, others = ([one for one in mixed if (one in real) == wanted] for wanted in (True, False))
         link = mission.robots[mixed[0]].link
         told = f"{', '.join(real_ones)} is real, and {', '.join(others)} on the same link {link} would be simulated"
-        raise Refused(f"{told}: fly all of them with --real {','.join(mixed)}")
+        raise RunRefused(f"{told}: fly all of them with --real {','.join(mixed)}")
     return setup
 
 
@@ -155,7 +155,7 @@ def _linked(mission: Mission, real: frozenset[str]) -> tuple[Mission, dict[str, 
     """Return the mission with a link for each simulated vehicle that it names none for, and those links by robot."""
     open_ones = [name for name, robot in mission.robots.items() if vehicle_of(robot) == "copter" and not robot.link]
     if wanted := [name for name in open_ones if name in real]:
-        raise Refused(f"--real {wanted[0]}: the mission names no `link` to it")
+        raise RunRefused(f"--real {wanted[0]}: the mission names no `link` to it")
     links = free_links(open_ones)
     robots = {name: msgspec.structs.replace(mission.robots[name], link=link) for name, link in links.items()}
     return replace(mission, robots=mission.robots | robots), links
@@ -174,7 +174,7 @@ def _recording(setup: Setup, args: Namespace) -> tuple[Setup, str]:
     try:
         recording = recording_of(args.record, args.report)
     except NoRecording as error:
-        raise Refused(str(error)) from None
+        raise RunRefused(str(error)) from None
     if isinstance(recording, RunRecording):
         return replace(setup, recording=recording), ""
     return setup, recording
@@ -185,16 +185,16 @@ def _check_ports(setup: Setup) -> None:
     mission = setup.mission
     if mission.router.external is False and (why := in_use(setup.router)):
         other = "another one, such as --router tcp/127.0.0.1:7448, and give the robots other links"
-        raise Refused(f"{setup.router} {why}: is another mission running? Name {other}", EXIT_FAILED)
+        raise RunRefused(f"{setup.router} {why}: is another mission running? Name {other}", EXIT_FAILED)
     for link, robots in bound_links(mission, setup.simulators()).items():
         line = mission.positions.of(("robots", robots[-1], "link"))[0]
         boards = list(dict.fromkeys(mission.robots[robot].board for robot in robots))
         if len(boards) > 1:
             told = f"{link} is a link of {' and of '.join(boards)}, and here they are one machine"
-            raise Refused(f"{mission.path}:{line}: {told}: give {robots[-1]} another one")
+            raise RunRefused(f"{mission.path}:{line}: {told}: give {robots[-1]} another one")
         if link.port and (why := link_in_use(link)):
             advice = f"is another mission running? Give {', '.join(robots)} another link"
-            raise Refused(f"{mission.path}:{line}: {link} {why}: {advice}", EXIT_FAILED)
+            raise RunRefused(f"{mission.path}:{line}: {link} {why}: {advice}", EXIT_FAILED)
 
 
 def _telling(mission: Mission) -> frozenset[str]:
@@ -211,7 +211,7 @@ def _open_log(report: Path | None, stack: ExitStack) -> TextIO | None:
         report.mkdir(parents=True, exist_ok=True)
         return stack.enter_context((report / "mission.log").open("w", encoding="utf-8"))
     except OSError as error:
-        raise Refused(f"--report {report}: {error.strerror}") from None
+        raise RunRefused(f"--report {report}: {error.strerror}") from None
 
 
 def _consent(setup: Setup, args: Namespace) -> None:
@@ -219,10 +219,10 @@ def _consent(setup: Setup, args: Namespace) -> None:
     if not setup.real or args.yes:
         return
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise Refused(f"this would {_deeds(setup)}; without a terminal to ask at, confirm by --yes")
+        raise RunRefused(f"this would {_deeds(setup)}; without a terminal to ask at, confirm by --yes")
     print(f"this will {_deeds(setup)}. Go on? [y/N] ", end="", file=sys.stderr, flush=True)
     if sys.stdin.readline().strip().lower() not in ("y", "yes"):
-        raise Refused("nothing was started", EXIT_FAILED)
+        raise RunRefused("nothing was started", EXIT_FAILED)
 
 
 def _deeds(setup: Setup) -> str:

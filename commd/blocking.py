@@ -39,7 +39,7 @@ class BlockingClient:
         """Ask somebody something and return the answer."""
         return self._wait(self.member.ask(receiver, content, **how))
 
-    def send_again(self, error: client.NoAnswer) -> None:
+    def send_again(self, error: client.SendTimeout) -> None:
         """Send the message that had no answer under its own number."""
         self._wait(self.member.send_again(error))
 

@@ -24,7 +24,7 @@ from commd.errors import AccessDenied, AlreadyRunning, BusClosed, BusError
 from commd.inbox import QUESTION, Inbox, Messages, Seen
 from commd.local_runs import router_of
 from commd.percepts import Percepts
-from commd.sending import MailboxFull, NoAnswer, NotSent, Sending, TooLarge, UnknownReceiver
+from commd.sending import MailboxFull, NotSent, Sending, SendTimeout, TooLarge, UnknownReceiver
 from schemas import keys
 from schemas.access import made_on
 from schemas.codec import Wire
@@ -40,9 +40,9 @@ from schemas.values import term_of
 __all__ = [
     "Client",
     "MailboxFull",
-    "NoAnswer",
     "NotJoined",
     "NotSent",
+    "SendTimeout",
     "TooLarge",
     "Unanswered",
     "UnknownReceiver",
@@ -114,12 +114,12 @@ class Client:
         """Send a message; it is on the board's disk when this returns. `content` is a Python value or a term.
 
         After `ttl` wall seconds it is not to be delivered any more. Raises UnknownReceiver, TooLarge, MailboxFull or
-        NoAnswer (after `patience` wall seconds), which are all NotSent, and TypeError for what cannot be a term.
+        SendTimeout (after `patience` wall seconds), which are all NotSent, and TypeError for what cannot be a term.
         """
         waits = self._patience if patience is None else patience
         return await self._sending.send(receiver, performative, term_of(content), ttl, in_reply_to, waits)
 
-    async def send_again(self, error: NoAnswer) -> None:
+    async def send_again(self, error: SendTimeout) -> None:
         """Send the message that had no answer under its own number: it is delivered once, taken before or not."""
         await self._sending.send_again(error.message, self._patience)
 
@@ -137,7 +137,7 @@ class Client:
         with self._inbox.answer_to(question) as answer:
             try:
                 await self._sending.send(receiver, "askOne", term_of(content), None, "", waits, question, until)
-            except NoAnswer:
+            except SendTimeout:
                 if not answer.done():  # else it was taken
                     raise
             try:

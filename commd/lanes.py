@@ -35,7 +35,7 @@ OF_ONE, PROBES_OF_ONE = 16, 2
 
 
 @dataclass(frozen=True)
-class NoAnswer:
+class NotTaken:
     """A batch of which nothing is known to have been taken."""
 
     why: str
@@ -121,7 +121,7 @@ class Lanes:
         store: Store,
         tally: Tally,
         clock: MailClock,
-        carry: Callable[[str, Sequence[Waiting]], Awaitable[Receipt | NoAnswer]],
+        carry: Callable[[str, Sequence[Waiting]], Awaitable[Receipt | NotTaken]],
         give_up: Callable[[dict[int, Refusal], set[str]], Awaitable[list[str]]],
         peer_of: Callable[[str], str],
         group_of: Callable[[str], str],
@@ -218,14 +218,14 @@ class Lanes:
             try:
                 await self._advance(lane, known)
             except StoreFailed as failed:
-                self._again(lane, known, NoAnswer(str(failed), certain=True))
+                self._again(lane, known, NotTaken(str(failed), certain=True))
             except Exception as error:  # one line's defect must not end what all others live by
                 log.exception("defect in argosy: mail of line %s", lane.line)
-                self._again(lane, known, NoAnswer(f"defect in argosy: {type(error).__name__}: {error}", certain=False))
+                self._again(lane, known, NotTaken(f"defect in argosy: {type(error).__name__}: {error}", certain=False))
             finally:
                 office.free(group)
 
-    def _again(self, lane: Lane, known: float, why: NoAnswer) -> None:
+    def _again(self, lane: Lane, known: float, why: NotTaken) -> None:
         """Begin a line anew at its front: what was taken and is in the file still is sent again, and known there."""
         lane.sent, lane.after, lane.removal = max(known, lane.after), 0, None
         self._later(lane, why)
@@ -243,13 +243,13 @@ class Lanes:
         doubtful = max(known, self.before)
         going = [one for one in batch if one.expires is None or one.expires > now or one.place <= doubtful]
         answer = await self._carry(lane.line, going) if going else Receipt()
-        if isinstance(answer, NoAnswer) and answer.unreadable and len(going) == 1:
+        if isinstance(answer, NotTaken) and answer.unreadable and len(going) == 1:
             # It would stand in the way of all behind it for ever.
             answer = Receipt(refused={0: Refusal(code="unreadable", text=answer.why[:200])})
         if isinstance(answer, Receipt) and not adds_up(answer, len(going)):
             self.counters["bad_receipts"] += 1
-            answer = NoAnswer(f"its receipt does not add up to {len(going)}: {answer}"[:200], certain=False)
-        if isinstance(answer, NoAnswer):
+            answer = NotTaken(f"its receipt does not add up to {len(going)}: {answer}"[:200], certain=False)
+        if isinstance(answer, NotTaken):
             self.counters["unanswered"] += 1
             lane.sent = known if answer.certain else max(known, last)
             self._later(lane, answer)
@@ -305,7 +305,7 @@ class Lanes:
         else:
             del self._lanes[lane.line]
 
-    def _later(self, lane: Lane, answer: NoAnswer) -> None:
+    def _later(self, lane: Lane, answer: NotTaken) -> None:
         """Try again when the peer is there, or after a pause that doubles."""
         lane.state, lane.hung, lane.alone = answer.why, True, answer.unreadable
         if answer.away:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from commd.bus import Bus
 from commd.errors import BusClosed, QueryFailed, QueryTimeout
-from commd.lanes import NoAnswer
+from commd.lanes import NotTaken
 from commd.letters import Mail, Waiting, opened
 from commd.mail_clock import MailClock
 from schemas import keys
@@ -101,18 +101,18 @@ class Peers:
             return next(iter(alive))
         return peer
 
-    async def carry(self, line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+    async def carry(self, line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
         """Hand a batch of a line to whoever takes it."""
         now = self._clock.now()
         mail = Mail(messages=tuple(one.carried(now) for one in batch))
         if (deliver := self.attached.get(line)) is not None:
-            return await deliver(opened(mail)) or NoAnswer(f"{line} does not answer", certain=False)
+            return await deliver(opened(mail)) or NotTaken(f"{line} does not answer", certain=False)
         sender, remote, receiver = line.partition(">")
         if not remote:
             return await self._ask(line, keys.inbox(self._bus.fleet, line), mail, ABSORB_TIMEOUT)
         size = sum(len(one.message) for one in batch)
         if self.air is not None and not await self.air.carries(sender, receiver, size):
-            return NoAnswer("lost on the air", certain=True)
+            return NotTaken("lost on the air", certain=True)
         key, board = keys.mail(self._bus.fleet, receiver, sender), self.of(line)
         self._on_their_way[board] += size
         try:
@@ -125,24 +125,24 @@ class Peers:
             and isinstance(answer, Receipt)
             and not await self.air.carries(receiver, sender, RECEIPT_SIZE)
         ):
-            return NoAnswer("its receipt was lost on the air", certain=False)
+            return NotTaken("its receipt was lost on the air", certain=False)
         return answer
 
-    async def _ask(self, peer: str, key: str, mail: Mail, timeout: float) -> Receipt | NoAnswer:
+    async def _ask(self, peer: str, key: str, mail: Mail, timeout: float) -> Receipt | NotTaken:
         there, begun = peer in self._alive, self._clock.now()
         try:
             return await self._bus.ask_one(key, mail, Receipt, timeout)
         except BusClosed as closed:
-            return NoAnswer(str(closed), certain=True)
+            return NotTaken(str(closed), certain=True)
         except BadRecord as bad:
-            return NoAnswer(f"it cannot be written: {bad}", certain=True, unreadable=True)
+            return NotTaken(f"it cannot be written: {bad}", certain=True, unreadable=True)
         except QueryTimeout as silent:
             if not silent.nobody:
-                return NoAnswer(f"{peer}: {silent}", certain=False)
+                return NotTaken(f"{peer}: {silent}", certain=False)
             if there or peer in self._alive:
                 # A router that denies a query ends it at once, as it does when nobody serves the key.
                 denied = ": or does its router deny it?" if self._clock.now() - begun < timeout / 2 else ""
-                return NoAnswer(f"{peer} does not answer{denied}", certain=False)
-            return NoAnswer(f"{peer} is away", certain=True, away=True)
+                return NotTaken(f"{peer} does not answer{denied}", certain=False)
+            return NotTaken(f"{peer} is away", certain=True, away=True)
         except QueryFailed as failed:
-            return NoAnswer(f"{peer} does not take it: {failed}", certain=False, unreadable=failed.code == TooDeep.code)
+            return NotTaken(f"{peer} does not take it: {failed}", certain=False, unreadable=failed.code == TooDeep.code)

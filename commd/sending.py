@@ -41,7 +41,7 @@ class MailboxFull(NotSent):
     """As many messages as may wait for this receiver do; none of them is given up for a new one."""
 
 
-class NoAnswer(NotSent, TimeoutError):
+class SendTimeout(NotSent, TimeoutError):
     """`commd` has not said that it took the message. `send_again` sends it under its own number: never twice."""
 
 
@@ -117,7 +117,7 @@ class Sending:
             if not reason:
                 return
             if loop.time() + RETRY >= until:
-                raise MailboxFull(message, reason) if full else NoAnswer(message, f"{reason} ({patience:g} s)")
+                raise MailboxFull(message, reason) if full else SendTimeout(message, f"{reason} ({patience:g} s)")
             await asyncio.sleep(RETRY)
 
     async def _ask(self, message: Message, timeout: float) -> tuple[str, bool]:

@@ -30,8 +30,8 @@ _SQUARE: Final = frozenset((".prefix", ".sublist", ".substring", ".suffix"))
 """Internal actions whose work may grow as the square of what they are given."""
 
 
-class Refused(Failed):
-    """A question is not answered: it names what it must not, or takes too long. Says which."""
+class QueryRefused(Failed):
+    """A question that is not answered: it names what may have an effect, or takes too many steps."""
 
 
 class Asked:
@@ -44,29 +44,29 @@ class Asked:
         self._refused = ""
 
     def work(self, steps: int = 1) -> None:
-        """Count steps. Raises Refused when there were too many."""
+        """Count steps. Raises QueryRefused when there were too many."""
         self._left -= steps
         if self._left < 0:
             self._refuse(f"it takes more than {MOST_STEPS} steps")
         self.check()
 
     def action(self, name: str, args: tuple[Any, ...]) -> None:
-        """Allow an internal action that has no effect. Raises Refused for any other."""
+        """Allow an internal action that has no effect. Raises QueryRefused for any other."""
         if name not in IN_QUESTIONS:
             self._refuse(f"it names {name}, which is not known to be free of effects and quick")
         size = sum(map(_size, args))
         self.work(size * size if name in _SQUARE else size)
 
     def function(self, name: str, known: bool, own: bool) -> bool:
-        """Whether a name is that of a function to compute. Raises Refused for one that may have an effect."""
+        """Whether a name is that of a function to compute. Raises QueryRefused for one that may have an effect."""
         if known and not own and name not in FUNCTIONS_IN_QUESTIONS:
             self._refuse(f"it names the function {name}, which is not known to be free of effects")
         return known
 
     def check(self) -> None:
-        """Raises Refused if the question has been refused."""
+        """Raises QueryRefused if the question has been refused."""
         if self._refused:
-            raise Refused("refused", self._refused)
+            raise QueryRefused("refused", self._refused)
 
     def _refuse(self, why: str) -> None:
         self._refused = self._refused or why
@@ -112,7 +112,7 @@ def answers(mind: Mind, mail: Mail, most: int = MOST_ANSWERS) -> list[Any] | Non
                 if len(found) == enough:
                     break
         asked.check()
-    except (Refused, work.TooMuchWork) as refused:
+    except (QueryRefused, work.TooMuchWork) as refused:
         mind.warn_once(f"the question of {mail.sender} is refused: {refused}")
         return None
     except RecursionError:

@@ -82,6 +82,14 @@ class TeamRequest:
     arguments: tuple[Any, ...]
 
 
+class TeamRequestRefused(Exception):
+    """A request that is not fulfilled; `error` is the name that the plan's failure handler gets."""
+
+    def __init__(self, error: str, message: str) -> None:
+        super().__init__(message)
+        self.error = error
+
+
 @dataclass(slots=True)
 class AskPercepts:
     """``.perceive``: the program wants its percepts brought up to date before it goes on."""

@@ -72,21 +72,21 @@ def add_mind_arguments(parser: ArgumentParser) -> None:
     )
 
 
-class Refused(Exception):
-    """What was asked for is not there, or cannot be read: what is said to people, all of it."""
+class ReplayRefused(Exception):
+    """The mind cannot be replayed as asked; the text is for the terminal."""
 
 
 def run_mind(args: Namespace) -> int:
     """Live an agent again. Returns 0 if all of it agrees, 1 if it does not or not all is there, 2 for bad input."""
     try:
         if ignored := _given(args, NOT_FOR_A_MIND):
-            raise Refused(f"error: {ignored}: has no meaning with --mind: nothing is said on a bus")
+            raise ReplayRefused(f"error: {ignored}: has no meaning with --mind: nothing is said on a bus")
         edited = {path: _text(path) for path in args.program}
         recording = open_recording(args.file)
         fleet = _fleet(recording, args)
         asked = _lives(recording, args, fleet, edited)
-    except (Refused, BadRecording) as error:
-        print(error if isinstance(error, Refused) else f"error: {error}", file=sys.stderr)
+    except (ReplayRefused, BadRecording) as error:
+        print(error if isinstance(error, ReplayRefused) else f"error: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
     if recording.missing:
         print(f"warning: {recording.missing}", file=sys.stderr)
@@ -98,14 +98,14 @@ def run_mind(args: Namespace) -> int:
 
 
 def _text(path: Path) -> str:
-    """Return the text of an edited program. Raises Refused if it is none."""
+    """Return the text of an edited program. Raises ReplayRefused if it is none."""
     try:
         parse_file(path)
         return read_bounded(path).decode("utf-8-sig")
     except OSError as error:
-        raise Refused(f"error: {path}: {error.strerror}") from None
+        raise ReplayRefused(f"error: {path}: {error.strerror}") from None
     except SyntaxErrors as errors:
-        raise Refused(str(errors)) from None
+        raise ReplayRefused(str(errors)) from None
 
 
 def without_a_mind(args: Namespace) -> str:
@@ -120,7 +120,7 @@ def _given(args: Namespace, options: Mapping[str, tuple[str, object]]) -> str:
 
 
 def _fleet(recording: Recording, args: Namespace) -> str:
-    """Return of which fleet the agent is. Raises Refused."""
+    """Return of which fleet the agent is. Raises ReplayRefused."""
     parsed = [keys.parse(topic.key) for topic in recording.topics if topic.record == MindInputs.__name__]
     there = {(one[0], one[1]) for one in parsed if one is not None and args.fleet in (None, one[0])}
     fleets = sorted(fleet for fleet, agent in there if agent == args.mind)
@@ -128,17 +128,17 @@ def _fleet(recording: Recording, args: Namespace) -> str:
     if not fleets:
         known = ", ".join(sorted({agent for _, agent in there}))
         others = f"there are those of {known}" if known else "nor of any other agent"
-        raise Refused(f"error: {args.file}: there are no inputs of {args.mind}{of_fleet} in it, {others}")
+        raise ReplayRefused(f"error: {args.file}: there are no inputs of {args.mind}{of_fleet} in it, {others}")
     if len(fleets) > 1:
-        raise Refused(f"error: {args.file}: {args.mind} is in several fleets: say --fleet {' or '.join(fleets)}")
+        raise ReplayRefused(f"error: {args.file}: {args.mind} is in several fleets: say --fleet {' or '.join(fleets)}")
     return fleets[0]
 
 
 def _lives(recording: Recording, args: Namespace, fleet: str, edited: dict[Path, str]) -> list[LifeAgain]:
-    """Return the lives that were asked for. Raises Refused."""
+    """Return the lives that were asked for. Raises ReplayRefused."""
     lived = [life for life in recording.lives(args.mind) if life.fleet == fleet]
     if not lived:
-        raise Refused(f"error: {args.file}: no inputs of {args.mind} can be read: {OTHER_VERSION}")
+        raise ReplayRefused(f"error: {args.file}: no inputs of {args.mind} can be read: {OTHER_VERSION}")
     last, there = len(lived), _lives_on(recording, lived[-1])
     found = [
         LifeAgain(number, life, args, edited, followed=number < last, lives_on=there and number == last)
@@ -147,7 +147,9 @@ def _lives(recording: Recording, args: Namespace, fleet: str, edited: dict[Path,
     if args.life is None:
         return found
     if not 1 <= args.life <= len(found):
-        raise Refused(f"error: {args.file}: --life {args.life}: there are {len(found)} lives of {args.mind} in it")
+        raise ReplayRefused(
+            f"error: {args.file}: --life {args.life}: there are {len(found)} lives of {args.mind} in it"
+        )
     return [found[args.life - 1]]
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 from msgspec.structs import replace
 
-from agentd.inbox import Inbox, Numbered, Refused
+from agentd.inbox import Inbox, MessageRefused, Numbered
 from agentd.outbox import LARGEST, Outbox, Unsendable
 from commd.bus import Bus, Query
 from commd.letters import adds_up
@@ -303,7 +303,7 @@ class Reader:
 
     def read(self, message: Message) -> Callable[[], None]:
         if message.content == "bad":
-            raise Refused(Refusal(code="unreadable"))
+            raise MessageRefused(Refusal(code="unreadable"))
         return lambda: self.fed.append(message.content)
 
     async def hand_over(self, *messages: Message) -> Receipt:

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.watched import watched
 from commd import inbox
-from commd.client import Client, NoAnswer, NotSent, Unanswered, join, parse, write
+from commd.client import Client, NotSent, SendTimeout, Unanswered, join, parse, write
 from commd.inbox import NOT_DONE, Seen
 from schemas.records import Receipt
 from schemas.terms import Structure
@@ -60,7 +60,7 @@ def test_nobody_answers(endpoint: str) -> None:
         receipt = await commd.offer(mail(1, in_reply_to=asked(commd)), mail(2))
         assert receipt == Receipt(taken=1, later={1: NOT_DONE}), "the late answer is dropped"
         commd.answers = ["the disk is full"] * 100
-        with pytest.raises(NoAnswer):
+        with pytest.raises(SendTimeout):
             await me.ask("scout", QUESTION, patience=0.3)
 
     as_planner(endpoint, body)
@@ -103,7 +103,7 @@ def test_a_commd_that_says_nothing_is_no_agent_that_does_not_answer(endpoint: st
             me.ask("scout", QUESTION, patience=1), me.ask("scout", QUESTION, patience=0.5), return_exceptions=True
         )
         assert asyncio.get_running_loop().time() - begun < 10
-        assert isinstance(first, NoAnswer)
+        assert isinstance(first, SendTimeout)
         assert isinstance(second, NotSent)
         assert str(second) == "askOne to scout: commd has not answered for a message before it (0.5 s)"
         commd.hangs = False

@@ -16,9 +16,9 @@ from commd.bus import Bus
 from commd.client import (
     Client,
     MailboxFull,
-    NoAnswer,
     NotJoined,
     NotSent,
+    SendTimeout,
     TooLarge,
     UnknownReceiver,
     join,
@@ -174,7 +174,7 @@ def test_without_an_answer_a_message_goes_again_under_its_own_number(endpoint: s
         assert [(one.content, one.header.seq) for one in commd.taken] == [(1, 1), (1, 1), (1, 1)]
         commd.taken.clear()
         commd.answers = [None] * 100
-        with pytest.raises(NoAnswer) as raised:
+        with pytest.raises(SendTimeout) as raised:
             await me.send("scout", "tell", 2, patience=0.5)
         assert isinstance(raised.value, TimeoutError)
         assert str(raised.value) == "tell to scout: commd: nobody answers (0.5 s)"

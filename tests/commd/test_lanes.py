@@ -12,7 +12,7 @@ import pytest
 
 from commd import boxes
 from commd.inbox import NOT_DONE
-from commd.lanes import OF_ONE, RETRY_FIRST, Lanes, NoAnswer
+from commd.lanes import OF_ONE, RETRY_FIRST, Lanes, NotTaken
 from commd.letters import Waiting, letter
 from commd.mail_clock import MailClock
 from commd.store import open_store
@@ -20,7 +20,7 @@ from schemas.records import Receipt, Refusal
 from tests.commd.offices import message
 from tests.support.buses import until
 
-Carry = Callable[[str, Sequence[Waiting]], Awaitable[Receipt | NoAnswer]]
+Carry = Callable[[str, Sequence[Waiting]], Awaitable[Receipt | NotTaken]]
 
 
 @asynccontextmanager
@@ -58,10 +58,10 @@ async def lanes_of(
 def test_lines_of_a_full_peer_do_not_wake_one_another_while_a_third_board_is_away(tmp_path: Path) -> None:
     tries: Counter[str] = Counter()
 
-    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
         tries[line] += 1
         if line.endswith("z"):
-            return NoAnswer("z is away", certain=True, away=True)
+            return NotTaken("z is away", certain=True, away=True)
         return Receipt(later=dict.fromkeys(range(len(batch)), Refusal(code="mailbox_full")))
 
     async def body() -> None:
@@ -76,7 +76,7 @@ def test_a_program_that_is_busy_with_one_message_is_soon_offered_more_after_what
     pauses: dict[int, list[float]] = {1: [], 2: []}
 
     async def body() -> None:
-        async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+        async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
             pauses[len(batch)].append(lanes._lanes[line].pause)
             return Receipt(later=dict.fromkeys(range(len(batch)), NOT_DONE))
 
@@ -95,9 +95,9 @@ def test_a_line_that_is_empty_when_it_tries_for_a_peer_that_is_away_leaves_the_o
     tries: Counter[str] = Counter()
     there = asyncio.Event()
 
-    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
         tries[line] += 1
-        return Receipt(taken=len(batch)) if there.is_set() else NoAnswer("z is away", certain=True, away=True)
+        return Receipt(taken=len(batch)) if there.is_set() else NotTaken("z is away", certain=True, away=True)
 
     async def body() -> None:
         async with lanes_of(tmp_path, ["a>z", "c>z"], carry) as (lanes, tally, _):
@@ -115,7 +115,7 @@ def test_a_process_that_hangs_with_many_receivers_leaves_couriers_for_others(tmp
     hanging: set[str] = set()
     got: list[str] = []
 
-    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
         if line.endswith("h"):
             hanging.add(line)
             await asyncio.Event().wait()
@@ -134,7 +134,7 @@ def test_a_process_that_hangs_with_many_receivers_leaves_couriers_for_others(tmp
 def test_lines_that_wait_for_a_courier_of_their_process_all_go_in_the_end(tmp_path: Path) -> None:
     got: list[str] = []
 
-    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
         await asyncio.sleep(0)
         got.append(line)
         return Receipt(taken=len(batch))
@@ -151,10 +151,10 @@ def test_lines_that_wait_for_a_courier_of_their_process_all_go_in_the_end(tmp_pa
 def test_what_a_peer_will_never_read_is_refused_alone_and_the_others_arrive(tmp_path: Path) -> None:
     taken: list[int] = []
 
-    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
         numbers = [one.number for one in batch]
         if 2 in numbers:
-            return NoAnswer("Mail: nested too deeply", certain=False, unreadable=True)
+            return NotTaken("Mail: nested too deeply", certain=False, unreadable=True)
         taken.extend(numbers)
         return Receipt(taken=len(batch))
 
@@ -173,7 +173,7 @@ def test_what_a_peer_will_never_read_is_refused_alone_and_the_others_arrive(tmp_
 def test_a_receipt_for_messages_that_were_not_in_the_batch_is_no_answer(tmp_path: Path, wrong: Receipt) -> None:
     answers = [wrong]
 
-    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NoAnswer:
+    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
         return answers.pop() if answers else Receipt(taken=len(batch))
 
     async def body() -> None:

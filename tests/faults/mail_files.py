@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from commd.bus import Bus
-from commd.client import NoAnswer
+from commd.client import SendTimeout
 from commd.mail_witness import WENT_BACK
 from schemas import keys
 from schemas.records import BoardServices, MailSeen
@@ -211,13 +211,13 @@ def full_disk(state: Path) -> Row:
             for number in range(10):
                 await ann.send("bob", "tell", number)
             disk.fill()
-            failed: NoAnswer | None = None
+            failed: SendTimeout | None = None
             number = 10
             while failed is None and number < 5_000:  # the file's own spare room takes some
                 try:
                     await ann.send("bob", "tell", number, patience=3.0)
                     number += 1
-                except NoAnswer as error:
+                except SendTimeout as error:
                     failed = error
             assert failed is not None
             row.seen.append(f"with the disk full, `send` fails after {number - 10} more: nothing is acknowledged")
