@@ -23,8 +23,7 @@ from commd.clock import Clock
 from commd.lives import begin_life
 from commd.notify import Member, Unit
 from commd.output import stderr
-from commd.process import ERROR, EXIT_DONE, EXIT_FAILED, add_router_argument, run_daemon, tls_of
-from commd.versions import greet
+from commd.process import ERROR, EXIT_DONE, EXIT_FAILED, add_router_argument, greet, run_daemon, tls_of
 from schemas.findings import Finding, Findings
 from schemas.manifest import load_manifest
 from schemas.mission import Mission, load_mission
@@ -91,7 +90,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         except CheckpointError as error:
             stderr().write(f"error: agentd: {error}", ERROR)
             return EXIT_FAILED
-        bus.life = begin_life(folder, "agentd", name)
+        bus.restarts, bus.former_failure = begin_life(folder, "agentd", name)
         log.info("agents=%s", ",".join(crew.hosts))
         await crew.run(stop)
     return EXIT_DONE if crew.stopped is None else crew.stopped.exit_code

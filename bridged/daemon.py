@@ -17,9 +17,17 @@ from commd.bus import Bus, open_bus
 from commd.clock import Clock
 from commd.lives import begin_life
 from commd.notify import Member, Unit
-from commd.process import EXIT_DONE, EXIT_FAILED, HEALTH_PERIOD, add_router_argument, report_health, run_daemon, tls_of
+from commd.process import (
+    EXIT_DONE,
+    EXIT_FAILED,
+    HEALTH_PERIOD,
+    add_router_argument,
+    greet,
+    report_health,
+    run_daemon,
+    tls_of,
+)
 from commd.state import state_directory
-from commd.versions import greet
 from schemas import keys
 from schemas.findings import Findings
 from schemas.mission import Mission, load_mission
@@ -87,7 +95,8 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         shared: dict[str, Any] = {}
         bridges = [await bind(bus, mission, part, clock, args, shared, unit) for part in parts]
         await bus.permitted(puts=[key for part in parts for key in told_of(bus, part)])
-        bus.life = begin_life(state_directory(args.state) / mission.fleet, "bridged", parts[0].name)
+        folder = state_directory(args.state) / mission.fleet
+        bus.restarts, bus.former_failure = begin_life(folder, "bridged", parts[0].name)
         for bridge in bridges:
             bridge.driver.alone = len(bridges) == 1
         work = [asyncio.create_task(bridge.driver.run()) for bridge in bridges]

@@ -13,10 +13,10 @@ import os
 from collections import Counter, deque
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import aclosing, asynccontextmanager, contextmanager, suppress
+from contextlib import AbstractAsyncContextManager, aclosing, asynccontextmanager, contextmanager, suppress
 from functools import partial
 from threading import Thread
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
+from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 import zenoh
 
@@ -35,9 +35,6 @@ from commd.versions import Strangers
 from schemas import keys
 from schemas.codec import MAX_BYTES, BadRecord, OtherVersion, Wire, codec
 from schemas.records import Header, Record
-
-if TYPE_CHECKING:
-    from commd.lives import Life
 
 Token: TypeAlias = zenoh.LivelinessToken
 """What says on the bus that somebody is here."""
@@ -189,8 +186,10 @@ class Bus:
         drop = partial(self._hand_over, refuse=_drop_query)
         self.raw = RawBus(session, self._loop, self.counters, drop, self._declare)
         """Bytes on keys that are not Argosy's."""
-        self.life: Life | None = None
-        """What counts how often this daemon was started again, once it does."""
+        self.restarts: int | None = None
+        """How often this daemon was started again after a failure, once that is known (`commd.lives`)."""
+        self.former_failure = ""
+        """How the life before this one ended, if it failed."""
         self._asked: set[asyncio.Queue[zenoh.Reply | str | float | None]] = set()
         """Of the queries that wait for replies."""
         self._had_router = False
@@ -519,6 +518,21 @@ class Bus:
             return Reply(name, None, str(other), other.said or "?")
         except BadRecord as bad:
             return Reply(name, None, str(bad))
+
+    def second_session(self, patience: float) -> AbstractAsyncContextManager[Bus]:
+        """Open another session at the same router, to look from there at what the router lets through of this one.
+
+        Raises BusClosed if the router does not let it in within `patience` wall seconds.
+        """
+        return open_bus(
+            self.endpoint,
+            fleet=self.fleet,
+            name=self.name,
+            daemon="access",
+            stamp=lambda: 0,
+            tls=self.tls,
+            patience=patience,
+        )
 
     def linked(self) -> set[str]:
         """Return whom this session is linked to, by the names in their certificates."""

@@ -127,7 +127,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         await bus.claim(board)
         known = FixedDirectory(mission.mailboxes)
         folder = state_directory(args.state) / mission.fleet
-        bus.life = begin_life(folder, "commd", board)
+        bus.restarts, bus.former_failure = begin_life(folder, "commd", board)
         async with AsyncExitStack() as parts_of:
             enter = parts_of.enter_async_context
             # What few missions have is loaded for those: it takes memory on each board.
@@ -141,7 +141,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
 
                 gateway = await enter(open_gateway(mission, board))
             mailroom = await enter(open_mailroom(bus, known, mission.mail, folder, air, everybody_known=False))
-            directory = await enter(open_directory(bus, board, mission, mailroom.store, mailroom, clock, secured))
+            directory = await enter(open_directory(bus, board, mission, mailroom, clock, secured))
             if gateway is not None:
                 await enter(gateway.serving(mailroom))
             Checkups(bus, board, mission.board_names, folder)

@@ -11,10 +11,10 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
-from collections.abc import AsyncIterator, Collection, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
+from commd.errors import BusClosed
 from commd.tasks import wait_at_most
 from commd.trying import which_come_through
 from schemas.keys import ROOT
@@ -48,10 +48,8 @@ async def refused(bus: Bus, puts: Collection[str] = ()) -> str:
 
 async def known_refused(bus: Bus, puts: Collection[str] = ()) -> str | None:
     """Return what `refused` does, or None if it cannot be known."""
-    from commd.errors import BusClosed
-
     try:
-        async with _second_session(bus) as other:
+        async with bus.second_session(ANSWER) as other:
             unseen = await _unseen(bus, other)
             through = await which_come_through(bus.raw, other.raw, puts, PATIENCE) if puts else set()
             answers = await other.raw.look_up(ROUTER, ANSWER)
@@ -121,17 +119,6 @@ class Watch:
             log.info("allowed again")
         self.note = note
         return not note
-
-
-@asynccontextmanager
-async def _second_session(bus: Bus) -> AsyncIterator[Bus]:
-    """Another session at this daemon's router. Raises BusClosed if it does not let one in."""
-    from commd.bus import open_bus
-
-    async with open_bus(
-        bus.endpoint, fleet=bus.fleet, name=bus.name, daemon="access", stamp=lambda: 0, tls=bus.tls, patience=ANSWER
-    ) as other:
-        yield other
 
 
 async def _unseen(bus: Bus, other: Bus) -> list[tuple[str, str]]:

@@ -9,20 +9,20 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Coroutine, Sequence
+from collections.abc import AsyncIterator, Callable, Collection, Coroutine, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
 from sqlite3 import Connection
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
-from commd import facts, peers
+from commd import facts
 from commd.bus import Bus, Query
 from commd.clock import Clock
 from commd.errors import BusClosed
-from commd.mail_clock import MailClock
 from commd.mail_witness import MailWitness
+from commd.mailroom import Mailroom
 from commd.services import Notice, Own, Problem, Services, checked
 from commd.store import StoreFailed
 from commd.tasks import Tasks
@@ -30,7 +30,7 @@ from schemas import keys
 from schemas.access import made_on
 from schemas.codec import BadRecord, codec
 from schemas.mission import THIS_MACHINE, Mission
-from schemas.records import BoardServices, Health, Message, Receipt, ServiceRequest
+from schemas.records import BoardServices, Health, Message, ServiceRequest
 from schemas.terms import Atom, Structure, Term
 
 ASK_EVERY = 30.0
@@ -59,35 +59,11 @@ T = TypeVar("T")
 log = logging.getLogger("directory")
 
 
-class Store(Protocol):
-    """Where a board keeps what must not be lost (`commd.store`)."""
-
-    async def write(self, transaction: Callable[[Connection], T]) -> T: ...
-
-    async def read(self, question: Callable[[Connection], T]) -> T: ...
-
-
-class Post(Protocol):
-    """Who carries notices, and keeps the mail of the agents here (`commd.mailroom`)."""
-
-    async def take(self, messages: Sequence[Message], also: Callable[[Connection], None] | None = None) -> Receipt: ...
-
-    clock: MailClock
-    directory: peers.Directory
-    ask_around: Callable[[], Awaitable[None]] | None
-
-    def host(self, name: str) -> None: ...
-
-    async def unhost(self, name: str) -> None: ...
-
-    async def gone(self, name: str) -> None: ...
-
-
 class Directory:
     """What a board knows of the agents of its fleet. Make it with `open_directory`."""
 
     def __init__(
-        self, bus: Bus, board: str, mission: Mission, store: Store, post: Post, clock: Clock, secured: bool = False
+        self, bus: Bus, board: str, mission: Mission, mailroom: Mailroom, clock: Clock, secured: bool = False
     ) -> None:
         """`secured`: routers control who asks on which key, so that only that says for whom a request is."""
         boards = tuple(mission.boards) or (THIS_MACHINE,)
@@ -96,9 +72,9 @@ class Directory:
         self.services = Services(board, mission.mailboxes, boards, reserved, prefix)
         self.counters: Counter[str] = Counter()
         """`notices` and `notices_refused`, `board_changes`, `left`: agents that were gone for good."""
-        self._bus, self._board, self._store, self._post, self._clock = bus, board, store, post, clock
+        self._bus, self._board, self._store, self._mailroom, self._clock = bus, board, mailroom.store, mailroom, clock
         self._secured = secured
-        self._witness = MailWitness(board, bus.boot, post.clock)
+        self._witness = MailWitness(board, bus.boot, mailroom.clock)
         self._homes = self.services.homes()
         self._one_at_a_time = asyncio.Lock()
         self._alive: dict[str, set[str]] = {}
@@ -180,9 +156,9 @@ class Directory:
             log.error("directory_unreadable why=%s: it begins empty", bad)
             known = {}
         self._now_is(replace(services, others=known))
-        self._post.directory, self._post.ask_around = self, self.ask_around
+        self._mailroom.directory, self._mailroom.ask_around = self, self.ask_around
         for name in self.services.own.joined:
-            self._post.host(name)
+            self._mailroom.host(name)
             self._absent[name] = self._clock.wall()
         return True
 
@@ -274,7 +250,7 @@ class Directory:
                 await self._write(notices, lambda db: facts.keep(db, _OWN, self._board, own))
                 self._now_is(after)
             for name in set(after.own.joined) - set(before.own.joined):
-                self._post.host(name)
+                self._mailroom.host(name)
                 if not self._alive.get(name):
                     self._absent[name] = self._clock.wall()
             if after.own.version != before.own.version:
@@ -282,7 +258,7 @@ class Directory:
             for name in set(before.own.joined) - set(after.own.joined):
                 self._absent.pop(name, None)
                 with suppress(StoreFailed):  # it has left: the mailroom gives up later what waits for nobody
-                    await self._post.unhost(name)
+                    await self._mailroom.unhost(name)
             found = after.providers(service) if request.do in ("search", "subscribe") else ()
             return self._said(found=found)
 
@@ -292,7 +268,7 @@ class Directory:
             await self._store.write(change)
             return
         messages = [self._notice(*notice) for notice in notices]
-        receipt = await self._post.take(messages, also=change)
+        receipt = await self._mailroom.take(messages, also=change)
         self.counters["notices"] += receipt.taken
         for place, why in {**receipt.refused, **receipt.later}.items():
             self.counters["notices_refused"] += 1
@@ -316,7 +292,7 @@ class Directory:
             found=found,
             problem=problem,
             prefix=services.prefix,
-            mail_time=self._post.clock.saved,
+            mail_time=self._mailroom.clock.saved,
             mail_seen=dict(self._witness.seen),
         )
 
@@ -378,7 +354,7 @@ class Directory:
                 log.info("board=%s agents=%d", said.board, len(said.agents))
             for name in gone:
                 with suppress(StoreFailed):  # the mailroom gives up later what waits for nobody
-                    await self._post.gone(name)
+                    await self._mailroom.gone(name)
 
     async def _compare_mail(self, said: BoardServices) -> None:
         """Judge our mail file by what another board has seen of it, and remember what is seen of theirs."""
@@ -456,13 +432,13 @@ class Directory:
 
 @asynccontextmanager
 async def open_directory(
-    bus: Bus, board: str, mission: Mission, store: Store, post: Post, clock: Clock, secured: bool = False
+    bus: Bus, board: str, mission: Mission, mailroom: Mailroom, clock: Clock, secured: bool = False
 ) -> AsyncIterator[Directory]:
     """Read the directory of a board, or go on trying while its disk does not let it; keep it up to date until the end.
 
     Whoever opens it watches `work`: when one of these tasks ends, the board follows nobody any more.
     """
-    directory = Directory(bus, board, mission, store, post, clock, secured)
+    directory = Directory(bus, board, mission, mailroom, clock, secured)
     read = await directory.load()
     if not read:  # a file that has just been set aside as corrupt is a new one at the second look
         await asyncio.sleep(READ_AGAIN)

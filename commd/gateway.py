@@ -11,14 +11,14 @@ import logging
 import socket
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import asynccontextmanager
-from typing import Protocol
 
 from msgspec.structs import replace
 
 from commd.comm_node import RATE, Allowance, Node
 from commd.letters import undelivered
+from commd.mailroom import Mailroom
 from commd.store import StoreFailed
 from schemas import mission
 from schemas.datagram import BadDatagram, read_message, write_message
@@ -44,26 +44,6 @@ DISK_RETRY = 1.0
 SEEK_EVERY = 10.0
 """Seconds between two looks for a node whose host has no address yet."""
 TOLD_SOURCES = 1000
-
-Deliver = Callable[[tuple[Message, ...]], Awaitable[Receipt | None]]
-"""Takes a batch for one receiver; None = no answer, it is to be tried again."""
-
-
-class Post(Protocol):
-    """The mail of the board, as the gateway needs it."""
-
-    @property
-    def names(self) -> Iterable[str]:
-        """All that can be sent to, of all boards."""
-        ...
-
-    async def take(self, messages: Sequence[Message]) -> Receipt:
-        """Take messages of senders of this board; returns when they are on disk."""
-        ...
-
-    def attach(self, name: str, deliver: Deliver) -> Callable[[], None]:
-        """Let `deliver` take what comes for `name`; returns what ends that."""
-        ...
 
 
 class Gateway(asyncio.DatagramProtocol):
@@ -96,10 +76,10 @@ class Gateway(asyncio.DatagramProtocol):
         )
 
     @asynccontextmanager
-    async def serving(self, post: Post) -> AsyncIterator[None]:
-        """Carry mail between the nodes and `post` while the block runs."""
-        detach = [post.attach(name, self.deliver) for name in self.nodes]
-        running = self.work = [asyncio.create_task(self._take(post)), asyncio.create_task(self._seek())]
+    async def serving(self, mailroom: Mailroom) -> AsyncIterator[None]:
+        """Carry mail between the nodes and `mailroom` while the block runs."""
+        detach = [mailroom.attach(name, self.deliver) for name in self.nodes]
+        running = self.work = [asyncio.create_task(self._take(mailroom)), asyncio.create_task(self._seek())]
         try:
             yield
         finally:
@@ -160,23 +140,23 @@ class Gateway(asyncio.DatagramProtocol):
             await asyncio.sleep(SEEK_EVERY)
             await self._find_nodes()
 
-    async def _take(self, post: Post) -> None:
+    async def _take(self, mailroom: Mailroom) -> None:
         """Take what the nodes said into the mail, for ever."""
         while True:
             said = [await self._waiting.get()]
             while len(said) < BATCH and not self._waiting.empty():
                 said.append(self._waiting.get_nowait())
-            batch = [one for message in said for one in _addressed(message, post.names)]
-            receipt = await self._hand_over(batch, post)
+            batch = [one for message in said for one in _addressed(message, mailroom.names)]
+            receipt = await self._hand_over(batch, mailroom)
             for place, reason in (receipt.refused | receipt.later).items():
                 self.counters["gateway_refused"] += 1
                 self._tell_undelivered(batch[place], reason)
 
-    async def _hand_over(self, batch: list[Message], post: Post) -> Receipt:
+    async def _hand_over(self, batch: list[Message], mailroom: Mailroom) -> Receipt:
         """Give a batch to the mail, again and again while its disk takes nothing: what comes meanwhile waits."""
         while True:
             try:
-                return await post.take(batch)
+                return await mailroom.take(batch)
             except StoreFailed as failed:
                 log.debug("not_taken messages=%d why=%s", len(batch), failed)
             except Exception as error:  # one batch's defect must not end what all others live by

@@ -78,13 +78,17 @@ class Life:
         os.replace(new, self._path)
 
 
-def begin_life(folder: Path, daemon: str, name: str) -> Life:
-    """Begin a life of a daemon that has just claimed its name, noted in `folder`; `end_lives` ends it."""
+def begin_life(folder: Path, daemon: str, name: str) -> tuple[int | None, str]:
+    """Note in `folder` that a daemon, which has just claimed its name, runs; `end_lives` notes its end.
+
+    Returns how often it was restarted after a failure since the machine started (None: not known), and how the process
+    before it failed, if it did.
+    """
     life = Life(folder / f"{name}.{daemon}.life")
     if life.before:
         log.warning("restarts=%s %s", life.restarts, life.before)
     _open.append(life)
-    return life
+    return life.restarts, life.before
 
 
 def end_lives(words: str = "") -> None:

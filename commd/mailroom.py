@@ -14,7 +14,6 @@ from contextlib import asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
 from sqlite3 import Connection
-from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
@@ -25,7 +24,7 @@ from commd.lanes import RETRY_MOST, Lanes
 from commd.letters import LARGEST, SLACK, Letter, letter
 from commd.mail_clock import MailClock
 from commd.mail_listing import list_mailboxes
-from commd.peers import Deliver, Directory, Peers
+from commd.peers import Air, Deliver, Directory, Peers
 from commd.store import Store, StoreFailed, open_store
 from commd.undelivered import Undelivered
 from schemas import keys
@@ -33,9 +32,6 @@ from schemas.codec import codec
 from schemas.mission import RESERVED, MailRules
 from schemas.names import check_name
 from schemas.records import Health, Mail, Mailboxes, Message, Receipt, Refusal
-
-if TYPE_CHECKING:
-    from commd.radio import Air
 
 log = logging.getLogger("mail")
 

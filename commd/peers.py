@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol, TypeAlias
+from typing import Protocol, TypeAlias
 
 from commd.bus import Bus
 from commd.errors import BusClosed, QueryFailed, QueryTimeout
@@ -14,9 +14,6 @@ from commd.mail_clock import MailClock
 from schemas import keys
 from schemas.codec import BadRecord, TooDeep
 from schemas.records import Message, Receipt
-
-if TYPE_CHECKING:
-    from commd.radio import Air
 
 ANSWER_TIMEOUT, SLOWEST = 5.0, 10_000
 """Wall seconds that another board has to commit a batch, and bytes per second of the slowest link to it: the batch has
@@ -55,6 +52,14 @@ class FixedDirectory:
     def names(self) -> Collection[str]:
         """Return all names."""
         return self._mailboxes
+
+
+class Air(Protocol):
+    """What lies between two boards."""
+
+    async def carries(self, sender: str, receiver: str, size: int) -> bool:
+        """Let one transmission of `size` bytes take its time. Returns whether it arrived."""
+        ...
 
 
 class Peers:

@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from commd.bus import Bus
 from commd.clock import Clock
-from commd.errors import AlreadyRunning, BusClosed, OtherMajor
+from commd.errors import AlreadyRunning, BusClosed, OtherMajor, QueryFailed
 from commd.hung import tell_when_aborted
 from commd.lag import loop_lag
 from commd.lives import end_lives
@@ -30,13 +30,15 @@ from schemas import keys
 from schemas.codec import BadRecord, Wire, codec
 from schemas.endpoints import check_endpoint
 from schemas.findings import Findings
-from schemas.records import Health
+from schemas.records import VERSION, BoardServices, Health
 from schemas.release import RELEASE
 
 HEALTH_PERIOD = 1.0
 """Wall seconds between two health records."""
 NOTES = 50
 """Warnings of one record; further ones are left out."""
+GREETING = 2.0
+"""Wall seconds that a board's commd has to say which version it speaks."""
 LINGER = 1.0
 """Wall seconds that threads have which are no daemons when the daemon has ended."""
 ERROR = 3
@@ -142,6 +144,23 @@ def _defect(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
     log.error("defect in argosy: %s", what, exc_info=error if os.environ.get("ARGOSY_DEBUG") else None)
 
 
+async def greet(bus: Bus, boards: Iterable[str]) -> None:
+    """Ask the commd of each board for its services, to see whether it is understood. Raises OtherMajor if not.
+
+    One that does not answer may not be there yet: what it says later is noted by `Strangers`.
+    """
+    for board in dict.fromkeys(boards):
+        key = keys.services(bus.fleet, board)
+        try:
+            await bus.ask_one(key, None, BoardServices, GREETING)
+        except QueryFailed as failed:
+            if failed.other_version:
+                raise OtherMajor(
+                    f"the commd of board `{board}` speaks version {failed.other_version} of the records,"
+                    f" this {bus.daemon} version {VERSION}: install the same release of Argosy for all of a board"
+                ) from None
+
+
 async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[], Health] = Health) -> None:
     """Publish the daemon's health once a second, for ever: others take it for the sign that the daemon lives."""
     loop = loop_lag()
@@ -167,7 +186,7 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
             notes=tuple(one_line(str(note)) for note in notes[:NOTES]),
             coded=tuple(replace(note, text=one_line(note.text)) for note in health.coded[:NOTES]),
             version=RELEASE,
-            restarts=bus.life.restarts if bus.life is not None else None,
+            restarts=bus.restarts,
             lag=round(max(loop.worst, health.lag), 3),
             errors=errors,
             last_error=words,
@@ -205,4 +224,4 @@ def _last_error(bus: Bus, name: str) -> tuple[str, float | None, int]:
     error = logs.last_error(name) if logs is not None else None
     if logs is not None and error is not None:
         return error.text, round(time.monotonic() - error.at, 1), logs.errors
-    return bus.life.before if bus.life is not None else "", None, 0
+    return bus.former_failure, None, 0

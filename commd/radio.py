@@ -15,7 +15,6 @@ from collections import Counter
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from typing import Protocol
 
 from commd.bus import Bus
 from commd.errors import BusClosed
@@ -36,14 +35,6 @@ EARTH = 6_371_000.0
 
 Position = tuple[float, float]
 """Latitude and longitude in degrees."""
-
-
-class Air(Protocol):
-    """What lies between two boards."""
-
-    async def carries(self, sender: str, receiver: str, size: int) -> bool:
-        """Let one transmission of `size` bytes take its time. Returns whether it arrived."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
-from commd.errors import OtherMajor, QueryFailed
 from schemas import keys
-from schemas.records import VERSION, BoardServices
-
-if TYPE_CHECKING:
-    from commd.bus import Bus
+from schemas.records import VERSION
 
 HEARD = 60.0
 """Wall seconds after its last record for which a stranger is told of."""
 MOST = 20
 """Strangers that are told of."""
-PATIENCE = 2.0
-"""Wall seconds that a board's commd has to say which version it speaks."""
 log = logging.getLogger("versions")
 
 
@@ -55,20 +48,3 @@ def _in_words(who: str, said: str) -> str:
         f"{who}: records of version {said or '?'}, this daemon speaks version {VERSION}: they are not understood;"
         " install releases of Argosy that go together (docs/versions.md)"
     )
-
-
-async def greet(bus: Bus, boards: Iterable[str]) -> None:
-    """Ask the commd of each board for its services, to see whether it is understood. Raises OtherMajor if not.
-
-    One that does not answer may not be there yet: what it says later is noted by `Strangers`.
-    """
-    for board in dict.fromkeys(boards):
-        key = keys.services(bus.fleet, board)
-        try:
-            await bus.ask_one(key, None, BoardServices, PATIENCE)
-        except QueryFailed as failed:
-            if failed.other_version:
-                raise OtherMajor(
-                    f"the commd of board `{board}` speaks version {failed.other_version} of the records,"
-                    f" this {bus.daemon} version {VERSION}: install the same release of Argosy for all of a board"
-                ) from None

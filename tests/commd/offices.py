@@ -12,8 +12,7 @@ from commd.bus import Bus, Query
 from commd.errors import QueryFailed
 from commd.mail_clock import MailClock
 from commd.mailroom import Mailroom, open_mailroom
-from commd.peers import FixedDirectory
-from commd.radio import Air
+from commd.peers import Air, FixedDirectory
 from schemas import keys
 from schemas.mission import MailRules
 from schemas.records import Header, Mail, Mailboxes, Message, Receipt

@@ -6,7 +6,7 @@ import asyncio
 import socket
 from collections.abc import Callable, Sequence
 
-from commd.gateway import Deliver
+from commd.peers import Deliver
 from schemas.records import Message, Receipt, Refusal
 
 

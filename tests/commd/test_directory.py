@@ -57,7 +57,7 @@ class Fleet:
         ):
             await bus.claim(name)
             clock = Clock()
-            async with open_directory(bus, name, self.mission, mailroom.store, mailroom, clock) as directory:
+            async with open_directory(bus, name, self.mission, mailroom, clock) as directory:
                 yield directory
 
     @asynccontextmanager

@@ -18,8 +18,7 @@ from commd.lives import begin_life
 from commd.process import run_daemon
 
 async def main(stop):
-    life = begin_life(Path(sys.argv[1]), "agentd", "a")
-    print(life.restarts, life.before)
+    print(*begin_life(Path(sys.argv[1]), "agentd", "a"))
     if sys.argv[2] == "dies":
         sys.stdout.flush()
         os.kill(os.getpid(), 9)
