@@ -33,11 +33,11 @@ class Reduction:
 class Recovery(Protocol):
     """What to do where no rule goes on: reports the problem and gives the index to go on at, or None to stop.
 
-    ``states`` is the stack of the machine, the state that does not go on last; ``at_item`` says that nothing of an item
-    of the program has been read yet.
+    ``states`` is the stack of the machine, the state that does not go on last, ``offsets`` where what led to each
+    begins; ``at_item`` says that nothing of an item of the program has been read yet.
     """
 
-    def __call__(self, index: int, states: list[int], at_item: bool) -> int | None: ...
+    def __call__(self, index: int, states: list[int], offsets: list[int], at_item: bool) -> int | None: ...
 
 
 class Unfinished(Protocol):
@@ -78,7 +78,7 @@ class Machine:
             action = rows[state].get(kind)
             if action is None:
                 builder.unfinished(values)
-                resume = recover(index, states, self._at_item(states))
+                resume = recover(index, states, offsets, self._at_item(states))
                 if resume is None:
                     raise Stopped
                 index = resume

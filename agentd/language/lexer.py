@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from agentd.language.errors import Problem
 from agentd.language.facts import FactRun
@@ -20,6 +21,14 @@ BROKEN = "BROKEN"
 """The type of what is no token; its problem is reported already."""
 
 END_OF_TEXT = "$END"
+
+
+class Broken(NamedTuple):
+    """A problem, where reading goes on behind it, and the type of token that it is read as: ``""`` for none at all."""
+
+    problem: Problem
+    end: int
+    kind: str = BROKEN
 
 
 @dataclass(slots=True)
@@ -87,13 +96,15 @@ _SIGNS = frozenset(("+", "-", "++", "--", "-+"))
 def tokenize(
     source: Source,
     lexicon: Lexicon,
+    broken: Callable[[Source, int], Broken],
     start: int = 0,
     end: int | None = None,
     find_run: Callable[[int], FactRun | None] | None = None,
 ) -> Tokens:
-    """All tokens of a text, or between two offsets of it; what is no token becomes ``BROKEN`` and a problem.
+    """All tokens of a text, or between two offsets of it.
 
-    ``find_run`` is asked for a run of facts wherever an item of a program may begin.
+    ``broken`` says what is wrong at an offset where no token begins, and how reading goes on. ``find_run`` is asked
+    for a run of facts wherever an item of a program may begin.
     """
     tokens = Tokens()
     types, texts, starts = tokens.types, tokens.texts, tokens.starts
@@ -118,8 +129,6 @@ def tokenize(
         found = match(text, at, size)
         kind = found.lastgroup or BROKEN if found else BROKEN
         if found is None or kind == BROKEN:
-            from agentd.language.broken import broken  # a good program starts without knowing of bad ones
-
             problem, after, kind = broken(source, at)
             tokens.problems.append(problem)
             if not kind:

@@ -17,7 +17,7 @@ from agentd.language.build_terms import is_formula
 from agentd.language.errors import SYNTAX, Problem, SyntaxErrors, problem_at, problem_on
 from agentd.language.facts import run_finder
 from agentd.language.lalr import Stopped, machine
-from agentd.language.lexer import BROKEN, END_OF_TEXT, Lexicon, Tokens, lexicon, tokenize
+from agentd.language.lexer import BROKEN, END_OF_TEXT, Broken, Lexicon, Tokens, lexicon, tokenize
 from agentd.language.signatures import THIS_NS
 from agentd.language.source import Source, read_source
 from agentd.language.syntax import Formula, Item, Plan, Program, Structure, Term, Trigger
@@ -98,14 +98,14 @@ def _program(source: Source) -> Program:
 
 
 def _whole(source: Source, recognise_facts: bool) -> Program:
-    tokens = tokenize(source, _lexicon(), find_run=run_finder(source, _items) if recognise_facts else None)
+    tokens = tokenize(source, _lexicon(), _broken, find_run=run_finder(source, _items) if recognise_facts else None)
     program = _built(source, tokens, "program")
     assert isinstance(program, Program)
     return replace(program, warnings=tuple(tokens.warnings), scoped="::" in source.text, this_ns=THIS_NS in source.text)
 
 
 def _items(source: Source, start: int, end: int) -> tuple[Item, ...]:
-    program = _built(source, tokenize(source, _lexicon(), start, end), "program")
+    program = _built(source, tokenize(source, _lexicon(), _broken, start, end), "program")
     assert isinstance(program, Program)
     return program.items
 
@@ -115,8 +115,14 @@ def _lexicon() -> Lexicon:
     return lexicon(load())
 
 
+def _broken(source: Source, at: int) -> Broken:
+    from agentd.language.lexical import broken  # a program without errors starts without it
+
+    return broken(source, at)
+
+
 def _parse(source: Source, start: str) -> Any:
-    return _built(source, tokenize(source, _lexicon()), start)
+    return _built(source, tokenize(source, _lexicon(), _broken), start)
 
 
 def _built(source: Source, tokens: Tokens, start: str) -> Any:
@@ -151,14 +157,14 @@ class _Recovery:
         self._whole = whole
         self._resumed: int | None = None
 
-    def __call__(self, index: int, states: list[int], at_item: bool) -> int | None:
+    def __call__(self, index: int, states: list[int], offsets: list[int], at_item: bool) -> int | None:
         tokens = self._tokens
         kind = tokens.types[index]
         echo = kind == BROKEN or (tokens.texts[index] == "}" and self._closes_what_was_skipped(index))
         if not echo:
             from agentd.language.explain import explain  # a program without errors starts without the table of errors
 
-            line, column, message = explain(self._source, tokens, index, states)
+            line, column, message = explain(self._source, tokens, index, states, offsets)
             self.problems.append(problem_on(self._source, line, column, message))
         if not self._whole or kind == END_OF_TEXT or len(self.problems) >= MOST_PROBLEMS:
             return None

@@ -10,6 +10,7 @@ from typing import Any, Final, TypeAlias
 
 from agentd.language.errors import SyntaxErrors
 from agentd.language.lexer import lexicon, tokenize
+from agentd.language.lexical import broken
 from agentd.language.parser import parse_program
 from agentd.language.printer import source_text
 from agentd.language.source import Source
@@ -144,7 +145,7 @@ def _tokenized() -> tuple[tuple[str, ...], ...]:
     lexical = lexicon(load())
     found = []
     for text in corpus():
-        read = tokenize(Source(text, ""), lexical)
+        read = tokenize(Source(text, ""), lexical, broken)
         ends = [0, *(start + len(word) for start, word in zip(read.starts, read.texts, strict=True))]
         words = (text[end : start + len(word)] for end, start, word in zip(ends, read.starts, read.texts, strict=False))
         found.append(tuple(words))

@@ -1,4 +1,4 @@
-"""What is to be said where no token begins, and how reading goes on behind it.
+"""Characters and signs that are none of the language's, and how reading goes on behind them.
 
 The aim is that one mistake is one problem: a string in typographic quotes is read as the string it was meant to be, and
 what was meant as a comment is skipped as one.
@@ -8,24 +8,55 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from typing import Final, NamedTuple
+from typing import Final
 
+from agentd.language.error_context import sign_at
 from agentd.language.errors import SYNTAX, Problem, problem_at, shown
-from agentd.language.foreign import CHARACTERS, QUOTES, foreign_sign, sign_at
-from agentd.language.lexer import BROKEN
+from agentd.language.lexer import BROKEN, Broken
 from agentd.language.source import Source
 from schemas.findings import Finding
 
-ESCAPES: Final = "ntbrf01234567\"'\\"
+_ESCAPES: Final = "ntbrf01234567\"'\\"
 """The characters that may stand behind a backslash in a string."""
 
+_COMPARISONS: Final = {
+    "less or equal is written <=": ("=<", "<=="),
+    "greater or equal is written >=": ("=>", ">=="),
+    "equality is written ==": ("===", "=:="),
+    "inequality is written \\==": ("!=", "!==", "=\\=", "\\=", "\\=@=", "<>", "~=", "/="),
+}
+"""Comparisons, with how other languages write them."""
 
-class Broken(NamedTuple):
-    """A problem, where reading goes on behind it, and the type of token that it stands for: ``""`` for none at all."""
+_SIGNS: Final = {
+    "&&": "'and' is written &",
+    "||": "'or' is written |",
+    "\\+": "a negation is written not",
+    "*/": "this */ closes no comment; a comment within another one ends at the first */",
+    ":=": "a variable gets its value by = and not by :=",
+}
+"""Other signs, with what to write."""
 
-    problem: Problem
-    end: int
-    kind: str = BROKEN
+COUNTING: Final = frozenset(("+=", "-=", "*=", "++", "--"))
+"""Signs of other languages that change a variable."""
+
+_HINTS: Final = {
+    "the arrow before a body is written <-": "\u2190\u2192\u21d0\u21d2",
+    "less or equal is written <=": "\u2264",
+    "greater or equal is written >=": "\u2265",
+    "inequality is written \\==": "\u2260",
+    "'and' is written &": "\u2227",
+    "'or' is written |": "\u2228",
+    "'not' is written not": "\u00ac",
+    "a product is written with *": "\u00d7",
+    "a quotient is written with /": "\u00f7",
+    "a minus is the sign - of the keyboard": "\u2013\u2014\u2212",
+    "put what belongs there, or take it out": "\u2026",
+    "a variable begins with a capital letter: X": "$",
+}
+"""What to write for characters of other languages and of word processors."""
+
+_QUOTES: Final = dict.fromkeys("\u201c\u201d\u201e\u00ab\u00bb", '"') | dict.fromkeys("\u2018\u2019\u00b4`", "'")
+"""Typographic quotes, with the straight ones."""
 
 
 def broken(source: Source, at: int) -> Broken:
@@ -42,7 +73,7 @@ def broken(source: Source, at: int) -> Broken:
         return Broken(problem_at(source, at, message), _line_end(text, at))
     if character in "#%":
         return _comment(source, at)
-    if character in QUOTES or character == "`":
+    if character in _QUOTES:
         return _typographic(source, at)
     if character.isalpha():
         return _letters(source, at)
@@ -55,7 +86,7 @@ def _bad_string(source: Source, at: int) -> Broken:
     bad: int | None = None
     while index < len(text) and text[index] not in '"\n':
         if text[index] == "\\" and index + 1 < len(text) and text[index + 1] != "\n":
-            if bad is None and text[index + 1] not in ESCAPES:
+            if bad is None and text[index + 1] not in _ESCAPES:
                 bad = index
             index += 1
         index += 1
@@ -66,7 +97,7 @@ def _bad_string(source: Source, at: int) -> Broken:
         return Broken(problem_at(source, bad, message), index + 1, "STRING")
     line, column = source.place(at)
     message = f"the string that begins in column {column} of line {line} is not closed in its line; "
-    typographic = next((c for c in text[at:index] if QUOTES.get(c) == '"'), None)
+    typographic = next((c for c in text[at:index] if _QUOTES.get(c) == '"'), None)
     message += f'{typographic} does not close it, only " does' if typographic else 'end it with "'
     # Jason reports it where the next line begins; the excerpt shows the string.
     place = (line + 1, 1) if index < len(text) else (line, column)
@@ -116,8 +147,8 @@ def _typographic(source: Source, at: int) -> Broken:
     """A text in quotes that a word processor has made."""
     text = source.text
     quote = text[at]
-    straight = QUOTES.get(quote, "'")
-    closing = [c for c in (*QUOTES, "`") if QUOTES.get(c, "'") == straight]
+    straight = _QUOTES[quote]
+    closing = [c for c in _QUOTES if _QUOTES[c] == straight]
     ends = [found for c in (*closing, straight) if (found := text.find(c, at + 1, _line_end(text, at))) > 0]
     if not ends:
         message = f'{quote} is not a quote of the language; a string stands in straight quotes: "text"'
@@ -159,7 +190,18 @@ def _character(source: Source, at: int) -> Broken:
         name = unicodedata.name(character, "a control character").lower()
         message = f"a character that is not seen stands here: U+{ord(character):04X}, {name}; delete it"
         return Broken(problem_at(source, at, message), at + 1, "")
-    hint = CHARACTERS.get(character, "take it out, or put the text in double quotes")
-    if character == "$":
-        hint = "a variable begins with a capital letter: X"
+    hint = next(
+        (hint for hint, characters in _HINTS.items() if character in characters),
+        "take it out, or put the text in double quotes",
+    )
     return Broken(problem_at(source, at, f"{character!r} is not a character of the language; {hint}"), at + 1)
+
+
+def foreign_sign(sign: str) -> str | None:
+    """What to write instead of a sign of another language, None if it is none."""
+    for ours, theirs in _COMPARISONS.items():
+        if sign in theirs:
+            return f"{ours} and not {sign}"
+    if sign in COUNTING:
+        return f"there is no {sign}: a variable keeps its value in a plan; write Y = X {sign[0]} 1 with a new one"
+    return _SIGNS.get(sign)
