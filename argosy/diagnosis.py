@@ -62,8 +62,3 @@ class Facts:
 
 
 Check: TypeAlias = Callable[[Facts], list[Said]]
-
-
-def counted(number: int, noun: str) -> str:
-    """Return a number with its noun."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -14,13 +14,12 @@ from dataclasses import asdict
 from textwrap import wrap
 from typing import Any
 
-from argosy.diagnosis import Check, Facts, RobotFacts, Said, counted
+from argosy.diagnosis import Check, Facts, RobotFacts, Said
 from argosy.doctor_access import findings as access
 from argosy.doctor_fleet import clocks, daemons, disks, links, mail, versions
 from argosy.doctor_keys import certificates
 from argosy.doctor_robots import failsafes, percepts, vehicles
 from argosy.fleet_status import call_the_roll, settled
-from argosy.journal import printable
 from argosy.operator_bus import Where, add_router_argument, operator_bus, where
 from argosy.remedies import target_of
 from argosy.roll import SILENT
@@ -30,9 +29,11 @@ from commd.errors import BusClosed, BusError, QueryFailed
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas import keys
 from schemas.findings import Findings
+from schemas.humanize import count
 from schemas.manifest import load_manifest
 from schemas.mission import Mission, load_mission
 from schemas.records import BoardReport, Checkup, LiveManifest, Mailboxes, Perception
+from schemas.terminal import printable
 
 CHECKS: tuple[Check, ...] = (daemons, versions, clocks, disks, links, vehicles, failsafes, percepts, mail)
 WATCHED = 3.0
@@ -175,4 +176,4 @@ def show(said: Sequence[Said], *, as_json: bool) -> None:
         print(f"{level}  {one.what:{width}}  {lines[0]}")
         for line in lines[1:]:
             print(f"{'':7}  {'':{width}}  {line}")
-    print(f"{counted(errors, 'error')}, {counted(warnings, 'warning')}")
+    print(f"{count(errors, 'error')}, {count(warnings, 'warning')}")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from argosy.diagnosis import Facts, Said, counted
+from argosy.diagnosis import Facts, Said
 from argosy.remedies import BY_CODE, level_of, logs_of, remedy_of, target_of
 from argosy.roll import MEANING, Row
+from schemas.humanize import count, latency, span
 from schemas.records import LinkReport
 from schemas.release import RELEASE
 
@@ -87,10 +88,10 @@ def _complaints(facts: Facts, row: Row) -> Iterator[Said]:
         )
     if health.restarts:
         was = f"; {health.last_error}" if health.last_error and health.last_error_age is None else ""
-        text = f"{who} was started again {counted(health.restarts, 'time')} since its board started{was}"
+        text = f"{who} was started again {count(health.restarts, 'time')} since its board started{was}"
         yield Said("warning", "daemons", text, logs)
     if health.last_error and health.last_error_age is not None:
-        text = f"{who}: {counted(health.errors, 'error')}, the last {health.last_error_age:.0f} s ago: "
+        text = f"{who}: {count(health.errors, 'error')}, the last {health.last_error_age:.0f} s ago: "
         yield Said("warning", "daemons", text + health.last_error, logs)
     before = next((one.now for one in facts.earlier if (one.name, one.daemon) == (row.name, row.daemon)), None)
     if before is not None and before.header.boot == health.header.boot and health.drops > before.drops:
@@ -128,13 +129,13 @@ def clocks(facts: Facts) -> list[Said]:
     told.append((0.0, "this machine", 0.0))
     (low, behind, one), (high, ahead, other) = min(told), max(told)
     skew, unsure = high - low, one + other
-    everybody = f"{counted(len(seen), 'board')} and this machine"
+    everybody = f"{count(len(seen), 'board')} and this machine"
     if skew - unsure < CLOCK_WARNING:
-        return [Said("ok", "clocks", f"{everybody} agree within {_span(skew)} (measured to {_span(unsure)})")]
+        return [Said("ok", "clocks", f"{everybody} agree within {latency(skew)} (measured to {latency(unsure)})")]
     level, why = ("warning", "times of logs and records do not fit together")
     if skew - unsure >= CLOCK_ERROR:
         level, why = ("error", "certificates are taken for expired or not yet valid")
-    text = f"{ahead} is {_span(skew)} ahead of {behind} (measured to {_span(unsure)}): {why}"
+    text = f"{ahead} is {latency(skew)} ahead of {behind} (measured to {latency(unsure)}): {why}"
     do = "let one board serve the time to the others (chrony or systemd-timesyncd); `timedatectl` shows how it is"
     return [Said(level, "clocks", text, do)]  # type: ignore[arg-type]
 
@@ -183,7 +184,7 @@ def links(facts: Facts) -> list[Said]:
         slowest = max(link.round_trip or 0.0 for link in fine)
         rates = [link.rate for link in fine if link.rate is not None]
         rate = f", {min(rates) / 1000:.0f} kB/s at least" if rates else ""
-        said.append(Said("ok", "links", f"{counted(len(fine), 'way')} measured: {_span(slowest)} at most{rate}"))
+        said.append(Said("ok", "links", f"{count(len(fine), 'way')} measured: {latency(slowest)} at most{rate}"))
     return said
 
 
@@ -198,7 +199,7 @@ def _link(board: str, link: LinkReport) -> list[Said]:
     if link.problem:
         return [Said("warning", "links", f"{way}: {link.problem}", look)]
     if link.round_trip is not None and link.round_trip > SLOW_TRIP:
-        text = f"{way}: {_span(link.round_trip)} for a round trip at best, {_span(link.slowest or 0.0)} at worst"
+        text = f"{way}: {latency(link.round_trip)} for a round trip at best, {latency(link.slowest or 0.0)} at worst"
         return [Said("warning", "links", text, look)]
     if link.rate is not None and link.rate < SLOW_RATE:
         text = f"{way}: {link.rate / 1000:.1f} kB/s"
@@ -214,25 +215,13 @@ def mail(facts: Facts) -> list[Said]:
         for queue in boxes.queues:
             if queue.oldest > MAIL_WAITS:
                 who = f"{queue.sender} > {queue.receiver}"
-                text = f"{board}: {counted(queue.messages, 'message')} {who} wait, the oldest for {_span(queue.oldest)}"
+                text = f"{board}: {count(queue.messages, 'message')} {who} wait, the oldest for {span(queue.oldest)}"
                 text += f": {queue.state}" if queue.state else ""
                 do = "it goes on by itself when the receiver is there: see `daemons` and `links`"
                 said.append(Said("warning", "mail", text, do))
         if boxes.dead_count:
-            text = f"{board}: {counted(boxes.dead_count, 'message')} could not be delivered and were given up"
+            text = f"{board}: {count(boxes.dead_count, 'message')} could not be delivered and were given up"
             said.append(Said("warning", "mail", text, f"`argosy mail {facts.mission.path} --dead` shows them and why"))
     if facts.mail and not said:
-        said.append(Said("ok", "mail", f"nothing waits for long on {counted(len(facts.mail), 'board')}"))
+        said.append(Said("ok", "mail", f"nothing waits for long on {count(len(facts.mail), 'board')}"))
     return said
-
-
-def _span(seconds: float) -> str:
-    if seconds < 0.0995:
-        return f"{seconds * 1000:.1f} ms"
-    return (
-        f"{seconds:.1f} s"
-        if seconds < 120
-        else f"{seconds / 60:.0f} min"
-        if seconds < 7200
-        else f"{seconds / 3600:.0f} h"
-    )

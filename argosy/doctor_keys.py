@@ -7,10 +7,11 @@ import ssl
 import time
 from pathlib import Path
 
-from argosy.diagnosis import Said, counted
+from argosy.diagnosis import Said
 from commd.tls import SOON, Identity, Tls, day, files_in, identity_of, out_of_date, shown_by
 from schemas.endpoints import host_and_port
 from schemas.findings import Findings
+from schemas.humanize import count
 from schemas.mission import DEFAULT_PORT, Mission
 
 CALL_PATIENCE = 3.0
@@ -54,7 +55,7 @@ def certificates(mission: Mission, folder: Path | None) -> list[Said]:
             said.append(Said("error", "certificates", text, "two boards have each other's address or keys"))
         said += _dates(f"{board}'s", theirs, now)
     if not said:
-        text = f"{counted(len(seen), 'certificate')}, the first ends on {day(min(seen))}"
+        text = f"{count(len(seen), 'certificate')}, the first ends on {day(min(seen))}"
         said.append(Said("ok", "certificates", text))
     return said
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from argosy.diagnosis import Facts, RobotFacts, Said, counted
+from argosy.diagnosis import Facts, RobotFacts, Said
 from argosy.remedies import remedy_of
 from argosy.roll import Row
+from schemas.humanize import count
 from schemas.records import Health
 
 FEW = 5.0
@@ -75,7 +76,7 @@ def percepts(facts: Facts) -> list[Said]:
         else:
             age = _newest(facts, robot, found)
             when = f", the newest told {max(0.0, age):.1f} s ago" if age is not None else ""
-            said.append(Said("ok", "percepts", f"{robot}: {counted(len(found.percepts), 'percept')}{when}"))
+            said.append(Said("ok", "percepts", f"{robot}: {count(len(found.percepts), 'percept')}{when}"))
     return said
 
 

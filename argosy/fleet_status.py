@@ -8,7 +8,6 @@ import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 
-from argosy.journal import json_lines, printable
 from argosy.operator_bus import ANY, Where, add_router_argument, on_the_bus, unreached
 from argosy.picture import without_figures
 from argosy.roll import SILENT, Roll, Row
@@ -17,8 +16,10 @@ from commd.bus import Bus
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas import keys
 from schemas.findings import Findings
+from schemas.humanize import json_lines
 from schemas.mission import Mission, load_mission
 from schemas.records import Health
+from schemas.terminal import printable
 
 WATCH_EVERY = 1.0
 """Wall seconds between two looks of `--watch`."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, TextIO
+
+from schemas.terminal import printable
 
 KEPT = 500
 """Entries kept for the view; the log file has them all."""
@@ -59,18 +60,3 @@ class Journal:
         except OSError as error:  # a full disk must not end a flight
             self._log = None
             self.add("argosy", f"the log cannot be written any more: {error.strerror}", "warning")
-
-
-def printable(text: str) -> str:
-    """Return one line that no terminal takes for a command: what vehicles and programs say is not trusted."""
-    return "".join(char if char.isprintable() else " " for char in text)
-
-
-def json_lines(value: object, indent: int | None = 2) -> str:
-    """Return a value as JSON for people and programs, of which no terminal takes anything for a command."""
-    return "\n".join(map(escaped, json.dumps(value, ensure_ascii=False, indent=indent).split("\n")))
-
-
-def escaped(text: str) -> str:
-    """Return a text with `\\uXXXX` in place of what a terminal may take for a command; JSON stays the same JSON."""
-    return text if text.isprintable() else "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in text)

@@ -12,12 +12,15 @@ from rich.table import Table
 from rich.text import Text
 
 from argosy.aloft import age
-from argosy.journal import Entry, Level, printable
+from argosy.journal import Entry, Level
 from argosy.measure import MEGABYTE
 from argosy.picture import AgentSeen
 from argosy.seen import ActionSeen, RobotSeen
 from argosy.status import Status
-from argosy.track import Track, distance
+from argosy.track import Track
+from schemas.geo import distance
+from schemas.humanize import count
+from schemas.terminal import printable
 
 STYLES: dict[Level, str] = {
     "info": "",
@@ -181,8 +184,8 @@ class Screen:
         return [table]
 
     def _restarts(self, name: str) -> str:
-        count = self.status.restarts[name]
-        return f"restarted {count} time{'s' if count > 1 else ''}" if count else ""
+        number = self.status.restarts[name]
+        return f"restarted {count(number, 'time')}" if number else ""
 
     def _health(self, daemon: str, subject: str) -> str:
         told = [self.status.picture.health.get((name, daemon)) for name in subject.split()]

@@ -9,15 +9,16 @@ from pathlib import Path
 
 import msgspec
 
-from argosy.journal import json_lines, printable
 from argosy.operator_bus import Where, add_router_argument, on_the_bus
 from commd.bus import Bus
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas import keys
 from schemas.findings import Finding, Findings
+from schemas.humanize import columns, count, json_lines, shortened, size, span
 from schemas.mission import Mission, load_mission
 from schemas.positions import did_you_mean
 from schemas.records import DeadLetter, Mailboxes, Queue
+from schemas.terminal import printable
 from schemas.text import write
 
 ANSWER_TIMEOUT = 5.0
@@ -101,24 +102,20 @@ def _show(boxes: list[Mailboxes], silent: list[str], args: Namespace) -> int:
 def board_lines(boxes: Mailboxes, dead: bool) -> list[str]:
     """Return the lines about one board, with its dead letters if asked for."""
     waiting = sum(queue.messages for queue in boxes.queues)
-    head = f"{boxes.board}: {_count(waiting, 'message')} waiting, {_count(boxes.dead_count, 'dead letter')}"
+    head = f"{boxes.board}: {count(waiting, 'message')} waiting, {count(boxes.dead_count, 'dead letter')}"
     where = f"{boxes.store}, synchronous {boxes.synchronous}" if boxes.synchronous else boxes.store
     lines = [f"{head}  ({where})" if where else head]
-    rows = [_row(queue) for queue in boxes.queues]
-    widths = [max(len(row[column]) for row in rows) for column in range(4)] if rows else []
-    for box, pair, messages, age, state in rows:
-        cells = (f"{box:{widths[0]}}", f"{pair:{widths[1]}}", f"{messages:>{widths[2]}}", f"{age:>{widths[3]}}", state)
-        lines.append(f"  {'  '.join(cells)}".rstrip())
+    lines += [f"  {line}" for line in columns([_row(queue) for queue in boxes.queues], right=(2, 3))]
     if dead:
         lines += [f"  {_dead(letter)}" for letter in boxes.dead]
         if missing := boxes.dead_count - len(boxes.dead):
-            lines.insert(len(lines) - len(boxes.dead), f"  {_count(missing, 'older dead letter')} not shown")
+            lines.insert(len(lines) - len(boxes.dead), f"  {count(missing, 'older dead letter')} not shown")
     return [printable(line) for line in lines]
 
 
 def _row(queue: Queue) -> tuple[str, str, str, str, str]:
-    messages = f"{_count(queue.messages, 'message')}, {_size(queue.bytes)}"
-    age = f"oldest {_age(queue.oldest)}"
+    messages = f"{count(queue.messages, 'message')}, {size(queue.bytes)}"
+    age = f"oldest {span(queue.oldest)}"
     return queue.box, f"{queue.sender} > {queue.receiver}", messages, age, printable(queue.state)
 
 
@@ -126,21 +123,5 @@ def _dead(letter: DeadLetter) -> str:
     message = letter.message
     at = datetime.fromtimestamp(letter.stamp / 1e9, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
     content = write(message.content)
-    shown = content if len(content) <= LONGEST else f"{content[: LONGEST - 1]}…"
-    what = f"{message.sender} > {message.receiver}  {message.performative} {shown}"
+    what = f"{message.sender} > {message.receiver}  {message.performative} {shortened(content, LONGEST)}"
     return printable(f"dead  {at}  {what}: {letter.reason}")
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
-def _size(size: int) -> str:
-    return f"{size} B" if size < 1000 else f"{size / 1000:.1f} kB" if size < 1_000_000 else f"{size / 1e6:.1f} MB"
-
-
-def _age(seconds: float) -> str:
-    if seconds < 60:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"

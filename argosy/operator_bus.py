@@ -14,7 +14,6 @@ from pathlib import Path
 from argosy.arguments import name
 from argosy.endpoint import endpoint
 from argosy.fleet_bus import FleetBus, open_fleet_bus
-from argosy.journal import printable
 from commd.bus import Bus, open_bus
 from commd.errors import BusClosed
 from commd.local_runs import router_of
@@ -23,6 +22,7 @@ from commd.tls import Tls, identity_of
 from schemas import keys
 from schemas.findings import Finding, Findings
 from schemas.mission import DEFAULT_ROUTER, Mission, load_mission
+from schemas.terminal import printable
 
 ROUTER_PATIENCE = 3.0
 """Wall seconds to reach the router."""

@@ -7,7 +7,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from argosy.journal import Journal, printable
+from argosy.journal import Journal
 from argosy.remedies import level_of
 from argosy.seen import ActionSeen, ActionsSeen, RobotSeen
 from bridged.orders import UNATTENDED
@@ -15,6 +15,7 @@ from schemas import keys
 from schemas.minds import IntentionView, MindView
 from schemas.mission import Mission
 from schemas.records import ActionStatus, Health, Perception
+from schemas.terminal import printable
 
 KEPT_PRINTS = 50
 

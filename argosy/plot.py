@@ -18,6 +18,7 @@ from argosy.recording.units import SECOND
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas import keys
 from schemas.findings import Findings
+from schemas.humanize import count
 from schemas.minds import MindDeeds
 from schemas.mission import read_mission
 from schemas.records import ActionStatus, Perception
@@ -143,8 +144,8 @@ def read_scene(recording: Recording, fleet: str | None = None, wanted: Iterable[
             )
     unread: Counter[str] = Counter()
     scene = SceneReader(title, robot_of, agents).read(_heard(recording, whose, unread))
-    for name, count in unread.items():
-        scene.notes.append(f"{count} of its records {name} cannot be read: another version of Argosy wrote them")
+    for name, number in unread.items():
+        scene.notes.append(f"{number} of its records {name} cannot be read: another version of Argosy wrote them")
     return scene
 
 
@@ -198,4 +199,4 @@ def _tables(scene: Scene, folder: Path) -> str:
 
 def _told(scene: Scene) -> str:
     figures = ((len(scene.robots), "robot"), (len(scene.actions), "action"), (len(scene.messages), "message"))
-    return ", ".join(f"{count} {name}{'' if count == 1 else 's'}" for count, name in figures)
+    return ", ".join(count(number, noun) for number, noun in figures)

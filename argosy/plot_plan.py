@@ -9,7 +9,8 @@ from matplotlib.lines import Line2D
 from argosy.plot_panels import colour_of, robot_handles
 from argosy.plot_scene import TARGET, Place, Scene
 from argosy.plot_style import INK, LEFT_MARKERS, SEEN_MARKERS
-from argosy.track import Track, metres
+from argosy.track import Track
+from schemas.geo import offset
 
 LOWEST, HIGHEST = 0.3, 0.95
 """Height of the plan by its width, at least and at most."""
@@ -63,7 +64,7 @@ def _homes(axes: Any, scene: Scene, origin: tuple[float, float]) -> list[Any]:
     }
     homes = [track.home for track in scene.tracks.values() if track.home is not None]
     for home in dict.fromkeys(homes):
-        x, y = metres(home, origin)
+        x, y = offset(origin, home)
         axes.plot(x, y, linestyle="none", zorder=5, **style)
         axes.annotate("H", (x, y), ha="center", va="center_baseline", fontsize="xx-small", fontweight="bold", zorder=6)
     return [Line2D([], [], linestyle="none", label="home", **style)] if homes else []
@@ -80,7 +81,7 @@ def _places(axes: Any, scene: Scene, origin: tuple[float, float]) -> list[Any]:
         marker = "D" if target else next(seen if places[0].label else left, "1")
         style: dict[str, Any] = {"marker": marker, "markersize": 4 if target else 9 if marker == "*" else 3.6}
         for place in places:
-            x, y = metres(place.position, origin)
+            x, y = offset(origin, place.position)
             fill = "none" if target else _fill(scene, place)
             edge = colour_of(scene, place.robot)[0] if target else INK
             look: dict[str, Any] = {
@@ -117,12 +118,12 @@ def _path(track: Track, scene: Scene, origin: tuple[float, float]) -> list[tuple
     """Return the points while armed, or all if the vehicle was never seen armed."""
     inside = [point for point in track.points if scene.begin <= point.at <= scene.end]
     flown = [point for point in inside if track.armed(point.at)] or inside
-    return [metres((point.latitude, point.longitude), origin) for point in flown]
+    return [offset(origin, (point.latitude, point.longitude)) for point in flown]
 
 
 def _extent(scene: Scene) -> list[tuple[float, float]]:
     origin = scene.origin or (0.0, 0.0)
     points = [point for track in scene.tracks.values() for point in _path(track, scene, origin)]
-    homes = [metres(track.home, origin) for track in scene.tracks.values() if track.home is not None]
+    homes = [offset(origin, track.home) for track in scene.tracks.values() if track.home is not None]
     own = [place for place in scene.places if place.robot in scene.robots]
-    return [*points, *homes, *(metres(place.position, origin) for place in own)] or [(0.0, 0.0)]
+    return [*points, *homes, *(offset(origin, place.position) for place in own)] or [(0.0, 0.0)]

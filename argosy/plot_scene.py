@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from argosy.journal import printable
 from argosy.seen import ActionSeen, ActionsSeen, RobotSeen, finite
-from argosy.track import Track, distance
+from argosy.track import Track
 from schemas import keys
+from schemas.geo import distance
 from schemas.minds import Deed, MindDeeds
 from schemas.records import ActionStatus, Perception, Record
+from schemas.terminal import printable
 from schemas.terms import Term
 from schemas.text import write
 

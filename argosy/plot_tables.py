@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from argosy.plot_scene import Scene
-from argosy.track import metres
+from schemas.geo import offset
 
 Row = Sequence[object]
 
@@ -46,7 +46,7 @@ def _tracks(scene: Scene) -> Iterable[Row]:
             if scene.begin <= point.at <= scene.end:
                 position = point.latitude, point.longitude
                 armed = str(track.armed(point.at)).lower()
-                yield name, _seconds(point.at), *map(_degrees, position), *map(_metres, metres(position, origin)), armed
+                yield name, _seconds(point.at), *map(_degrees, position), *map(_metres, offset(origin, position)), armed
 
 
 def _altitudes(scene: Scene) -> Iterable[Row]:
@@ -77,7 +77,7 @@ def _messages(scene: Scene) -> Iterable[Row]:
 def _places(scene: Scene) -> Iterable[Row]:
     origin = scene.origin or (0.0, 0.0)
     for one in scene.places:
-        where = *map(_degrees, one.position), *map(_metres, metres(one.position, origin))
+        where = *map(_degrees, one.position), *map(_metres, offset(origin, one.position))
         yield one.kind, one.label, one.robot, _seconds(one.at), *where
 
 

@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 from argosy.recording.reader import Recording
 from bridged.manifests import load_robot_manifest
 from bridged.simulation.servo_log import ServoMove
-from bridged.simulation.world import Victim, metres_between
+from bridged.simulation.world import Victim
 from schemas import keys
+from schemas.geo import distance
 from schemas.ini_manifest import truth
 from schemas.manifest import Manifest
 from schemas.mission import Mission
@@ -76,7 +77,7 @@ class CopterSeen:
             if pulse == before:
                 continue
             before, place = pulse, self._nearest(robot, at)
-            away = 0.0 if home is None else metres_between(place, home)
+            away = 0.0 if home is None else distance(place, home)
             yield ServoMove(round(at, 2), 0, output, round(pulse), *place, 1.0 if armed else 0.0, away, armed)
 
     def _nearest(self, robot: str, at: float) -> FarAndNear:

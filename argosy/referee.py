@@ -16,9 +16,10 @@ from pathlib import Path
 from argosy.simulators import vehicle_of
 from argosy.surroundings import servo_log, victims
 from bridged.simulation.servo_log import ServoMove, read_moves
-from bridged.simulation.world import Victim, metres_between
+from bridged.simulation.world import Victim
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.findings import Findings
+from schemas.geo import distance
 from schemas.mission import Mission, load_mission
 
 NEAR = 5.0
@@ -43,7 +44,7 @@ class Drop:
 
     def metres_from(self, victim: Victim) -> float:
         """Metres over ground to a victim."""
-        return metres_between((victim.lat, victim.lon), (self.lat, self.lon))
+        return distance((victim.lat, victim.lon), (self.lat, self.lon))
 
 
 @dataclass

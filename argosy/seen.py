@@ -9,10 +9,12 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import Literal
 
-from argosy.journal import Level, printable
+from argosy.journal import Level
 from argosy.track import Track
 from bridged.drivers.mavlink.modes import COMING_HOME
+from schemas.humanize import LONGEST, shortened
 from schemas.records import ActionStatus, Perception, State
+from schemas.terminal import printable
 from schemas.terms import Atom, Term, to_float
 from schemas.text import write
 
@@ -23,8 +25,6 @@ MOST_TOLD = 200
 KEPT_ACTIONS = 2_000
 """Actions that are remembered; older ones are only counted."""
 
-MAX_TEXT = 500
-"""Characters of an action, and of the reason for its end, that are kept."""
 MAX_FIGURES = 20
 """Figures of an action's progress that are kept."""
 NOT_HEARD = 3.0
@@ -91,12 +91,12 @@ class ActionsSeen:
 
         `speed` is in mission seconds per second of `now`: how long an action took is told in mission seconds.
         """
-        id = _short(status.id)
+        id = shortened(status.id)
         seen = self.by_id.get(id)
         if seen is None:
-            text = _short(written(status.name, status.parameters))
-            parameters = status.parameters if len(text) < MAX_TEXT else ()  # what is not kept as text is not kept
-            seen = ActionSeen(id, agent, text, _short(status.name), parameters, now, status.state)
+            text = shortened(written(status.name, status.parameters))
+            parameters = status.parameters if len(text) < LONGEST else ()  # what is not kept as text is not kept
+            seen = ActionSeen(id, agent, text, shortened(status.name), parameters, now, status.state)
             self._keep(seen)
             if not status.final:
                 tell(agent, text, "action")
@@ -105,8 +105,8 @@ class ActionsSeen:
         if seen.ended is not None:  # somebody does tell of it
             seen.ended = None
             self._open.setdefault(seen.agent, {})[seen.id] = seen
-        seen.state, seen.reason, seen.heard = status.state, _short(status.reason), now
-        figures = ((printable(name[:MAX_TEXT]), value) for name, value in status.feedback.items())
+        seen.state, seen.reason, seen.heard = status.state, shortened(status.reason), now
+        figures = ((printable(name[:LONGEST]), value) for name, value in status.feedback.items())
         seen.feedback = dict(islice(figures, MAX_FIGURES)) or seen.feedback
         if status.final:
             self.end(seen, status.state, seen.reason, now)
@@ -117,7 +117,7 @@ class ActionsSeen:
 
     def end(self, action: ActionSeen, state: State | Literal["unknown"], reason: str, now: float) -> None:
         """An action has ended, or nobody is there any more who could tell how it ends."""
-        action.state, action.reason, action.ended = state, _short(reason), now
+        action.state, action.reason, action.ended = state, shortened(reason), now
         those = self._open.get(action.agent, {})
         those.pop(action.id, None)
         if not those:
@@ -248,7 +248,7 @@ class RobotSeen:
                 parts = finite(north), finite(east), finite(up)
                 self.velocity = None if None in parts else parts  # type: ignore[assignment]
             case "holder", (agent,):
-                self.holder = _short(plain(agent))
+                self.holder = shortened(plain(agent))
                 return  # this and `paused` a bridge knows before it has heard the vehicle
             case "paused", (_,):
                 if not self.paused:
@@ -260,7 +260,7 @@ class RobotSeen:
                 self.paused = True
                 return
             case "override", (mode,):
-                self.override = _short(plain(mode))
+                self.override = shortened(plain(mode))
                 if self.override in COMING_HOME:
                     tell(self.name, f"comes home: others have set {self.override} (pilot, failsafe)", "warning")
                 else:
@@ -277,7 +277,7 @@ class RobotSeen:
         self.heard = now
 
     def _state(self, mode: Term, connected: bool, armed: bool, now: float, tell: Tell) -> None:
-        name = _short(plain(mode))
+        name = shortened(plain(mode))
         if not connected:  # it tells neither mode nor armed: what was known last is all that is known
             if self.connected:
                 self.connected = False
@@ -328,9 +328,3 @@ def _pair(first: Term, second: Term) -> tuple[float, float] | None:
     if one is None or two is None or not (-90 <= one <= 90 and -180 <= two <= 180):
         return None
     return one, two
-
-
-def _short(text: str) -> str:
-    """Return one line that no terminal takes for a command, and that is not longer than is kept."""
-    text = printable(text)
-    return text if len(text) <= MAX_TEXT else f"{text[: MAX_TEXT - 1]}…"

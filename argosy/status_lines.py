@@ -6,8 +6,8 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from argosy.journal import printable
 from argosy.roll import Row
+from schemas.terminal import printable
 
 ANY_FLEET = "any"
 """What stands for the fleet where all on the router are shown."""

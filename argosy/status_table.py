@@ -8,9 +8,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from argosy.journal import printable
 from argosy.roll import Row, Standing
 from argosy.status_lines import summary
+from schemas.humanize import latency, span
+from schemas.terminal import printable
 
 STYLES: dict[Standing, str] = {
     "up": "green",
@@ -57,7 +58,7 @@ def _cells(row: Row, board: str) -> list[Text]:
         *cells,
         Text(printable(health.version) or "?", style=dim),
         Text(span(health.uptime), style=dim),
-        Text(span(health.lag) if late else f"{health.lag * 1000:.0f} ms", style="yellow" if late else dim),
+        Text(latency(health.lag), style="yellow" if late else dim),
         _count(health.drops, dim),
         Text("?", style="dim") if health.restarts is None else _count(health.restarts, dim),
     ]
@@ -87,14 +88,3 @@ def _words(rows: Sequence[Row]) -> list[Text]:
 
 def _count(number: int, style: str) -> Text:
     return Text(str(number), style="yellow" if number else style)
-
-
-def span(seconds: float) -> str:
-    """Return a span of time in words."""
-    if seconds < 60:
-        return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
-    minutes, rest = divmod(int(seconds), 60)
-    if minutes < 60:
-        return f"{minutes} min {rest} s"
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes} min" if hours < 48 else f"{hours // 24} d {hours % 24} h"

@@ -7,7 +7,6 @@ import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from typing import get_args
 
-from argosy.journal import printable
 from argosy.operator_bus import ANY, Where, add_fleet_arguments, bridges, on_the_bus, unreached
 from commd.bus import Bus
 from commd.errors import BusError, QueryTimeout
@@ -16,6 +15,7 @@ from schemas import keys
 from schemas.mission import load_mission
 from schemas.positions import did_you_mean
 from schemas.records import OperatorOrder, Outcome, StopOrder
+from schemas.terminal import printable
 
 ANSWER_TIMEOUT = 15.0
 """Wall seconds that a bridge has to see the order confirmed by its vehicle; it gives up after 10 s itself."""

@@ -9,6 +9,7 @@ from argosy.measure import MEGABYTE, Window
 from argosy.seen import ActionSeen, RobotSeen
 from argosy.status import Status
 from commd.process import EXIT_DONE
+from schemas.humanize import columns, shortened
 
 TOGETHER = "commd + bridged + agentd together:"
 MOST_ACTIONS = 40
@@ -40,10 +41,8 @@ def _times(status: Status, phases: list[tuple[str, float]]) -> list[str]:
     actions = list(status.picture.actions.values())
     rows += [_action(action, status.now(), speed) for action in actions[-MOST_ACTIONS:]]
     rows += [_row(name, "", seconds, speed) for name, seconds in rest]
-    widths = [max(len(row[column]) for row in [*rows, ("", "", "mission", "wall")]) for column in range(4)]
-    lines = [f"  {'':{widths[0]}}  {'mission':>{widths[2]}}  {'wall':>{widths[3]}}"]
-    for name, state, mission, wall in rows:
-        lines.append(f"  {name:{widths[0]}}  {mission:>{widths[2]}}  {wall:>{widths[3]}}  {state}".rstrip())
+    table = [("", "mission", "wall", ""), *((name, mission, wall, state) for name, state, mission, wall in rows)]
+    lines = [f"  {line}" for line in columns(table, right=(1, 2))]
     forgotten = status.picture.actions_forgotten + len(actions[:-MOST_ACTIONS])
     return [*lines, *([f"  and {forgotten} earlier actions"] if forgotten else []), ""]
 
@@ -56,7 +55,7 @@ def _action(action: ActionSeen, now: float, speed: float) -> Row:
     reason = f": {action.reason}" if action.reason and action.state != "succeeded" else ""
     state = f"{action.state}{reason}" if action.ended is not None else f"{action.state}, without an outcome"
     name = f"{action.agent}  {action.text}"
-    return _row(name if len(name) <= 60 else f"{name[:59]}…", state, action.age(now), speed)
+    return _row(shortened(name, 60), state, action.age(now), speed)
 
 
 def _left(status: Status, robot: RobotSeen) -> str:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+from schemas.geo import distance
+
 MAX_POINTS = 20_000
 """Points that are kept; when there are more, every second one goes."""
-EARTH_RADIUS = 6_378_137.0
-"""Metres; the flight areas are small enough for a plane that touches the sphere at home."""
 
 
 @dataclass(frozen=True)
@@ -54,10 +53,7 @@ class Track:
     def length(self) -> float:
         """Return the metres flown over ground while armed."""
         points = [point for point in self.points if self.armed(point.at)]
-        return sum(
-            math.dist(metres((b.latitude, b.longitude), (a.latitude, a.longitude)), (0.0, 0.0))
-            for a, b in pairwise(points)
-        )
+        return sum(distance((a.latitude, a.longitude), (b.latitude, b.longitude)) for a, b in pairwise(points))
 
     def highest(self) -> float | None:
         """Return the greatest altitude in metres above home."""
@@ -71,15 +67,3 @@ class Track:
                 break
             state = armed
         return state
-
-
-def metres(position: tuple[float, float], origin: tuple[float, float]) -> tuple[float, float]:
-    """Return how far east and north of an origin a position is."""
-    north = math.radians(position[0] - origin[0]) * EARTH_RADIUS
-    turn = (position[1] - origin[1] + 180) % 360 - 180
-    return math.radians(turn) * EARTH_RADIUS * math.cos(math.radians(origin[0])), north
-
-
-def distance(position: tuple[float, float], origin: tuple[float, float]) -> float:
-    """Return metres over ground between two positions."""
-    return math.hypot(*metres(position, origin))

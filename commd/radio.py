@@ -18,7 +18,8 @@ from dataclasses import dataclass
 
 from commd.bus import Bus
 from commd.errors import BusClosed
-from schemas import keys
+from schemas import geo, keys
+from schemas.geo import Position
 from schemas.mission import Mission, Radio
 from schemas.records import Health, Perception
 from schemas.terms import to_float
@@ -30,10 +31,7 @@ POSITION = "global_pos"
 ASK_EVERY = 5.0
 """Wall seconds between two questions where all robots are: a percept put may be lost, and one that stands still is not
 told again."""
-EARTH = 6_371_000.0
-"""Mean radius in metres."""
 
-Position = tuple[float, float]
 """Latitude and longitude in degrees."""
 
 
@@ -64,7 +62,7 @@ class RadioModel:
     def distance(self, one: str, other: str) -> float | None:
         """Metres over ground between two robots; None while it is not known where both are."""
         here, there = self._positions.get(one), self._positions.get(other)
-        return None if here is None or there is None else metres_between(here, there)
+        return None if here is None or there is None else geo.distance(here, there)
 
     def in_range(self, one: str, other: str) -> bool:
         """Whether two robots hear each other; those of which it is not known where they are do."""
@@ -164,13 +162,6 @@ async def open_air(bus: Bus, mission: Mission, board: str) -> AsyncIterator[Radi
 def robots_of(mission: Mission) -> Mapping[str, str]:
     """The robot of each agent and client that has one."""
     return {agent: robot for robot in mission.robots for agent in mission.agents_of(robot)}
-
-
-def metres_between(here: Position, there: Position) -> float:
-    """The great-circle distance of two places (haversine), good to 0.5 % anywhere."""
-    north, east = math.radians(there[0] - here[0]), math.radians(there[1] - here[1])
-    across = math.cos(math.radians(here[0])) * math.cos(math.radians(there[0])) * math.sin(east / 2) ** 2
-    return 2 * EARTH * math.asin(math.sqrt(min(1.0, math.sin(north / 2) ** 2 + across)))
 
 
 def described(radio: Radio) -> str:

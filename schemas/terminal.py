@@ -18,6 +18,11 @@ def escape_lines(text: str) -> str:
     return _escaped(text, _KEPT)
 
 
+def printable(text: str) -> str:
+    """Return one line that no terminal takes for a command: what vehicles and programs say is not trusted."""
+    return "".join(char if char.isprintable() else " " for char in text)
+
+
 def _escaped(text: str, controls: dict[int, str]) -> str:
     if text.isprintable():
         return text

@@ -8,6 +8,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from agentd.testing.outcomes import Outcome, Unread, Verdict
+from schemas.humanize import count
 
 MOST_OUTPUT = 30
 """Lines of a failed test's output that are shown; the XML has all that were kept."""
@@ -57,8 +58,7 @@ def summary(outcomes: Sequence[Outcome], unread: Sequence[Unread], seconds: floa
         parts.append(f"{empty} without an assertion")
     if unread:
         parts.append(f"{len(unread)} unreadable")
-    tests = "1 test" if len(outcomes) == 1 else f"{len(outcomes)} tests"
-    return f"{tests}: {', '.join(parts)} ({seconds:.1f} s)"
+    return f"{count(len(outcomes), 'test')}: {', '.join(parts)} ({seconds:.1f} s)"
 
 
 def junit(outcomes: Sequence[Outcome], unread: Sequence[Unread]) -> bytes:

@@ -8,12 +8,12 @@ from datetime import UTC, datetime
 from itertools import chain, islice
 from typing import Any
 
-from argosy.journal import printable
-from argosy.recording import sizes
 from argosy.recording.lives import PART, Life, in_words
 from argosy.recording.minds import MOST_MISSING
 from argosy.recording.reader import Recording
 from argosy.recording.units import SECOND
+from schemas.humanize import count, size
+from schemas.terminal import printable
 
 Unread = Counter[tuple[str, str]]
 """Stretches of inputs that do not decode, by fleet and agent."""
@@ -34,11 +34,11 @@ def contents(recording: Recording, *, as_json: bool = False) -> str:
 def _head(recording: Recording) -> list[str]:
     facts, end = recording.facts, recording.end
     began = datetime.fromtimestamp(facts.started / SECOND, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
-    size = sum(file.stat().st_size for file in recording.files)
+    held = sum(file.stat().st_size for file in recording.files)
     files = f"{len(recording.files)} files, " if len(recording.files) > 1 else ""
     mission = f", mission {facts.mission} ({facts.mission_file}, at speed {facts.speed:g})" if facts.mission else ""
     lines = [
-        f"{recording.path}: {files}{sizes.in_words(size)}, of Argosy {facts.version}",
+        f"{recording.path}: {files}{size(held)}, of Argosy {facts.version}",
         f"  fleet    {', '.join(recording.fleets) or facts.fleet}{mission}",
         f"  began    {began}",
         f"  lasts    {recording.seconds:.1f} s, {sum(topic.messages for topic in recording.topics)} messages",
@@ -57,8 +57,8 @@ def _head(recording: Recording) -> list[str]:
 def _minds(recording: Recording, lives: list[Life], unread: Unread) -> list[str]:
     width = max((len(agent) for agent in [*(life.agent for life in lives), *(agent for _, agent in unread)]), default=0)
     told = [f"  {life.agent:{width}}  {life.boot:8}  {_life(life)}" for life in lives]
-    for (_, agent), count in sorted(unread.items()):
-        batches = f"{count} batch{'' if count == 1 else 'es'}"
+    for (_, agent), number in sorted(unread.items()):
+        batches = count(number, "batch", "batches")
         told.append(f"  {agent:{width}}  {batches} of its inputs cannot be read: another version of Argosy wrote them")
     if told:
         return ["minds", *told]

@@ -6,10 +6,10 @@ import asyncio
 import sys
 from typing import Self
 
-from argosy.recording import sizes
 from argosy.recording.of_a_run import ENDED
 from argosy.recording.recorder import Recorder
 from argosy.recording.sieve import NOTES
+from schemas.humanize import count, size
 
 REFRESH = 1.0
 """Wall seconds between two looks at the recorder."""
@@ -36,17 +36,21 @@ class StatusLine:
         while True:
             messages = recorder.messages
             told = f"{recorder.seconds:.0f} s  {(messages - before) / REFRESH:.0f} messages/s"
-            size = sizes.in_words(recorder.size)
-            print(f"\r\x1b[K{told}  {size}  {recorder.dropped} dropped", end="", file=sys.stderr, flush=True)
+            print(
+                f"\r\x1b[K{told}  {size(recorder.size)}  {recorder.dropped} dropped",
+                end="",
+                file=sys.stderr,
+                flush=True,
+            )
             before, self._shown = messages, True
             await asyncio.sleep(REFRESH)
 
 
 def summary(recorder: Recorder) -> list[str]:
     """Return what is said at the end."""
-    many = f"{recorder.messages} message{'' if recorder.messages == 1 else 's'} in {recorder.seconds:.1f} s"
+    many = f"{count(recorder.messages, 'message')} in {recorder.seconds:.1f} s"
     files = str(recorder.path) if len(recorder.files) == 1 else f"{recorder.path} and {len(recorder.files) - 1} more"
-    lines = [f"{files}: {many}, {sizes.in_words(recorder.size)}{ENDED}{recorder.why}"]
+    lines = [f"{files}: {many}, {size(recorder.size)}{ENDED}{recorder.why}"]
     if recorder.dropped:
         lines.append(f"warning: {recorder.dropped} messages did not fit and are missing")
     if recorder.unread:

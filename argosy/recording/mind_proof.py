@@ -17,6 +17,7 @@ from argosy.recording.lives import in_words
 from argosy.recording.mind_words import Named, difference_lines, figures, nearer, told_decision
 from argosy.recording.reader import Recording
 from commd.process import EXIT_DONE, EXIT_FAILED
+from schemas.humanize import count
 from schemas.minds import MindBirth, MindDecisions, MindInputs
 from schemas.release import RELEASE
 
@@ -74,7 +75,7 @@ class LifeAgain:
         """Live it again and tell what came of it; `unread` batches are of some life. Returns the exit code."""
         batches, lacks = self.batches, self._lacks(recording)
         if unread and not self._as_asked:
-            lacks.append(f"{unread} batch{'' if unread == 1 else 'es'} of its inputs cannot be read: {OTHER_VERSION}")
+            lacks.append(f"{count(unread, 'batch', 'batches')} of its inputs cannot be read: {OTHER_VERSION}")
         if not batches or batches[0].birth is None:
             return self._nothing(lacks)
         for line in self._take_names(batches[0].birth):

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from agentd.replaying import Act, Difference, Result
 from agentd.why import decision_lines
+from schemas.humanize import count, shortened
 from schemas.minds import DecisionView
 
 SHOWN = 5
@@ -47,7 +48,7 @@ def figures(result: Result, inputs: int, wall: float) -> str:
         (result.decisions, "decision"),
         (result.effects, "effect"),
     )
-    told = ", ".join(f"{count} {name}{'' if count == 1 else 's'}" for count, name in counts)
+    told = ", ".join(count(number, noun) for number, noun in counts)
     until = result.until if result.difference is None else result.difference.time
     return f"{told} up to {until:.1f} s of mission time, in {wall:.1f} s"
 
@@ -62,7 +63,7 @@ def difference_lines(
     yield f"first difference: {where} (batch {difference.batch} of its inputs)"
     if inputs := difference.inputs[-shown:] if shown > 0 else ():
         yield "what came in last before it:"
-        yield from (f"  {_short(line)}" for line in inputs)
+        yield from (f"  {shortened(line, LONGEST)}" for line in inputs)
     most = max(0, shown)
     if _alike(difference.recorded, difference.replayed):
         yield "the same plan is chosen, but its body is another one"
@@ -78,10 +79,10 @@ def _side(who: str, act: Act | None, following: tuple[Act, ...], name: Named) ->
         yield f"{who}:"
         yield from (f"  {line}" for line in decision_words(act.decision, name))
     else:
-        yield f"{who}: {_short(name(act.text))}"
+        yield f"{who}: {shortened(name(act.text), LONGEST)}"
     if following:
         yield "  then"
-        yield from (f"    {_short(name(f'{one.time:.3f} s  {one.text}'))}" for one in following)
+        yield from (f"    {shortened(name(f'{one.time:.3f} s  {one.text}'), LONGEST)}" for one in following)
 
 
 def _alike(one: Act | None, other: Act | None) -> bool:
@@ -102,9 +103,4 @@ def told_decision(at: float, decision: DecisionView, name: Named) -> Iterator[st
 def decision_words(decision: DecisionView, name: Named) -> list[str]:
     """Return a decision as `agentd run --why` tells it: the event, and each plan with why it was chosen or not."""
     lines = decision_lines(decision)  # type: ignore[arg-type]
-    return [_short(name(line.removeprefix("why: "))) for line in lines]
-
-
-def _short(text: str) -> str:
-    one = " ".join(text.splitlines())
-    return one if len(one) <= LONGEST else f"{one[: LONGEST - 1]}…"
+    return [shortened(name(line.removeprefix("why: ")), LONGEST) for line in lines]

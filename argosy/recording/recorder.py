@@ -12,7 +12,6 @@ from typing import Final
 
 import msgspec
 
-from argosy.recording import sizes
 from argosy.recording.facts import End, Facts
 from argosy.recording.intake import Heard, Intake
 from argosy.recording.minds import Minds
@@ -21,6 +20,7 @@ from argosy.recording.sieve import NOTES, Sieve
 from argosy.recording.units import SECOND
 from argosy.recording.writer import Compression, RecordingWriter
 from schemas.durations import Duration
+from schemas.humanize import size
 
 PERIOD: Final = 1.0
 """Wall seconds between two chunks: what is lost at most when the recorder is killed."""
@@ -168,9 +168,7 @@ class Recorder:
         for heard in self.intake.take():
             if (new := self._sieve.new(heard)) is not None and self._writer.add(new) is not None:
                 self._since_flush += len(heard.payload) + 64
-            if self._size_of_file() >= self._limits.size and not self._full(
-                f"{sizes.in_words(self._limits.size)} are full"
-            ):
+            if self._size_of_file() >= self._limits.size and not self._full(f"{size(self._limits.size)} are full"):
                 return False
         self._tell_dropped()
         self._flush()

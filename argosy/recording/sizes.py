@@ -33,14 +33,3 @@ def duration(text: str) -> Duration:
     if not read:
         raise ArgumentTypeError("expected more than 0 s")
     return read
-
-
-def in_words(size: int) -> str:
-    """Return a size for people."""
-    if size < 1000:
-        return f"{size} B"
-    for unit in ("kB", "MB", "GB"):
-        size_in = size / _UNITS[unit.lower()]
-        if size_in < 1000 or unit == "GB":
-            return f"{size_in:.1f} {unit}"
-    raise AssertionError

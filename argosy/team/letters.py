@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from argosy.team.timeline import shortened
+from schemas.humanize import shortened
 from schemas.minds import Deed
 
 MOST = 2_000

@@ -27,10 +27,11 @@ from argosy.team.places import Places
 from argosy.team.roster import Roster
 from argosy.team.runs import Runs
 from argosy.team.telling import Teller
-from argosy.team.timeline import Timeline, shortened
+from argosy.team.timeline import Timeline
 from argosy.team.unheard import Lives, why_unknown
 from commd.presence import ROUTER_GRACE
 from schemas.findings import Findings
+from schemas.humanize import shortened
 from schemas.minds import MindDeeds, MindView
 from schemas.mission import Mission, read_mission
 from schemas.records import (

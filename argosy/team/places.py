@@ -12,8 +12,8 @@ from itertools import pairwise
 from typing import Literal
 
 from argosy.seen import ActionSeen, finite, written
-from argosy.team.timeline import shortened
-from argosy.track import distance
+from schemas.geo import distance
+from schemas.humanize import shortened
 from schemas.records import Perception
 from schemas.terms import Term
 

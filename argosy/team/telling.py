@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 from argosy.journal import Level
 from argosy.team.letters import Letters
-from argosy.team.timeline import Timeline, What, shortened
+from argosy.team.timeline import Timeline, What
+from schemas.humanize import shortened
 from schemas.minds import Deed, MindDeeds
 from schemas.records import ActionStatus
 

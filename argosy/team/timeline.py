@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Literal
 
-from argosy.journal import Level, printable
+from argosy.journal import Level
+from schemas.humanize import shortened
 
 MOST = 5_000
 """Entries that are kept."""
-LONGEST = 500
-"""Characters of an entry's text."""
 
 What = Literal[
     "action", "outcome", "print", "log", "sent", "received", "undelivered", "operator", "came", "went", "told"
@@ -80,9 +79,3 @@ class Timeline:
         """Return the entries after that number, at most the newest so many; older ones may be gone already."""
         new = min(max(0, self.number - number), len(self.entries), most)
         return list(islice(self.entries, len(self.entries) - new, None))
-
-
-def shortened(text: str, most: int = LONGEST) -> str:
-    """Return one line of at most so many characters that no terminal takes for a command."""
-    text = printable(text)
-    return text if len(text) <= most else f"{text[: most - 1]}…"

@@ -10,7 +10,6 @@ from contextlib import aclosing, contextmanager, suppress
 
 from argosy.arguments import duration, name
 from argosy.fleet_bus import FleetBus
-from argosy.journal import printable
 from argosy.operator_bus import ANY, Unanswered, Where, add_fleet_arguments, on_the_bus
 from argosy.tools.calls import called, read_action, unknown
 from argosy.tools.following import Lost, cancel, follow
@@ -22,6 +21,7 @@ from schemas.manifest import ActionDescription
 from schemas.mission import Agent, Client
 from schemas.positions import did_you_mean
 from schemas.records import Action, ActionStatus
+from schemas.terminal import printable
 from schemas.terms import Term
 from schemas.text import BadTerm
 

@@ -12,7 +12,6 @@ from typing import Any
 import msgspec
 
 from argosy.arguments import count
-from argosy.journal import escaped
 from argosy.operator_bus import Where, add_fleet_arguments, on_the_bus
 from argosy.tools.hearing import (
     QUIET,
@@ -26,10 +25,11 @@ from argosy.tools.hearing import (
 )
 from argosy.tools.output import note, put_out
 from argosy.tools.reading import plain
-from argosy.tools.rendering import cut, line_of
+from argosy.tools.rendering import line_of
 from commd.bus import Bus
 from commd.process import EXIT_DONE
 from schemas.codec import BadRecord
+from schemas.humanize import escaped, shortened
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -91,7 +91,7 @@ async def _notice(bus: Bus, where: Where, text: str | None) -> None:
 def _line(heard: Heard) -> str:
     at = time.strftime("%H:%M:%S", time.localtime(heard.at)) + f".{int(heard.at % 1 * 1000):03}"
     said = "(deleted)" if heard.deleted else line_of(heard.key, heard.payload, heard.encoding)
-    return f"{at} {cut(heard.key)}  {said}{'  (last known)' if heard.last_known else ''}"
+    return f"{at} {shortened(heard.key)}  {said}{'  (last known)' if heard.last_known else ''}"
 
 
 def _raw(heard: Heard) -> str:

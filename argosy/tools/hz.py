@@ -14,9 +14,9 @@ from argosy.arguments import duration
 from argosy.operator_bus import Where, add_fleet_arguments, on_the_bus, unreached
 from argosy.tools.hearing import QUIET, Ears, add_key_argument, key_expressions, tell_who_is_there
 from argosy.tools.output import note, put_out
-from argosy.tools.rendering import cut
 from commd.bus import Bus
 from commd.process import EXIT_DONE, EXIT_FAILED
+from schemas.humanize import columns, shortened
 
 WINDOW = 5.0
 """Wall seconds that the figures are of, if nobody says otherwise."""
@@ -70,7 +70,7 @@ class Rates:
                 known.popleft()
             lately = [(at, size) for at, size in known if at >= now - self._window]  # the last one is kept
             times, size = [at for at, _ in lately], sum(size for _, size in lately)
-            rows.append((cut(key), *figures(times, size, span), f"{max(0.0, now - known[-1][0]):.1f}"))
+            rows.append((shortened(key), *figures(times, size, span), f"{max(0.0, now - known[-1][0]):.1f}"))
         return rows
 
     def silent(self, now: float) -> bool:
@@ -94,14 +94,7 @@ def figures(times: list[float], size: int, span: float) -> tuple[str, ...]:
 
 def table(rows: Iterable[tuple[str, ...]]) -> list[str]:
     """Return rows in columns, figures flush right."""
-    lines = [HEAD, *rows]
-    widths = [max(len(line[place]) for line in lines) for place in range(len(HEAD))]
-    return [
-        "  ".join(
-            [line[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(line[1:], widths[1:], strict=True))]
-        )
-        for line in lines
-    ]
+    return columns([HEAD, *rows], right=range(1, len(HEAD)))
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -10,7 +10,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from argosy.arguments import duration
-from argosy.journal import printable
 from argosy.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus
 from argosy.tools.hearing import Ears, names_there, tell_unreached, what_is_told
 from argosy.tools.output import complain, note, put_out
@@ -22,6 +21,7 @@ from schemas import keys
 from schemas.keys import ROOT, Channel
 from schemas.manifest import ActionDescription
 from schemas.records import Perception
+from schemas.terminal import printable
 
 WAIT = 2.5
 """Wall seconds of listening, if nobody says otherwise: health is told once a second."""

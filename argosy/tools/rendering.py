@@ -7,10 +7,10 @@ from typing import Any
 
 import msgspec
 
-from argosy.journal import printable
 from argosy.tools.calls import called
 from argosy.tools.reading import plain, read_record
 from schemas.codec import BadRecord
+from schemas.humanize import shortened
 from schemas.manifest import ActionDescription
 from schemas.minds import DecisionView, Deed, MindDecisions, MindDeeds, MindInputs, MindOrder, MindView
 from schemas.records import (
@@ -36,8 +36,6 @@ from schemas.records import (
 )
 from schemas.text import write
 
-LONGEST = 400
-"""Characters of a line; what is more is left out."""
 SIGNS = {"replace": "", "add": "+", "remove": "-"}
 
 
@@ -46,19 +44,13 @@ def line_of(key: str, payload: bytes, encoding: str = "") -> str:
     try:
         record = read_record(key, payload, encoding)
         if record is None:
-            return cut(_unknown(payload, encoding))
+            return shortened(_unknown(payload, encoding))
         text = in_words(record)
         if isinstance(record, Perception) and not record.name:
             text = text.replace("?", key.partition("?")[0].rpartition("/")[2], 1)
-        return cut(text)
+        return shortened(text)
     except BadRecord as bad:
-        return cut(f"({bad})")
-
-
-def cut(text: str, at_most: int = LONGEST) -> str:
-    """Return a text as one line that no terminal takes for a command."""
-    line = printable(text)
-    return line if len(line) <= at_most else f"{line[: at_most - 1]}…"
+        return shortened(f"({bad})")
 
 
 def in_words(record: Record) -> str:

@@ -11,8 +11,8 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache
 
 from argosy.team import Place, TeamModel
-from argosy.track import distance
 from argosy.ui.views import AreaView, MarksView, MarkView
+from schemas.geo import distance
 from schemas.minds import BeliefView
 from schemas.terms import Structure, Term, to_float
 from schemas.text import BadTerm, read, write

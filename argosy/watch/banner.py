@@ -7,7 +7,8 @@ from rich.text import Text
 from argosy.team import TeamModel
 from argosy.watch.link import Link
 from argosy.watch.rows import BAD, GOOD, WARN, joined, said
-from argosy.watch.words import clock, count, span
+from argosy.watch.words import clock
+from schemas.humanize import count, span
 
 HINT_AFTER = 10.0
 """Seconds of waiting after which it is said what the reason may be."""

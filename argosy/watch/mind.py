@@ -9,7 +9,8 @@ from argosy.team import TeamAgent, TeamModel, activity
 from argosy.watch.glyphs import Glyphs
 from argosy.watch.overview import unheard
 from argosy.watch.rows import BAD, DIM, GOOD, WARN, Row, head, joined, said
-from argosy.watch.words import count, place, places, rounded, span
+from argosy.watch.words import place, places, rounded
+from schemas.humanize import count, span
 from schemas.minds import DecisionView, FailureView, IntentionView, MindView
 
 OLD = 3.0

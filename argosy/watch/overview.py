@@ -8,10 +8,11 @@ from rich.text import Text
 
 from argosy.seen import ActionSeen, RobotSeen
 from argosy.team import Member, TeamAgent, TeamModel, TeamRobot, activity
-from argosy.track import distance
 from argosy.watch.glyphs import Glyphs
 from argosy.watch.rows import BAD, DIM, GOOD, WARN, Row, head, joined, said, table
-from argosy.watch.words import count, place, rounded, span
+from argosy.watch.words import place, rounded
+from schemas.geo import distance
+from schemas.humanize import count, span
 
 LAGGING = 1.0
 """Seconds of lag from which on an agent counts as behind."""

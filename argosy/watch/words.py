@@ -1,26 +1,12 @@
-"""Small words of the view: spans of time, places of a program, where the fleet stands."""
+"""Small texts of the view: times of day, places of a program, rounded numbers."""
 
 from __future__ import annotations
 
-import math
 import re
 import time
 
 _FOLDERS = re.compile(r"[^\s(,]*/(?=[^\s/(,]+:\d)")
 _LONG = re.compile(r"(\.\d{6})\d+")
-
-
-def span(seconds: float) -> str:
-    """Return how long, in as few letters as tell it: `0.4 s`, `12 s`, `3 min`, `2 h 5 min`."""
-    if not math.isfinite(seconds):
-        return "? s"
-    if seconds < 9.95:
-        return f"{max(0.0, seconds):.1f} s"
-    if seconds < 120:
-        return f"{seconds:.0f} s"
-    if seconds < 7200:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds // 3600:.0f} h {seconds % 3600 // 60:.0f} min"
 
 
 def clock(at: float) -> str:
@@ -31,11 +17,6 @@ def clock(at: float) -> str:
 def place(position: str) -> str:
     """Return `file:line` without the folders."""
     return position.rpartition("/")[2]
-
-
-def count(number: int, what: str) -> str:
-    """Return `1 message`, `2 messages`."""
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def rounded(text: str) -> str:

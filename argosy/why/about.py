@@ -11,7 +11,8 @@ from argosy.why.memory import Memory
 from argosy.why.present import doing, dropped, failure_paragraph
 from argosy.why.story import Line, Paragraph
 from argosy.why.subject import Subject, parts_of
-from argosy.why.words import ago, event_words, failure_words, many, plan_words, shown, sign_of, span
+from argosy.why.words import ago, event_words, failure_words, plan_words, shown, sign_of
+from schemas.humanize import count, span
 from schemas.minds import BeliefView, Deed, FailureView, IntentionView, MindView, PlanView
 from schemas.positions import did_you_mean
 
@@ -74,7 +75,7 @@ def _failed(memory: Memory, failure: FailureView) -> Paragraph:
         *aftermath(memory, failure),
     ]
     if same > 1:
-        lines.append(Line(f"The same {many(same - 1, 'time')} before.", 1))
+        lines.append(Line(f"The same {count(same - 1, 'time')} before.", 1))
     return Paragraph("failure", tuple(lines), failure.time, same)
 
 
@@ -129,7 +130,7 @@ def _believed(memory: Memory, subject: Subject) -> Iterator[Paragraph]:
     beliefs = [belief for belief in view.believed if subject.is_of(belief.text)]
     lines = [Line(_belief(memory, belief)) for belief in beliefs[:MOST_BELIEFS]]
     if len(beliefs) > MOST_BELIEFS:
-        lines.append(Line(f"And {many(len(beliefs) - MOST_BELIEFS, 'more belief')} of that name."))
+        lines.append(Line(f"And {count(len(beliefs) - MOST_BELIEFS, 'more belief')} of that name."))
     if beliefs and view.plans and not any(_fits(subject, plan, "+") for plan in view.plans):
         indicator = f"+{_indicator(beliefs[0].text)}"
         lines.append(Line(f"It is believed, but no plan is for {indicator}: nothing is done when it comes.", 1))
@@ -154,10 +155,10 @@ def _program(memory: Memory, subject: Subject, happened: bool) -> Iterator[Parag
     lines: list[Line] = []
     if plans:
         named = [plan_words(plan) for plan in plans[:MOST_PLANS]]
-        lines.append(Line(f"{many(len(plans), 'plan')} for it: {', '.join(named)}.", 0, plans[0].position))
+        lines.append(Line(f"{count(len(plans), 'plan')} for it: {', '.join(named)}.", 0, plans[0].position))
     sign = subject.goal or (sign_of(plans[0].trigger)[0].lstrip("+-^") if plans else "")
     name = f"{sign}{subject.name}"
-    remembered = f"none of the last {many(len(view.decisions), 'decision')}" if view.decisions else "no decision"
+    remembered = f"none of the last {count(len(view.decisions), 'decision')}" if view.decisions else "no decision"
     lines.append(Line(f"{remembered[:1].upper()}{remembered[1:]} was about {name}.", 0))
     if not sign and any(sign_of(use)[0] for _, use, _ in sites) and not any(map(subject.is_of, view.beliefs)):
         lines.append(Line("It is not believed now.", 0))

@@ -7,16 +7,8 @@ from itertools import islice
 
 from argosy.why.memory import Cause, Memory
 from argosy.why.story import Line
-from argosy.why.words import (
-    ANSWERING,
-    event_words,
-    failure_words,
-    first_up,
-    many,
-    plan_words,
-    raiser_words,
-    shown,
-)
+from argosy.why.words import ANSWERING, event_words, failure_words, first_up, plan_words, raiser_words, shown
+from schemas.humanize import count
 from schemas.minds import DecisionView
 
 MOST_LINKS = 8
@@ -46,9 +38,9 @@ def cause_lines(memory: Memory, decision: DecisionView, called: str = "it", inde
         else:
             lines += _link(made, cause, event_words(made.event) if lines else called, indent)
     if further:
-        lines.append(Line(f"... and {many(further, 'step')} more back.", indent))
+        lines.append(Line(f"... and {count(further, 'step')} more back.", indent))
     if rounds:
-        lines.append(Line(f"So it went round {many(rounds, 'time')} before, as far as is remembered.", indent))
+        lines.append(Line(f"So it went round {count(rounds, 'time')} before, as far as is remembered.", indent))
     if last is not None and last[1].by is None and last[1].failure is None:
         lines += _origin(memory, last[0], event_words(last[0].event) if lines else called, indent)
     return lines

@@ -10,7 +10,6 @@ from pathlib import Path
 import msgspec
 
 from argosy.arguments import count, name
-from argosy.journal import escaped
 from argosy.operator_bus import Unanswered, Where, add_fleet_arguments, on_the_bus
 from argosy.tools.output import complain, note, put_out
 from argosy.why.explaining import LAST, explain, tell
@@ -19,6 +18,7 @@ from argosy.why.subject import subject_of
 from commd.bus import Bus
 from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.findings import Findings
+from schemas.humanize import escaped
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -13,7 +13,6 @@ from argosy.why.words import (
     event_words,
     failure_words,
     goals_words,
-    many,
     plan_words,
     raiser_words,
     rejected_words,
@@ -21,6 +20,7 @@ from argosy.why.words import (
     with_values,
     without_annotations,
 )
+from schemas.humanize import count
 from schemas.minds import DecisionView, FailureView, RejectedView
 
 MOST_PLANS = 6
@@ -56,7 +56,7 @@ def decision_paragraph(memory: Memory, group: list[DecisionView]) -> Paragraph:
     lines += _became(memory, made)
     if len(group) > 1:
         lines.append(
-            Line(f"The same {many(len(group) - 1, 'time')} before, first {ago(memory.now, group[0].time)}.", 1)
+            Line(f"The same {count(len(group) - 1, 'time')} before, first {ago(memory.now, group[0].time)}.", 1)
         )
     kind: Kind = "dropped" if made.outcome == "dropped" else "failure" if _is_failure(made) else "decision"
     return Paragraph(kind, tuple(lines), made.time, len(group))
@@ -79,14 +79,14 @@ def _rejected_lines(rejected: tuple[RejectedView, ...], chosen: bool) -> Iterato
     for one in rejected[:MOST_PLANS]:
         yield Line(f"Not {plan_words(one.plan)}: {rejected_words(one)}.", 1, one.plan.position)
     if len(rejected) > MOST_PLANS:
-        yield Line(f"Nor {many(len(rejected) - MOST_PLANS, 'other plan')}.", 1)
+        yield Line(f"Nor {count(len(rejected) - MOST_PLANS, 'other plan')}.", 1)
 
 
 def _untried(made: DecisionView) -> Iterator[Line]:
     if made.untried:
         names = [plan_words(plan) for plan in made.untried[:2]]
         if len(made.untried) > 2:
-            names.append(many(len(made.untried) - 2, "other plan"))
+            names.append(count(len(made.untried) - 2, "other plan"))
         yield Line(f"Not needed after it: {', '.join(names)}.", 1, made.untried[0].position)
 
 

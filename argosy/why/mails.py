@@ -9,7 +9,8 @@ from argosy.why.deciding import waited_for
 from argosy.why.memory import Memory
 from argosy.why.story import Line, Paragraph
 from argosy.why.subject import parts_of
-from argosy.why.words import ago, event_words, failure_words, plan_words, raiser_words, rejected_words, shown, span
+from argosy.why.words import ago, event_words, failure_words, plan_words, raiser_words, rejected_words, shown
+from schemas.humanize import span
 from schemas.minds import DecisionView, MindView, QuestionView
 from schemas.positions import did_you_mean
 from schemas.records import Mailboxes

@@ -15,14 +15,13 @@ from argosy.why.words import (
     ago,
     failure_words,
     first_up,
-    many,
     plan_words,
     raiser_words,
     shown,
     sign_of,
-    span,
     without_annotations,
 )
+from schemas.humanize import count, span
 from schemas.minds import DropView, FailureView, IntentionView, MindView
 
 MOST_INTENTIONS = 10
@@ -52,10 +51,10 @@ def standing(memory: Memory) -> Paragraph:
     if view.events:
         told = [raiser_words(event.text) for event in view.events[:4]]
         left = len(view.events) + view.events_left_out - len(told)
-        more = f" and {many(left, 'other event')}" if left else ""
+        more = f" and {count(left, 'other event')}" if left else ""
         lines.append(Line(f"Waiting to be given a plan: {', '.join(told)}{more}."))
     if view.mailbox:
-        lines.append(Line(f"{many(view.mailbox, 'message')} it has not read yet."))
+        lines.append(Line(f"{count(view.mailbox, 'message')} it has not read yet."))
     return Paragraph("now", tuple(lines))
 
 
@@ -68,11 +67,11 @@ def doing(memory: Memory, wanted: Callable[[IntentionView], bool] = lambda _: Tr
     for same in islice(alike.values(), MOST_INTENTIONS):
         lines = list(intention_lines(memory, same[0]))
         if len(same) > 1:
-            lines.append(Line(f"And {many(len(same) - 1, 'more intention')} like it.", 1))
+            lines.append(Line(f"And {count(len(same) - 1, 'more intention')} like it.", 1))
         yield Paragraph("now", tuple(lines), times=len(same))
     left = view.intentions_left_out + sum(map(len, islice(alike.values(), MOST_INTENTIONS, None)))
     if left > 0:
-        yield Paragraph("now", (Line(f"And {many(left, 'more intention')}."),))
+        yield Paragraph("now", (Line(f"And {count(left, 'more intention')}."),))
 
 
 def _shape(intention: IntentionView) -> tuple[object, ...]:
@@ -103,7 +102,7 @@ def intention_lines(memory: Memory, intention: IntentionView) -> Iterator[Line]:
     yield Line(f"{subject} {what}{at}.", 0, intention.at)
     if len(goals) > 1:
         above = goals[1 : MOST_GOALS + 1]
-        more = f", and {many(len(goals) - 1 - MOST_GOALS, 'more goal')} above" if len(goals) - 1 > MOST_GOALS else ""
+        more = f", and {count(len(goals) - 1 - MOST_GOALS, 'more goal')} above" if len(goals) - 1 > MOST_GOALS else ""
         yield Line(f"It is for {', for '.join(above)}{more}.", 1)
     for made in memory.decisions:
         begins = not made.goal or made.goal == ANSWERING
@@ -121,11 +120,11 @@ def dropped(memory: Memory, drops: tuple[DropView, ...]) -> Iterator[Paragraph]:
     for drop in drops:
         match drop.what:
             case "events":
-                what = f"{many(drop.count, 'event')} {drop.name} {_was(drop.count)} dropped"
+                what = f"{count(drop.count, 'event')} {drop.name} {_was(drop.count)} dropped"
             case "messages":
-                what = f"{many(drop.count, 'message')} of {drop.name or 'others'} {_was(drop.count)} dropped unread"
+                what = f"{count(drop.count, 'message')} of {drop.name or 'others'} {_was(drop.count)} dropped unread"
             case _:
-                what = f"{many(drop.count, 'question')} of {drop.name or 'others'} got no answer"
+                what = f"{count(drop.count, 'question')} of {drop.name or 'others'} got no answer"
         span_ = f", the first {ago(memory.now, drop.first)}" if drop.count > 1 else ""
         lines = [Line(f"{ago(memory.now, drop.last)}: {what}{span_}.")]
         if drop.reason:
@@ -152,11 +151,11 @@ def _was(count: int) -> str:
 
 def only_counted(view: MindView) -> Iterator[Paragraph]:
     """What was dropped of which only the number is known."""
-    for what, count in view.dropped.items():
+    for what, number in view.dropped.items():
         named = sum(drop.count for drop in view.drops if drop.what == what)
-        if count > named:
+        if number > named:
             more = " more" if named else ""
-            yield Paragraph("dropped", (Line(f"{count - named}{more} {what} were dropped because too much waited."),))
+            yield Paragraph("dropped", (Line(f"{number - named}{more} {what} were dropped because too much waited."),))
 
 
 def failure_paragraph(memory: Memory, failure: FailureView) -> Paragraph:

@@ -7,7 +7,7 @@ from typing import Literal
 
 import msgspec
 
-from argosy.journal import printable
+from schemas.terminal import printable
 
 Kind = Literal["now", "decision", "failure", "action", "dropped", "question", "belief", "plan", "hint"]
 

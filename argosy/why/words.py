@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 
-from argosy.journal import printable
+from schemas.humanize import joined, shortened, span
 from schemas.minds import FailureView, PlanView, RejectedView
 
 ANSWERING = "+!answer_question"
@@ -15,8 +15,7 @@ LONGEST = 160
 
 def shown(text: str) -> str:
     """A text of the agent's, fit for a terminal and not longer than a line or two."""
-    safe = printable(text)
-    return safe if len(safe) <= LONGEST else f"{safe[: LONGEST - 1]}…"
+    return shortened(text, LONGEST)
 
 
 def ago(now: float, then: float) -> str:
@@ -28,29 +27,9 @@ def ago(now: float, then: float) -> str:
     return f"{span(seconds)} ago ({where})" if seconds >= 0.05 else f"now ({where})"
 
 
-def span(seconds: float) -> str:
-    """A time as people read it."""
-    if seconds < 9.95:
-        return f"{seconds:.1f} s"
-    if seconds < 120:
-        return f"{seconds:.0f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
-
-
 def first_up(text: str) -> str:
     """The text as the beginning of a sentence."""
     return text[:1].upper() + text[1:]
-
-
-def many(number: int, what: str) -> str:
-    """`1 plan`, `2 plans`."""
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
-def joined(parts: Sequence[str], last: str = "and") -> str:
-    """`a, b and c`."""
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {last} {parts[-1]}" if parts else ""
 
 
 def unquoted(text: str) -> Iterator[tuple[int, str]]:

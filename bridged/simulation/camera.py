@@ -14,8 +14,9 @@ from collections.abc import Sequence
 import msgspec
 
 from bridged.simulation.geo import Place
-from bridged.simulation.world import Victim, metres_between
+from bridged.simulation.world import Victim
 from commd.bus import open_bus
+from schemas.geo import distance
 
 LOOK_S = 0.1
 """Vehicle seconds between two looks."""
@@ -50,7 +51,7 @@ class Camera:
             return
         self._looked = age
         for victim in self._victims:
-            if metres_between((at.lat, at.lon), (victim.lat, victim.lon)) <= self._reach:
+            if distance((at.lat, at.lon), (victim.lat, victim.lon)) <= self._reach:
                 self._seen[victim] = wall
 
     def sightings(self, wall: float) -> list[Sighting]:

@@ -6,11 +6,10 @@ them, and in the referee who counts the buoys.
 
 from __future__ import annotations
 
-import math
 import random
 from dataclasses import dataclass
 
-from bridged.simulation.geo import FlatMap, Place
+from schemas.geo import distance
 
 APART = 15.0
 """Metres between two victims at least: a buoy falls to one of them."""
@@ -52,12 +51,6 @@ def victims_of(seed: int, count: int, area: Area) -> list[Victim]:
         if len(found) == count:
             return found
         lat, lon = dice.uniform(area.south, area.north), dice.uniform(area.west, area.east)
-        if all(metres_between((lat, lon), (other.lat, other.lon)) >= APART for other in found):
+        if all(distance((lat, lon), (other.lat, other.lon)) >= APART for other in found):
             found.append(Victim(len(found) + 1, round(lat, 7), round(lon, 7)))
     raise ValueError(f"the area has no room for {count} victims, {APART:g} m apart")
-
-
-def metres_between(one: tuple[float, float], other: tuple[float, float]) -> float:
-    """Metres over ground between two places, latitude and longitude in degrees."""
-    way = FlatMap(Place(*one, 0.0)).vector(Place(*other, 0.0))
-    return math.hypot(way.north, way.east)

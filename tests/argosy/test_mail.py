@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from argosy.__main__ import main
-from argosy.mail import _age, _size, board_lines
+from argosy.mail import board_lines
 from schemas import keys
 from schemas.records import DeadLetter, Header, Mailboxes, Message, Queue, Receipt, Refusal
 from schemas.terms import Atom, Structure
@@ -188,15 +188,3 @@ def test_what_came_from_others_is_shown_without_what_a_terminal_would_obey() -> 
     assert all(line.isprintable() for line in lines)
     assert "…: expired" in lines[4]
     assert lines[4].startswith("  dead  1970-01-01 00:00:00 UTC  a > b  tell ")
-
-
-def test_ages_and_sizes_are_told_as_people_read_them() -> None:
-    assert [_age(seconds) for seconds in (0.04, 59.94, 60, 3599, 3600, 90_061)] == [
-        "0.0 s",
-        "59.9 s",
-        "1 min 0 s",
-        "59 min 59 s",
-        "1 h 0 min",
-        "25 h 1 min",
-    ]
-    assert [_size(size) for size in (0, 999, 1000, 1_500_000)] == ["0 B", "999 B", "1.0 kB", "1.5 MB"]

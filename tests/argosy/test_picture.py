@@ -6,10 +6,11 @@ import io
 from contextlib import suppress
 
 from argosy.endings import Ending
-from argosy.journal import MAX_LOGGED, Journal, printable
+from argosy.journal import MAX_LOGGED, Journal
 from argosy.summary import summary
 from schemas import keys
 from schemas.records import Note, Perception
+from schemas.terminal import printable
 from tests.argosy.recorded import Recording, flight
 
 

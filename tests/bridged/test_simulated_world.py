@@ -12,7 +12,8 @@ from bridged.simulation.motion import Vector
 from bridged.simulation.servo_log import ServoLog, read_moves
 from bridged.simulation.tasks import Landed
 from bridged.simulation.vehicle import Vehicle
-from bridged.simulation.world import APART, Area, Victim, metres_between, victims_of
+from bridged.simulation.world import APART, Area, Victim, victims_of
+from schemas.geo import distance
 from tests.bridged.virtual_copter import FIELD, Station
 
 AREA = Area(-27.603853, -48.519300, -27.602955, -48.517300)
@@ -36,7 +37,7 @@ def test_victims_lie_in_the_area_and_apart_from_one_another(seed: int) -> None:
     assert [one.number for one in found] == list(range(1, 13))
     assert all(AREA.south <= one.lat <= AREA.north and AREA.west <= one.lon <= AREA.east for one in found)
     places = [(one.lat, one.lon) for one in found]
-    assert all(metres_between(a, b) >= APART - 0.1 for i, a in enumerate(places) for b in places[:i])
+    assert all(distance(a, b) >= APART - 0.1 for i, a in enumerate(places) for b in places[:i])
 
 
 def test_an_area_without_room_for_its_victims_is_refused() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from commd.bus import Bus, Query
-from commd.radio import RadioAir, RadioModel, metres_between, open_air
+from commd.radio import RadioAir, RadioModel, open_air
 from schemas import keys
 from schemas.distances import Distance
 from schemas.durations import Duration
@@ -83,19 +83,6 @@ def test_robots_hear_each_other_within_range_and_while_nobody_knows_where_they_a
     model.place("uav2", north(301))
     assert not model.in_range("uav1", "uav2")
     assert RadioModel(Radio()).in_range("uav1", "uav2")
-
-
-@pytest.mark.parametrize(
-    ("here", "there", "metres"),
-    [
-        ((0.0, 0.0), (0.0, 1.0), 111_195),
-        ((0.0, 179.9995), (0.0, -179.9995), 111.2),
-        ((60.0, 10.0), (60.0, 11.0), 55_597),
-        ((90.0, 0.0), (90.0, 120.0), 0.0),
-    ],
-)
-def test_distances_are_those_of_the_globe(here: tuple[float, float], there: tuple[float, float], metres: float) -> None:
-    assert metres_between(here, there) == pytest.approx(metres, rel=1e-3, abs=0.01)
 
 
 def mission(text: str = MISSION) -> Mission:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.modes import ModeTable, contradiction, nameless, table_of
+from schemas import geo
 
-EARTH_M = 6_371_000.0
 _ARMED = dialect.MAV_MODE_FLAG_SAFETY_ARMED
 _PREARM_CHECK = dialect.MAV_SYS_STATUS_PREARM_CHECK
 _POS_HORIZ_ABS = dialect.EKF_POS_HORIZ_ABS
@@ -33,16 +33,13 @@ class Place:
     altitude: float
 
     def distance(self, other: Place) -> float:
-        """Horizontal distance in metres; flat-earth, good to a permille over the few km that a link reaches."""
-        north = math.radians(other.latitude - self.latitude) * EARTH_M
-        turn = (other.longitude - self.longitude + 180.0) % 360.0 - 180.0
-        east = math.radians(turn) * EARTH_M * math.cos(math.radians((self.latitude + other.latitude) / 2))
-        return math.hypot(north, east)
+        """Return the horizontal distance in metres."""
+        return geo.distance((self.latitude, self.longitude), (other.latitude, other.longitude))
 
     def moved(self, north: float, east: float, up: float) -> Place:
         """The point so many metres away."""
-        latitude = self.latitude + math.degrees(north / EARTH_M)
-        turn = east / (EARTH_M * max(1e-6, math.cos(math.radians(self.latitude))))
+        latitude = self.latitude + math.degrees(north / geo.EARTH_RADIUS)
+        turn = east / (geo.EARTH_RADIUS * max(1e-6, math.cos(math.radians(self.latitude))))
         return Place(latitude, self.longitude + math.degrees(turn), self.altitude + up)
 
 

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from argosy.tools import echo
 from argosy.tools.hearing import Heard
 from argosy.tools.reading import candidates, read_record
-from argosy.tools.rendering import LONGEST, in_words, line_of
+from argosy.tools.rendering import in_words, line_of
 from argosy.zenoh_cli_codec import decode, encode
 from schemas import keys
 from schemas.codec import Wire, codec
+from schemas.humanize import LONGEST
 from schemas.manifest import ActionDescription
 from schemas.minds import (
     DecisionView,
